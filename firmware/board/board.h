@@ -1,0 +1,62 @@
+/* board.h: the whole contract between a board and the drive.
+ *
+ * A board (stm32f405, native) owns the hardware. Every BOARD_CONTROL_PERIOD_US it fills a
+ * board_sensors_t, calls drive_tick() and carries out the board_actuators_t that comes back. It
+ * hands each received CAN frame to drive_receive() and sends what drive_transmit() gives it.
+ * The drive calls nothing of the board: data in, data out, so that the same control law runs
+ * natively, emulated and on the chip, bit for bit. Integers only.
+ */
+#ifndef BOWDEN_BOARD_H
+#define BOWDEN_BOARD_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Period of the control tick in microseconds: the cable model runs at 4 kHz. */
+#define BOARD_CONTROL_PERIOD_US 250
+
+/* A classic CAN data frame with an 11-bit identifier (CiA 301 uses no other). */
+typedef struct {
+    uint16_t cob_id; /* 0 .. 0x7FF */
+    uint8_t length;  /* 0 .. 8 */
+    uint8_t data[8]; /* bytes past length are 0 */
+} can_frame_t;
+
+/* Bits of board_sensors_t.faults: what the board itself has found. A set bit latches a drive fault. */
+enum {
+    BOARD_FAULT_NONE = 0,
+    BOARD_FAULT_OVERCURRENT = 1 << 0,   /* break input or current limit of the bridge */
+    BOARD_FAULT_ENCODER = 1 << 1,       /* an encoder wire is broken or its count is implausible */
+    BOARD_FAULT_LOAD_CELL = 1 << 2,     /* load-cell reading stuck or out of the converter's range */
+    BOARD_FAULT_CLOCK = 1 << 3,         /* crystal failed, running on the internal oscillator */
+    BOARD_FAULT_CAN_BUS_OFF = 1 << 4,   /* the controller went bus-off since the last tick */
+    BOARD_FAULT_TICK_OVERRUN = 1 << 5,  /* the last tick was not finished in its period */
+    BOARD_FAULT_RX_OVERRUN = 1 << 6,    /* a received frame was lost */
+};
+
+/* What the board has measured, sampled together at the start of a tick. */
+typedef struct {
+    uint32_t time_us;             /* free running, wraps after 71 minutes */
+    int32_t motor_encoder_counts; /* counted on past turns; + winds cable a */
+    int32_t load_encoder_counts;  /* counted on past turns; + is the motion that cable a produces */
+    int32_t motor_current_ua;     /* microamperes; + drives theta_m > 0 */
+    int32_t load_cell_counts;     /* raw converter counts; + is torque by the cables on the load, theta_l > 0 */
+    int32_t bus_voltage_mv;       /* millivolts */
+    int32_t conduit_temperature_mdegc; /* millidegrees Celsius */
+    uint32_t faults;              /* BOARD_FAULT_* bits */
+} board_sensors_t;
+
+/* What the board must do until the next tick. Bridge off overrides the current. */
+typedef struct {
+    int32_t motor_current_ua; /* reference of the current loop, microamperes */
+    bool bridge_enabled;      /* false: all switches of the bridge open */
+    bool reset_requested;     /* NMT reset node: the board restarts the drive */
+} board_actuators_t;
+
+/* Who this board is; fixed from power-on. */
+typedef struct {
+    uint8_t node_id;        /* CANopen node id, 1 .. 127 */
+    uint32_t serial_number; /* 0x1018 sub 4; 32 bits of the chip's unique id */
+} board_identity_t;
+
+#endif
