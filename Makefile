@@ -1,0 +1,84 @@
+# The front door. `make help` lists the targets; every target installs what it needs first and is
+# quick when it is there already.
+
+PYTHON ?= python3
+TARGET ?= native
+VENV := .venv
+BIN := $(VENV)/bin
+PYTEST_FLAGS ?= -n 2
+C_FILES = $(shell git ls-files 'firmware/*.c' 'firmware/*.h' 'hil_tests/*.c' 'hil_tests/*.h' | grep -v 'drive/dictionary\.[ch]')
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint format firmware generate bench lock clean setup setup-firmware native
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+demo: native ## the main job on the simulated rig: configure, run the tunnel, record, compare, report
+	$(BIN)/bowden demo --output build/demo
+
+test: lint firmware native ## lint, prove the firmware integer-only, run every test
+	$(BIN)/pytest $(PYTEST_FLAGS) --target=$(TARGET)
+
+lint: setup ## ruff, mypy strict, import contracts, clang-format
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
+
+format: setup ## format Python and C in place
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+	$(BIN)/clang-format -i $(C_FILES)
+
+firmware: setup-firmware ## cross-compile for the Cortex-M4 and prove it holds no float
+	$(MAKE) --no-print-directory -C firmware proof BUILD=$(CURDIR)/build
+
+native: setup ## build the firmware as a shared library for this machine
+	$(MAKE) --no-print-directory -C firmware native BUILD=$(CURDIR)/build
+
+generate: setup ## remake everything that comes from shared/object_dictionary.yaml
+	$(BIN)/python -m shared.dictionary
+
+bench: native ## measure; results in build/bench.json
+	$(BIN)/python -m hil_tests.benchmarks --output build/bench.json
+
+lock: setup ## resolve requirements.lock anew (needs uv)
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+	    --no-annotate --no-emit-index-url --no-emit-find-links \
+	    --no-emit-package bowden --no-emit-package bowden-bench requirements.in -o requirements.lock
+
+clean: ## remove what was built (not the virtual environment)
+	rm -rf build .mypy_cache .ruff_cache .pytest_cache .hypothesis
+
+# --- what the targets need -------------------------------------------------------------------
+
+# $(call need,TEST COMMAND,DEBIAN PACKAGES): installs the packages when the test fails.
+define need
+	@$(1) >/dev/null 2>&1 || { \
+	    if [ "$$(id -u)" = 0 ]; then as_root=; \
+	    elif sudo -n true 2>/dev/null; then as_root=sudo; \
+	    else echo "bowden: please install the Debian packages first: apt-get install $(2)" >&2; exit 1; fi; \
+	    echo "bowden: installing Debian packages: $(2)" >&2; \
+	    $$as_root apt-get update -qq && \
+	    $$as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $(2) >/dev/null; }
+endef
+
+setup: $(VENV)/.ready
+
+$(VENV)/.ready: requirements.lock host/pyproject.toml pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	    echo "bowden: found $$($(PYTHON) --version 2>&1); accepted: Python 3.11 or later (set PYTHON=...)" >&2; exit 1; }
+	$(call need,$(PYTHON) -c 'import ensurepip$(comma) venv',python3-venv)
+	$(call need,gcc -E -include stdint.h -include stdio.h -x c /dev/null,gcc libc6-dev)
+	@echo "bowden: making the virtual environment in $(VENV)" >&2
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e host -e .
+	@touch $@
+
+setup-firmware: setup
+	$(call need,command -v arm-none-eabi-gcc,gcc-arm-none-eabi)
+
+comma := ,
