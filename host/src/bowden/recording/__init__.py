@@ -1,0 +1,1 @@
+"""Recordings: one type, its readers and writers. Never needs a drive."""

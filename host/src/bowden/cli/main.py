@@ -1,0 +1,197 @@
+"""`bowden COMMAND ...`: finds the command's module, runs it, turns failures into an exit status.
+
+Each command is one module of `bowden.cli` with a docstring (its ``--help`` text), `add_arguments`,
+`run`, and examples in `EXAMPLES`. Only the module of the command that was asked for is imported,
+so that `bowden --help` answers at once. Exit status: 0 done; 2 bad input or usage; 3 the drive or
+the bus failed; 130 interrupted (143 terminated), after the command has cleaned up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import NoReturn, Protocol, cast
+
+from bowden.errors import BadInput, DriveFailed
+
+#: Every command, in the order in which a newcomer meets them.
+COMMANDS = {
+    "demo": "the whole thread once: simulated rig, drive, recording, comparison, report",
+    "rig": "run the simulated rig on a CAN bus",
+    "scan": "list the CANopen nodes on the bus",
+    "info": "say who a drive is, how it is and what went wrong",
+    "configure": "write a model's rig into the drive and read it back",
+    "record": "record both encoders, motor torque and load cell over CAN",
+    "simulate": "run the offline model on a recording's inputs",
+    "compare": "compare recordings with the offline model",
+    "calibrate": "fit named parameters of a model to recordings",
+    "convert": "turn other recordings into the exchange form (CSV)",
+}
+
+EXIT_DONE, EXIT_BAD_INPUT, EXIT_DRIVE_FAILED = 0, 2, 3
+EXIT_INTERRUPTED, EXIT_BROKEN_PIPE, EXIT_TERMINATED = 130, 141, 143
+
+
+class Command(Protocol):
+    """What a command's module offers. `EXAMPLES` (str) is shown under its ``--help``."""
+
+    __doc__: str | None
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the command's arguments."""
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Do it and return the exit status."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, raised like Ctrl-C so that every ``finally`` runs and the drive is left disabled."""
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """An argument parser whose usage errors are one line, as every other error here."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with status 2 and one line on stderr."""
+        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments after the program's name; `sys.argv` when not given.
+
+    Returns
+    -------
+    int
+        The exit status.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    name = arguments[0] if arguments and arguments[0] in COMMANDS else None
+    try:
+        parser = build_parser([name] if name else [])
+        args = parser.parse_args(arguments)
+        if args.print_completion:
+            return _print_completion(args.print_completion)
+        if name is None:
+            parser.print_help(sys.stderr)
+            return EXIT_BAD_INPUT
+    except ModuleNotFoundError as missing:
+        return _fail(name, f"this installation lacks {missing.name}", EXIT_BAD_INPUT)
+    return run_command(name, args, _load(name).run)
+
+
+def build_parser(load: Sequence[str]) -> argparse.ArgumentParser:
+    """Make the parser; only the commands named in `load` are imported and get their arguments."""
+    parser = OneLineParser(
+        prog="bowden",
+        description="An open drive for cable-conduit (Bowden) transmissions: host tools.",
+        epilog="bowden COMMAND --help shows the command's arguments and examples.",
+    )
+    parser.add_argument("--version", action="version", version=f"bowden {_version()}")
+    parser.add_argument(
+        "--print-completion",
+        choices=("bash", "zsh", "tcsh"),
+        help="print the shell's completion script",
+    )
+    commands = parser.add_subparsers(metavar="COMMAND", title="commands")
+    for name, summary in COMMANDS.items():
+        if name not in load:
+            commands.add_parser(name, help=summary, add_help=False)
+            continue
+        command = _load(name)
+        command_parser = commands.add_parser(
+            name,
+            help=summary,
+            description=(command.__doc__ or summary).strip(),
+            epilog=getattr(command, "EXAMPLES", None),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.add_arguments(command_parser)
+    return parser
+
+
+def run_command(
+    name: str, args: argparse.Namespace, run: Callable[[argparse.Namespace], int]
+) -> int:
+    """Run one command; every failure that a user can cause or meet becomes one line on stderr."""
+    try:
+        with _TerminationAsInterrupt():
+            status = run(args)
+            sys.stdout.flush()
+            return status
+    except DriveFailed as failure:
+        return _fail(name, str(failure), EXIT_DRIVE_FAILED)
+    except BrokenPipeError:
+        # Whoever read our output has left; without this, Python complains again while it exits.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_BROKEN_PIPE
+    except Terminated:
+        return _fail(name, "terminated", EXIT_TERMINATED)
+    except KeyboardInterrupt:
+        return _fail(name, "interrupted", EXIT_INTERRUPTED)
+    except (BadInput, OSError) as problem:
+        return _fail(name, str(problem), EXIT_BAD_INPUT)
+    except ValueError as problem:
+        if not _is_model_error(problem):
+            raise
+        return _fail(name, str(problem), EXIT_BAD_INPUT)
+
+
+class _TerminationAsInterrupt:
+    """While a command runs, SIGTERM unwinds it as Ctrl-C does (only in the main thread)."""
+
+    def __enter__(self) -> None:
+        self._main = threading.current_thread() is threading.main_thread()
+        if self._main:
+            self._previous = signal.signal(signal.SIGTERM, self._raise)
+
+    def __exit__(self, *_: object) -> None:
+        if self._main:
+            signal.signal(signal.SIGTERM, self._previous)
+
+    @staticmethod
+    def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
+        raise Terminated
+
+
+def _load(name: str) -> Command:
+    return cast(Command, importlib.import_module(f"bowden.cli.{name}"))
+
+
+def _version() -> str:
+    from importlib.metadata import version  # noqa: PLC0415  (only --version and the parser need it)
+
+    return version("bowden")
+
+
+def _print_completion(shell: str) -> int:
+    import shtab  # noqa: PLC0415  (rarely wanted)
+
+    print(shtab.complete(build_parser(list(COMMANDS)), shell))
+    return EXIT_DONE
+
+
+def _is_model_error(problem: ValueError) -> bool:
+    # The model is slow to import; where it has not been, the problem cannot be one of its errors.
+    errors = sys.modules.get("bowden.model.errors")
+    return errors is not None and isinstance(problem, errors.ModelError)
+
+
+def _fail(name: str | None, text: str, status: int) -> int:
+    line = " ".join(text.split())
+    print(f"bowden {name}: {line}" if name else f"bowden: {line}", file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
