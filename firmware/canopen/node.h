@@ -1,0 +1,76 @@
+/* node.h: the CANopen node: everything of CiA 301 that the drive has, behind six calls.
+ *
+ * The node owns its parts (NMT, heartbeat, SDO server, PDO, SYNC, EMCY, transmit queue) and knows
+ * nothing of the drive: it sees the table of the object dictionary and the struct of its values.
+ * Frames come in by node_receive(), go out by node_transmit(); time comes with node_tick() in
+ * microseconds and may wrap. No globals, no allocation, no waiting; every loop is bounded.
+ *
+ * Not re-entrant: all calls on one node come from one context, the control tick. A board that
+ * receives in an interrupt queues the frames and hands them over in the tick.
+ *
+ * Order of a tick:  node_receive() for each frame;  the drive computes;
+ *                   if (node_sample_due()) the drive counts its sample and sets the time stamp;
+ *                   node_tick();  node_transmit() until it returns false.
+ */
+#ifndef BOWDEN_CANOPEN_NODE_H
+#define BOWDEN_CANOPEN_NODE_H
+
+#include "../board/board.h"
+#include "emcy.h"
+#include "frame_queue.h"
+#include "heartbeat.h"
+#include "nmt.h"
+#include "od.h"
+#include "pdo.h"
+#include "sdo.h"
+
+typedef struct {
+    od_t od; /* the drive may set od.config_locked and read od.config_revision */
+    nmt_t nmt;
+    heartbeat_t heartbeat;
+    sdo_t sdo;
+    pdo_t pdo;
+    emcy_t emcy;
+    frame_queue_t tx;
+    uint32_t now_us; /* time of the last tick */
+} node_t;
+
+/* Starts a node: sets every value to its initial one, queues the boot-up message, enters
+ * pre-operational. `entries` and `values` must outlive the node. node_id 1 .. 127. */
+void node_init(node_t *node, const od_entry_t *entries, uint16_t count, void *values,
+               uint8_t node_id, uint32_t now_us);
+
+/* Handles one received frame at once; unknown frames are ignored. Answers go into the queue. */
+void node_receive(node_t *node, const can_frame_t *frame);
+
+/* Will node_tick(now_us) send a TPDO? All TPDOs of that tick are one sample. */
+bool node_sample_due(const node_t *node, uint32_t now_us);
+
+/* Does what time demands: TPDOs, heartbeat, EMCY, timeouts. Call it once every control tick. */
+void node_tick(node_t *node, uint32_t now_us);
+
+/* Takes the next frame to send. Returns false when there is none. */
+bool node_transmit(node_t *node, can_frame_t *frame);
+
+/* NMT_PRE_OPERATIONAL, NMT_OPERATIONAL or NMT_STOPPED (nmt.h). */
+uint8_t node_state(const node_t *node);
+
+/* Has a reset of the node been commanded? The board restarts the drive then; the node is silent. */
+bool node_reset_requested(const node_t *node);
+
+/* Is the heartbeat of 0x1016 overdue? It is watched from its first arrival; true until it is back. */
+bool node_host_lost(const node_t *node);
+
+/* Declares an error present: EMCY frame, error register, history. `code` and `register_bits` come
+ * from the generated table, `detail` goes into bytes 3 .. 6 of the frame and the history's high word.
+ * An error that is present already is not sent again. */
+void node_error_set(node_t *node, uint16_t code, uint8_t register_bits, uint32_t detail);
+
+/* Declares an error, or all of them, gone. The frame "error reset" is sent when something changed. */
+void node_error_clear(node_t *node, uint16_t code);
+void node_error_clear_all(node_t *node);
+
+/* Frames lost because the transmit queue was full, since node_init(). */
+uint32_t node_tx_overflow_count(const node_t *node);
+
+#endif

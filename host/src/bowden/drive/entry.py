@@ -1,0 +1,216 @@
+"""What an entry of the object dictionary is to the host: look up, raw and SI values, bytes, PDOs.
+
+Knows no bus and holds no data: `bowden.drive.dictionary` (generated) has the drive's entries.
+Nothing is clamped: a value that does not fit is refused with `BadInput`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from bowden.errors import BadInput
+
+_BITS = {"u8": 8, "u16": 16, "u32": 32, "i8": 8, "i16": 16, "i24": 24, "i32": 32}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One value of the drive.
+
+    Parameters
+    ----------
+    index, sub : int
+        Address in the object dictionary.
+    name : str
+        ``"tunnel_stiffness"``, ``"segment_length.3"``, ``"model_tension.motor_a"``.
+    type : str
+        ``u8 u16 u32 i8 i16 i24 i32 string``.
+    access : str
+        ``const ro rw wo``, as seen from the bus.
+    role : str
+        ``communication identity config command state calibration``.
+    default : int or str
+        Raw value after power-on.
+    low, high : int
+        Inclusive limits of the raw value.
+    unit : str or None
+        SI unit (or count) of ``raw * scale``.
+    scale : float or None
+        Value in `unit` of one raw step; None where the raw value is the value.
+    pdo : {"rx", "tx"} or None
+        Into which kind of PDO it may be mapped.
+    persist : bool
+        Kept by the drive when its parameters are stored.
+    node_id_added : bool
+        The default is relative to the node id.
+    doc : str
+        What it means.
+    """
+
+    index: int
+    sub: int
+    name: str
+    type: Literal["u8", "u16", "u32", "i8", "i16", "i24", "i32", "string"]
+    access: Literal["const", "ro", "rw", "wo"]
+    role: Literal["communication", "identity", "config", "command", "state", "calibration"]
+    default: int | str
+    low: int = 0
+    high: int = 0
+    unit: str | None = None
+    scale: float | None = None
+    pdo: Literal["rx", "tx"] | None = None
+    persist: bool = False
+    node_id_added: bool = False
+    doc: str = ""
+
+    @property
+    def bits(self) -> int:
+        """Bits on the wire; 0 for text."""
+        return _BITS.get(self.type, 0)
+
+    @property
+    def signed(self) -> bool:
+        """Whether negative values are two's complement on the wire."""
+        return self.type.startswith("i")
+
+    def to_raw(self, value: float, where: str = "") -> int:
+        """Raw value nearest to `value`, given in `unit`.
+
+        Raises
+        ------
+        BadInput
+            If `value` is not finite or its raw value lies outside [low, high].
+        """
+        scale = 1.0 if self.scale is None else self.scale
+        if not math.isfinite(value) or not self.low <= (raw := round(value / scale)) <= self.high:
+            unit = f" {self.unit}" if self.unit else ""
+            accepted = f"{self.low * scale:.9g} .. {self.high * scale:.9g}{unit}"
+            raise BadInput(where or self.name, f"{value!r}", accepted)
+        return raw
+
+    def to_value(self, raw: int) -> float:
+        """Value in `unit` of a raw value (a plain number where there is no scale)."""
+        return float(raw) if self.scale is None else raw * self.scale
+
+    def encode(self, raw: int, where: str = "") -> bytes:
+        """Little-endian bytes of a raw value; `BadInput` outside [low, high]."""
+        if self.type == "string" or not self.low <= raw <= self.high:
+            accepted = "nothing" if self.type == "string" else f"{self.low} .. {self.high}"
+            raise BadInput(where or self.name, f"raw {raw}", accepted)
+        return raw.to_bytes(self.bits // 8, "little", signed=self.signed)
+
+    def decode(self, data: bytes) -> int:
+        """Raw value of little-endian bytes; `BadInput` if their number is wrong."""
+        if self.type == "string" or len(data) != self.bits // 8:
+            raise BadInput(self.name, f"{len(data)} bytes", f"{self.bits // 8} bytes")
+        return int.from_bytes(data, "little", signed=self.signed)
+
+    def decode_text(self, data: bytes) -> str:
+        """Text of an entry of type string; `BadInput` if it is not ASCII."""
+        try:
+            return data.decode("ascii")
+        except UnicodeDecodeError:
+            raise BadInput(self.name, repr(data), "ASCII text") from None
+
+
+def array(count: int, first: Entry) -> tuple[Entry, ...]:
+    """Entries ``name.1`` .. ``name.count`` with consecutive sub-indices."""
+    return tuple(
+        replace(first, sub=first.sub + i, name=f"{first.name}.{first.sub + i}")
+        for i in range(count)
+    )
+
+
+class Table:
+    """All entries, found by name or by address.
+
+    Parameters
+    ----------
+    entries : tuple of Entry
+        In the order of their addresses.
+    """
+
+    def __init__(self, entries: tuple[Entry, ...]) -> None:
+        self.entries = entries
+        self._by_name = {e.name: e for e in entries}
+        self._by_address = {(e.index, e.sub): e for e in entries}
+
+    def lookup(self, name: str) -> Entry:
+        """Entry of that name; `BadInput` when there is none."""
+        try:
+            return self._by_name[name]
+        except KeyError:
+            raise BadInput("object dictionary", f"{name!r}", "a name of the dictionary") from None
+
+    def at(self, index: int, sub: int) -> Entry | None:
+        """Entry at an address, or None."""
+        return self._by_address.get((index, sub))
+
+    def several(self, *names: str) -> tuple[Entry, ...]:
+        """Entries of those names, in that order."""
+        return tuple(self.lookup(name) for name in names)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a PDO carries as the drive comes from power-on.
+
+    Parameters
+    ----------
+    name : str
+        ``"tpdo1"``.
+    cob_id : int
+        Without the node id.
+    event_ms : int
+        Period in device time; 0 when it has none.
+    entries : tuple of Entry
+        In their order in the frame; all whole bytes.
+    """
+
+    name: str
+    cob_id: int
+    event_ms: int
+    entries: tuple[Entry, ...]
+    size: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "size", sum(e.bits for e in self.entries) // 8)
+
+    def encode(self, raw: Mapping[str, int]) -> bytes:
+        """Bytes of a frame from raw values by entry name (all of them are needed)."""
+        return b"".join(e.encode(raw[e.name]) for e in self.entries)
+
+    def decode(self, data: bytes) -> dict[str, int]:
+        """Raw values by entry name; `BadInput` if the frame has another length."""
+        if len(data) != self.size:
+            raise BadInput(self.name, f"{len(data)} bytes", f"{self.size} bytes")
+        raw, start = {}, 0
+        for entry in self.entries:
+            end = start + entry.bits // 8
+            raw[entry.name] = entry.decode(data[start:end])
+            start = end
+        return raw
+
+
+@dataclass(frozen=True)
+class Emergency:
+    """One EMCY code: what it means and what to do.
+
+    Parameters
+    ----------
+    code : int
+        CiA 301 error code.
+    name, doc, advice : str
+        For people; `advice` is empty when nothing needs doing.
+    register_bits : int
+        Its bit of the error register, as a mask; the generic bit 0 is set with every error.
+    """
+
+    code: int
+    name: str
+    register_bits: int
+    doc: str
+    advice: str

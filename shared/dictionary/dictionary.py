@@ -1,0 +1,259 @@
+"""Every object of the device, made from the file: sub 0, arrays, PDO parameters, the schema's hash.
+
+The outputs are written from these flat, frozen objects only, so they cannot disagree.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from shared.dictionary.schema import (
+    Access,
+    Device,
+    DictionaryFile,
+    Emergency,
+    Entry,
+    Pdo,
+    Role,
+    SchemaError,
+    Value,
+)
+from shared.dictionary.wire_types import WIRE_TYPES, WireType
+
+HASH_NAME = "schema_hash"
+PDO_SLOTS = 8  # entries of at least 8 bits in a frame of 64
+NO_RTR = 0x4000_0000  # bit 30 of a TPDO's COB-ID: remote frames are not answered
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One value, or `count` equal ones with consecutive sub-indices.
+
+    `name` is the name within its object (empty for the object's only value); `low`, `high`,
+    `default` are raw; `stored` is False when the value never changes and lives in the table.
+    """
+
+    sub: int
+    name: str
+    type: WireType
+    access: Access
+    role: Role
+    low: int
+    high: int
+    default: int | str
+    has_range: bool = False
+    count: int = 1
+    unit: str | None = None
+    raw_unit: str | None = None
+    scale: float | None = None
+    pdo: Literal["rx", "tx"] | None = None
+    persist: bool = False
+    node_id_added: bool = False
+    doc: str = ""
+
+    @property
+    def stored(self) -> bool:
+        """Whether it has a field in the struct of values."""
+        return self.access != "const"
+
+
+@dataclass(frozen=True)
+class Object:
+    """One index of the dictionary."""
+
+    index: int
+    name: str
+    kind: Literal["variable", "array", "record"]
+    variables: tuple[Variable, ...]
+    doc: str = ""
+
+    def full_name(self, variable: Variable) -> str:
+        """Name that people use: ``tunnel_stiffness``, ``model_tension.motor_a``."""
+        return f"{self.name}.{variable.name}" if variable.name else self.name
+
+    def c_name(self, variable: Variable) -> str:
+        """Field of the C struct: name, sub-name and raw unit joined by underscores."""
+        parts = [self.name, variable.name, variable.raw_unit]
+        return "_".join(part for part in parts if part)
+
+
+@dataclass(frozen=True)
+class Dictionary:
+    """The device: what every output is made from."""
+
+    device: Device
+    objects: tuple[Object, ...]
+    rpdos: tuple[Pdo, ...]
+    tpdos: tuple[Pdo, ...]
+    emergencies: tuple[Emergency, ...]
+    hash: int
+
+    def find(self, name: str) -> tuple[Object, Variable]:
+        """Look an entry up by its full name; KeyError when there is none."""
+        for obj in self.objects:
+            for variable in obj.variables:
+                if obj.full_name(variable) == name:
+                    return obj, variable
+        raise KeyError(name)
+
+
+def expand(file: DictionaryFile) -> Dictionary:
+    """Make the dictionary; `SchemaError` for what is neither variable, array nor record."""
+    problems: list[str] = []
+    objects = [o for entry in file.entries if (o := _object(entry, problems))]
+    if problems:
+        raise SchemaError(problems)
+    names = {o.full_name(v): (o, v) for o in objects for v in o.variables}
+    for kind, base, pdos in (("rpdo", 0x1400, file.pdos.rpdo), ("tpdo", 0x1800, file.pdos.tpdo)):
+        for pdo in pdos:
+            objects.append(_pdo_communication(f"{kind}{pdo.number}", base, pdo))
+            objects.append(_pdo_mapping(f"{kind}{pdo.number}", base + 0x200, pdo, names))
+    objects.sort(key=lambda o: o.index)
+    digest = _hash(file.device, objects, file.emergencies)
+    return Dictionary(
+        device=file.device,
+        objects=tuple(_with_hash(o, digest) for o in objects),
+        rpdos=tuple(file.pdos.rpdo),
+        tpdos=tuple(file.pdos.tpdo),
+        emergencies=tuple(file.emergencies),
+        hash=digest,
+    )
+
+
+def _object(entry: Entry, problems: list[str]) -> Object | None:
+    where = f"0x{entry.index:04X} {entry.name}"
+    if entry.subs is not None:
+        if entry.type or entry.access or entry.role or entry.array:
+            problems.append(f"{where}: a record has type, access, role and array in its subs only")
+            return None
+        variables = [_sub0(len(entry.subs))]
+        variables += [_variable(i + 1, value, value.name) for i, value in enumerate(entry.subs)]
+        return Object(entry.index, entry.name, "record", tuple(variables), entry.doc)
+    if entry.type is None or entry.access is None or entry.role is None:
+        problems.append(f"{where}: needs type, access and role (or subs)")
+        return None
+    if entry.array is None:
+        return Object(entry.index, entry.name, "variable", (_variable(0, entry, ""),), entry.doc)
+    first = _sub0(entry.array)
+    if entry.sub0_access == "rw":  # the list in use is shorter than its room, and can be emptied
+        first = replace(first, access="rw", role=entry.role, default=0, high=0, has_range=True)
+    rows = replace(_variable(1, entry, ""), count=entry.array)
+    return Object(entry.index, entry.name, "array", (first, rows), entry.doc)
+
+
+def _variable(sub: int, value: Value | Entry, name: str) -> Variable:
+    assert value.type is not None
+    assert value.access is not None
+    assert value.role is not None
+    wire = WIRE_TYPES[value.type]
+    low, high = value.range if value.range is not None else (wire.low, wire.high)
+    return Variable(
+        sub=sub,
+        name=name,
+        type=wire,
+        access=value.access,
+        role=value.role,
+        low=low,
+        high=high,
+        default=value.default,
+        has_range=value.range is not None,
+        unit=value.unit,
+        raw_unit=value.raw_unit,
+        scale=value.scale,
+        pdo=value.pdo,
+        persist=value.persist,
+        node_id_added=value.node_id_added,
+        doc=value.doc,
+    )
+
+
+def _plain(sub: int, name: str, type_name: str, default: int, doc: str = "") -> Variable:
+    wire = WIRE_TYPES[type_name]
+    return Variable(sub, name, wire, "rw", "communication", wire.low, wire.high, default, doc=doc)
+
+
+def _sub0(highest: int) -> Variable:
+    return replace(_plain(0, "count", "u8", highest, "highest sub-index"), access="const")
+
+
+def _pdo_communication(name: str, base: int, pdo: Pdo) -> Object:
+    receives = name.startswith("rpdo")
+    cob_id = _plain(1, "cob_id", "u32", pdo.cob_id | (0 if receives else NO_RTR))
+    variables = [
+        _sub0(2 if receives else 5),
+        replace(cob_id, node_id_added=True, doc="bit 31 set: the PDO does not exist"),
+        _plain(2, "transmission_type", "u8", pdo.type, "1..240 every n-th SYNC, 254, 255 event"),
+    ]
+    if not receives:
+        inhibit = _plain(3, "inhibit_time", "u16", 0, "least time between two frames")
+        event = _plain(5, "event_timer", "u16", pdo.event_ms, "period; 0 is off")
+        variables.append(replace(inhibit, unit="s", raw_unit="100us", scale=1e-4))
+        variables.append(replace(event, unit="s", raw_unit="ms", scale=1e-3))
+    return Object(
+        base + pdo.number - 1,
+        f"{name}_communication",
+        "record",
+        tuple(variables),
+        "writable in pre-operational",
+    )
+
+
+def _pdo_mapping(
+    name: str, base: int, pdo: Pdo, names: dict[str, tuple[Object, Variable]]
+) -> Object:
+    used = replace(_plain(0, "count", "u8", len(pdo.map), "entries in use"), high=PDO_SLOTS)
+    variables = [replace(used, has_range=True)]
+    for slot in range(PDO_SLOTS):
+        mapped = names.get(pdo.map[slot]) if slot < len(pdo.map) else None  # lint names the unknown
+        default = mapping_word(*mapped) if mapped else 0
+        variables.append(_plain(slot + 1, f"object_{slot + 1}", "u32", default))
+    return Object(
+        base + pdo.number - 1,
+        f"{name}_mapping",
+        "record",
+        tuple(variables),
+        "index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist",
+    )
+
+
+def mapping_word(obj: Object, variable: Variable) -> int:
+    """Return what stands in a PDO mapping entry: index, sub-index and length in bits."""
+    return obj.index << 16 | variable.sub << 8 | variable.type.bits
+
+
+def _hash(device: Device, objects: list[Object], emergencies: list[Emergency]) -> int:
+    """First 32 bits of the SHA-256 over what matters on the wire; words for people do not count."""
+    rows = [
+        [
+            o.index,
+            v.sub,
+            v.count,
+            o.full_name(v),
+            v.type.name,
+            v.access,
+            v.role,
+            v.unit,
+            v.scale,
+            v.low,
+            v.high,
+            None if isinstance(v.default, str) else v.default,
+            v.pdo,
+            v.persist,
+            v.node_id_added,
+        ]
+        for o in objects
+        for v in o.variables
+    ]
+    codes = [[e.code, e.name, e.register_bit] for e in emergencies]
+    text = json.dumps([device.product_code, rows, codes], separators=(",", ":"))
+    return int.from_bytes(hashlib.sha256(text.encode("ascii")).digest()[:4], "big")
+
+
+def _with_hash(obj: Object, digest: int) -> Object:
+    variables = tuple(
+        replace(v, default=digest) if v.default == HASH_NAME else v for v in obj.variables
+    )
+    return replace(obj, variables=variables)

@@ -1,0 +1,43 @@
+"""Which files come out, and their texts, formatted as the repository formats its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sysconfig
+from pathlib import Path
+
+from shared.dictionary import c_table, host_module
+from shared.dictionary.dictionary import Dictionary, expand
+from shared.dictionary.schema import read_file
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = ROOT / "shared" / "object_dictionary.yaml"
+
+
+def outputs(source: Path) -> dict[Path, str]:
+    """Text of every generated file by its path; `SchemaError` for a bad source."""
+    return render(load(source))
+
+
+def load(source: Path) -> Dictionary:
+    """Read, expand and lint the source."""
+    return expand(read_file(source))
+
+
+def render(dictionary: Dictionary) -> dict[Path, str]:
+    """Text of every generated file by its path in the repository."""
+    drive = Path("firmware/drive")
+    return {
+        drive / "dictionary.h": _clang_format(c_table.header(dictionary)),
+        drive / "dictionary.c": _clang_format(c_table.source(dictionary)),
+        Path("host/src/bowden/drive/dictionary.py"): host_module.module(dictionary),
+    }
+
+
+def _clang_format(text: str) -> str:
+    """Pipe text through this environment's formatter, so that every user's agrees."""
+    tool = Path(sysconfig.get_path("scripts")) / "clang-format"
+    command = [str(tool), "--style=file", "--assume-filename=drive/dictionary.c"]
+    return subprocess.run(
+        command, input=text, capture_output=True, encoding="utf-8", check=True, cwd=ROOT
+    ).stdout
