@@ -1,0 +1,175 @@
+"""The numbers of one pull-pull pair, as the solvers read them: SI units, no files, no defaults.
+
+`description` builds a `Transmission` from the model file; `mesh`, `mesh_free`, `lumped` solve it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.model.errors import ModelError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """Friction between cable and conduit: the coefficient as a function of state.
+
+    A segment that slides with local speed ``v`` under tension ``T`` has
+
+        mu = (mu_d (1 + stribeck_gain exp(-(v/stribeck_speed)^2)) + mu_v |v|)
+             * (1 +- direction_asymmetry) * (T / pretension)^(-tension_exponent)
+
+    and a segment at rest breaks away at ``mu_s`` (eq. (6) of the paper, by state). Each term has
+    its equation, source and limit in `bowden.model.friction`.
+
+    Parameters
+    ----------
+    mu_d, mu_s : float, >= 0
+        Coulomb and breakaway coefficients, ``mu_s >= mu_d``.
+    stiction_length_m : float or None, m, > 0
+        Length over which the excess ``mu_s - mu_d`` acts at a front, whatever the mesh: a front
+        segment breaks away at a wrap of ``mu_d ds/R + (mu_s - mu_d) stiction_length_m / R``.
+        None is the paper's choice, the length of the segment itself (then stiction depends on N).
+    mu_v_s_per_m : float, s/m, >= 0
+        Viscous term.
+    stribeck_gain : float, >= 0
+    stribeck_speed_m_per_s : float, m/s, > 0
+    tension_exponent : float, 0 <= p < 1
+        ``mu ~ (T/T0)^-p``.
+    direction_asymmetry : float, -1 < a < 1
+        ``mu (1 + a)`` while the pair moves towards positive angle, ``mu (1 - a)`` back.
+    memory_s : float, s, >= 0
+        Time constant of the low-pass filter on the friction speed.
+    """
+
+    mu_d: float
+    mu_s: float
+    stiction_length_m: float | None = None
+    mu_v_s_per_m: float = 0.0
+    stribeck_gain: float = 0.0
+    stribeck_speed_m_per_s: float = 0.01
+    tension_exponent: float = 0.0
+    direction_asymmetry: float = 0.0
+    memory_s: float = 0.015
+
+    @property
+    def has_stiction(self) -> bool:
+        """Whether a segment at rest holds more than a sliding one."""
+        return self.mu_s > self.mu_d
+
+    @property
+    def is_rate_independent(self) -> bool:
+        """Whether time scaling leaves the answer as it is."""
+        return self.mu_v_s_per_m == 0.0 and self.stribeck_gain == 0.0
+
+    @property
+    def is_coulomb(self) -> bool:
+        """Whether sliding obeys one constant coefficient, so that the capstan law holds."""
+        return self.is_rate_independent and self.tension_exponent == 0.0
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """One pull-pull pair: two equal cables, a motor pulley and a load pulley.
+
+    Parameters
+    ----------
+    axial_stiffness_n : float, N, > 0
+        EA of one cable (the ``K_c`` of eqs. (2) and (3)).
+    piece_length_m : ndarray of shape (n_pieces,), m, > 0
+        The path of both conduits, from the motor (s = 0) to the load (s = L).
+    piece_curvature_per_m : ndarray of shape (n_pieces,), 1/m, >= 0
+        1/R of each piece; exactly 0 is straight.
+    pretension_n : float, N, >= 0
+        Uniform tension of both cables at the first sample.
+    motor_pulley_radius_m, load_pulley_radius_m : float, m, > 0
+    friction : FrictionLaw
+    segments : int or None
+        Mesh: number of segments a cable. None lets the mesh-free solver take it where it can.
+    initial_position_m, initial_tension_n : ndarray of shape (n_points,) or None, m and N
+        Initial tension profile of both cables in place of the uniform pretension: linear between
+        the points; positions rise from 0 to L.
+    """
+
+    axial_stiffness_n: float
+    piece_length_m: FloatArray
+    piece_curvature_per_m: FloatArray
+    pretension_n: float
+    motor_pulley_radius_m: float
+    load_pulley_radius_m: float
+    friction: FrictionLaw
+    segments: int | None = None
+    initial_position_m: FloatArray | None = None
+    initial_tension_n: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        problems = [
+            f"{name}: found {value}, accepted: {accepted}"
+            for name, value, ok, accepted in self._checks()
+            if not ok
+        ]
+        if problems:
+            raise ModelError(problems)
+
+    def _checks(self) -> list[tuple[str, object, bool, str]]:
+        law = self.friction
+        radii = (self.motor_pulley_radius_m, self.load_pulley_radius_m)
+        lengths, curvatures = self.piece_length_m, self.piece_curvature_per_m
+        return [
+            ("axial_stiffness_n", self.axial_stiffness_n, _positive(self.axial_stiffness_n), "> 0"),
+            ("pulley radius", radii, all(_positive(r) for r in radii), "> 0"),
+            ("pretension_n", self.pretension_n, 0 <= self.pretension_n < np.inf, ">= 0"),
+            (
+                "path",
+                f"{lengths.tolist()} m, {curvatures.tolist()} 1/m",
+                lengths.shape == curvatures.shape
+                and lengths.size > 0
+                and bool(np.all((lengths > 0) & np.isfinite(lengths)))
+                and bool(np.all((curvatures >= 0) & np.isfinite(curvatures))),
+                "pieces with length > 0 and radius > 0",
+            ),
+            ("mu_d", law.mu_d, 0 <= law.mu_d < np.inf, ">= 0"),
+            ("mu_s", law.mu_s, law.mu_d <= law.mu_s < np.inf, f">= mu_d = {law.mu_d}"),
+            (
+                "stiction_length_m",
+                law.stiction_length_m,
+                law.stiction_length_m is None or _positive(law.stiction_length_m),
+                "> 0",
+            ),
+            ("mu_v_s_per_m", law.mu_v_s_per_m, 0 <= law.mu_v_s_per_m < np.inf, ">= 0"),
+            ("stribeck_gain", law.stribeck_gain, 0 <= law.stribeck_gain < np.inf, ">= 0"),
+            (
+                "stribeck_speed_m_per_s",
+                law.stribeck_speed_m_per_s,
+                _positive(law.stribeck_speed_m_per_s),
+                "> 0",
+            ),
+            ("tension_exponent", law.tension_exponent, 0 <= law.tension_exponent < 1, "0 .. 1"),
+            (
+                "direction_asymmetry",
+                law.direction_asymmetry,
+                -1 < law.direction_asymmetry < 1,
+                "-1 .. 1",
+            ),
+            ("memory_s", law.memory_s, 0 <= law.memory_s < np.inf, ">= 0"),
+            ("segments", self.segments, self.segments is None or self.segments >= 1, ">= 1"),
+        ]
+
+    @property
+    def length_m(self) -> float:
+        """Length L of one cable."""
+        return float(self.piece_length_m.sum())
+
+    @property
+    def wrap_rad(self) -> float:
+        """Angle by which the conduit turns, integral of ds/R."""
+        return float(self.piece_length_m @ self.piece_curvature_per_m)
+
+
+def _positive(value: float) -> bool:
+    return 0 < value < np.inf
