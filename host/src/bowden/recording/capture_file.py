@@ -1,0 +1,178 @@
+"""The logger's capture: raw CAN frames (BLF) and a JSON side file; written and read here.
+
+A capture is written as ``NAME.part`` and gets its name when it is closed, so that a file with its
+own name is always whole. Cut short, it is closed and kept all the same, and says why; even after a
+power cut the ``.part`` can be read up to the last second. Never needs a drive.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+
+import can
+from can.io.blf import BLFParseError
+
+from bowden.errors import BadInput
+from bowden.recording.decode import Decoded, decode
+from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.recording.side_file import (
+    Clock,
+    Lost,
+    SideFile,
+    read_side_file,
+    side_path,
+    write_side_file,
+)
+
+NOT_CLOSED = "the recorder ended without closing the capture"
+
+
+class CaptureWriter:
+    """Writes one capture; a context manager that closes it whatever happens.
+
+    Parameters
+    ----------
+    path : Path
+        The name that it gets in the end.
+    side : SideFile
+        What is known at the start.
+
+    Attributes
+    ----------
+    side : SideFile
+        Replace it (`model_copy`) while recording: the counters, and `cut` where it was cut.
+    """
+
+    def __init__(self, path: Path, side: SideFile) -> None:
+        self.path = path
+        self.side = side
+        self._part = path.with_name(path.name + ".part")
+        try:
+            self._blf = can.BLFWriter(self._part)
+        except OSError as error:
+            raise BadInput(
+                str(path), error.strerror or str(error), "a path in a folder that can be written to"
+            ) from error
+        write_side_file(self._part, side.model_copy(update={"cut": NOT_CLOSED}))
+
+    def write(self, frame: can.Message) -> None:
+        """Add a frame."""
+        # BLF numbers channels from the adapter's name, which need not be a number.
+        self._blf.on_message_received(_without_channel(frame))
+
+    def close(self) -> Decoded | None:
+        """Close the capture, account for its losses and give it its name.
+
+        Returns
+        -------
+        Decoded or None
+            The samples as read back from the file; None when there is none.
+        """
+        self._blf.stop()
+        try:
+            decoded = decode(_frames(self._part), self.side, str(self.path))
+        except BadInput:
+            decoded = None
+        write_side_file(self.path, _account(self.side, decoded))
+        self._part.replace(self.path)
+        side_path(self._part).unlink(missing_ok=True)
+        return decoded
+
+    def __enter__(self) -> CaptureWriter:
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        if not self._part.exists():
+            return
+        if error is not None and self.side.cut is None:
+            self.side = self.side.model_copy(update={"cut": str(error) or type(error).__name__})
+        self.close()
+
+
+def read_capture(path: Path) -> Recording:
+    """Read a capture as a recording; what was lost or cut is told in its metadata.
+
+    Raises
+    ------
+    BadInput
+        No side file, not a BLF, no complete sample, or a channel missing that every recording has.
+    """
+    side = read_side_file(path)
+    decoded = decode(_frames(path), side, str(path))
+    return as_recording(decoded, side, str(path))
+
+
+def as_recording(decoded: Decoded, side: SideFile, source: str) -> Recording:
+    """Turn decoded samples into a `Recording`.
+
+    Raises
+    ------
+    BadInput
+        No complete sample, or a required channel that the PDOs did not carry.
+    """
+    if not decoded.time_s.size:
+        raise BadInput(source, "no sample of which every PDO arrived", "a capture with samples")
+    series = {"time_s": decoded.time_s, **decoded.columns}
+    missing = [name for name in REQUIRED_COLUMNS if name not in series]
+    if missing:
+        raise BadInput(source, f"PDOs without {', '.join(missing)}", "all required channels")
+    required = {name: series.pop(name) for name in REQUIRED_COLUMNS}
+    return Recording(**required, extra=series, metadata=_metadata(decoded, side), source=source)
+
+
+def _metadata(decoded: Decoded, side: SideFile) -> dict[str, str]:
+    metadata = dict(side.metadata)
+    metadata["sample_rate_hz"] = f"{1 / side.sample_period_s:g}"
+    metadata["started"] = side.started
+    metadata["node_id"] = str(side.node_id)
+    metadata["dictionary_hash"] = side.dictionary_hash
+    metadata["frames_lost"] = str(decoded.losses.total)
+    for pdo in side.pdos:
+        if ranges := decoded.losses.ranges(pdo.name):
+            metadata[f"lost_{pdo.name.lower()}"] = " ".join(ranges)
+    if decoded.clock:
+        metadata["clock_drift_ppm"] = f"{decoded.clock.drift_ppm:.3g}"
+    if side.cut:
+        metadata["cut"] = side.cut
+    return metadata
+
+
+def _account(side: SideFile, decoded: Decoded | None) -> SideFile:
+    if decoded is None:
+        return side.model_copy(update={"samples": 0})
+    losses = decoded.losses
+    return side.model_copy(
+        update={
+            "samples": losses.expected,
+            "lost": {
+                pdo: Lost(count=int(numbers.size), samples=losses.ranges(pdo))
+                for pdo, numbers in losses.lost.items()
+            },
+            "clock": Clock(**dataclasses.asdict(decoded.clock)) if decoded.clock else None,
+        }
+    )
+
+
+def _frames(path: Path) -> Iterator[can.Message]:
+    try:
+        with can.BLFReader(path) as reader:
+            yield from reader
+    except struct.error:
+        # The file ends inside a block: the recorder was killed. All whole blocks have been read.
+        return
+    except (BLFParseError, OSError, EOFError) as error:
+        raise BadInput(str(path), f"a damaged file ({error})", "a BLF capture") from error
+
+
+def _without_channel(frame: can.Message) -> can.Message:
+    frame.channel = None
+    return frame

@@ -1,0 +1,105 @@
+"""The JSON side file of a capture: all that is needed to read its raw frames, and how it went.
+
+Named like the capture with ``.json`` behind it (``run.blf.json``). It holds the PDO layouts, so
+that a capture can be read long after the object dictionary has moved on, and without a drive.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bowden.errors import BadInput
+from bowden.recording.atomic import replace_whole
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class PdoField(_Part):
+    """One field of a PDO: whole bytes, little endian; value = raw * scale in the column's unit."""
+
+    name: str
+    bits: int = Field(multiple_of=8, ge=8, le=64)
+    signed: bool
+    scale: float
+    column: str
+
+
+class PdoLayout(_Part):
+    """One PDO of a sample, with its COB-ID on the wire (node id included)."""
+
+    name: str
+    cob_id: int
+    fields: list[PdoField]
+
+
+class Clock(_Part):
+    """`clock.ClockFit` in the file."""
+
+    drift_ppm: float
+    host_start_s: float
+    residual_s: float
+
+
+class Lost(_Part):
+    """Frames of one PDO that never came: how many, and of which samples."""
+
+    count: int
+    samples: list[str]
+
+
+class SideFile(_Part):
+    """Everything that the side file holds."""
+
+    format: int = 1
+    bowden: str
+    git: str | None
+    dictionary_hash: str
+    node_id: int
+    adapter: dict[str, str]
+    started: str
+    sample_period_s: float = Field(gt=0)
+    pdos: list[PdoLayout]
+    counter_before: int | None = None
+    counter_after: int | None = None
+    samples: int | None = None
+    lost: dict[str, Lost] | None = None
+    clock: Clock | None = None
+    cut: str | None = None
+    metadata: dict[str, str] = Field(default_factory=dict)
+
+
+def side_path(capture: Path) -> Path:
+    """Return the side file's path for a capture's path."""
+    return capture.with_name(capture.name + ".json")
+
+
+def read_side_file(capture: Path) -> SideFile:
+    """Read the side file of a capture.
+
+    Raises
+    ------
+    BadInput
+        Not there, or not a side file; all its problems at once.
+    """
+    path = side_path(capture)
+    try:
+        return SideFile.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise BadInput(
+            str(capture), f"no side file {path.name}", "a capture with its side file beside it"
+        ) from error
+    except ValidationError as error:
+        problems = "; ".join(
+            f"{'.'.join(map(str, item['loc'])) or 'file'}: {item['msg']}" for item in error.errors()
+        )
+        raise BadInput(str(path), problems, "the side file as the recorder wrote it") from error
+
+
+def write_side_file(capture: Path, side: SideFile) -> None:
+    """Write the side file of a capture, whole or not at all."""
+    with replace_whole(side_path(capture)) as temporary:
+        temporary.write_text(side.model_dump_json(indent=2) + "\n", encoding="utf-8")
