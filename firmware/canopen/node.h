@@ -35,8 +35,9 @@ typedef struct {
     uint32_t now_us; /* time of the last tick */
 } node_t;
 
-/* Starts a node: sets every value to its initial one, queues the boot-up message, enters
- * pre-operational. `entries` and `values` must outlive the node. node_id 1 .. 127. */
+/* Starts a node: sets every value to its initial one (so set the serial number after it), queues
+ * the boot-up message, enters pre-operational. `entries` and `values` must outlive the node.
+ * node_id 1 .. 127. */
 void node_init(node_t *node, const od_entry_t *entries, uint16_t count, void *values,
                uint8_t node_id, uint32_t now_us);
 
@@ -58,15 +59,17 @@ uint8_t node_state(const node_t *node);
 /* Has a reset of the node been commanded? The board restarts the drive then; the node is silent. */
 bool node_reset_requested(const node_t *node);
 
-/* Is the heartbeat of 0x1016 overdue? It is watched from its first arrival; true until it is back. */
+/* Is the heartbeat of 0x1016 overdue? It is watched from its first arrival; true until it is back.
+ */
 bool node_host_lost(const node_t *node);
 
 /* Declares an error present: EMCY frame, error register, history. `code` and `register_bits` come
- * from the generated table, `detail` goes into bytes 3 .. 6 of the frame and the history's high word.
- * An error that is present already is not sent again. */
+ * from the generated table, `detail` goes into bytes 3 .. 6 of the frame and the history's high
+ * word. An error that is present already is not sent again. */
 void node_error_set(node_t *node, uint16_t code, uint8_t register_bits, uint32_t detail);
 
-/* Declares an error, or all of them, gone. The frame "error reset" is sent when something changed. */
+/* Declares an error, or all of them, gone. The frame "error reset" is sent when something changed.
+ */
 void node_error_clear(node_t *node, uint16_t code);
 void node_error_clear_all(node_t *node);
 

@@ -2,8 +2,9 @@
  *
  * The table is generated (firmware/drive/dictionary.c); this file only knows its row type. Every
  * access from the bus goes through od_read() and od_write(), which check existence, access, size,
- * range and state and answer with the SDO abort code of CiA 301, table 22. The drive itself uses the
- * fields of the generated struct. No state of its own, no allocation; a lookup is a binary search.
+ * range and state and answer with the SDO abort code of CiA 301, table 22. The drive itself uses
+ * the fields of the generated struct. No state of its own, no allocation; a lookup is a binary
+ * search.
  */
 #ifndef BOWDEN_CANOPEN_OD_H
 #define BOWDEN_CANOPEN_OD_H
@@ -23,7 +24,8 @@ enum {
     OD_TEXT, /* constant ASCII, read only, kept in the table */
 };
 
-/* What an entry is for. Config and calibration are writable only while od_t.config_locked is false. */
+/* What an entry is for. Config and calibration are writable only while od_t.config_locked is false.
+ */
 enum {
     OD_COMMUNICATION,
     OD_IDENTITY,
@@ -49,14 +51,14 @@ enum {
 /* One row: an entry, or `count` equal entries with consecutive sub-indices and storage. */
 typedef struct {
     uint16_t index;
-    uint8_t sub;      /* first sub-index of the row */
-    uint8_t count;    /* sub-indices sub .. sub + count - 1 */
-    uint8_t type;     /* OD_U8 .. OD_TEXT */
-    uint8_t role;     /* OD_COMMUNICATION .. OD_CALIBRATION */
-    uint8_t flags;    /* OD_READ | ... */
-    uint16_t offset;  /* of the first value in the struct of values, bytes; or OD_NO_STORAGE */
-    uint32_t low;     /* inclusive limits of a write and the value after power-on; for signed types */
-    uint32_t high;    /* the two's complement, sign extended to 32 bits */
+    uint8_t sub;     /* first sub-index of the row */
+    uint8_t count;   /* sub-indices sub .. sub + count - 1 */
+    uint8_t type;    /* OD_U8 .. OD_TEXT */
+    uint8_t role;    /* OD_COMMUNICATION .. OD_CALIBRATION */
+    uint8_t flags;   /* OD_READ | ... */
+    uint16_t offset; /* of the first value in the struct of values, bytes; or OD_NO_STORAGE */
+    uint32_t low;  /* inclusive limits of a write and the value after power-on; for signed types */
+    uint32_t high; /* the two's complement, sign extended to 32 bits */
     uint32_t initial; /* for OD_TEXT the length in bytes */
     const char *text; /* OD_TEXT only, else NULL */
 } od_entry_t;
@@ -100,7 +102,8 @@ od_abort_t od_find(const od_t *od, uint16_t index, uint8_t sub, const od_entry_t
 /* Bytes on the wire of an entry: 1 .. 4, for OD_TEXT the length of the text. */
 uint32_t od_size(const od_entry_t *entry);
 
-/* The value of sub in *entry (which must hold it), sign extended; 0 for OD_TEXT. No access check. */
+/* The value of sub in *entry (which must hold it), sign extended; 0 for OD_TEXT. No access check.
+ */
 uint32_t od_get(const od_t *od, const od_entry_t *entry, uint8_t sub);
 
 /* Stores a value without any check, truncated to the type; nothing for entries without storage. */
@@ -112,11 +115,25 @@ uint32_t od_value(const od_t *od, uint16_t index, uint8_t sub);
 /* Would a write of `value` from the bus be accepted? Access, range and state; changes nothing. */
 od_abort_t od_check(const od_t *od, const od_entry_t *entry, uint32_t value);
 
-/* Writes `size` little-endian bytes from the bus (SDO), with every check. On an abort nothing has
- * changed; on success to config or calibration config_revision has been counted up. */
+/* Reads an entry for the bus into bytes[capacity], little-endian; *size is set to its length. */
+od_abort_t od_read(const od_t *od, uint16_t index, uint8_t sub, uint8_t *bytes, uint32_t capacity,
+                   uint32_t *size);
+
+/* Writes `size` little-endian bytes from the bus, with every check. On an abort nothing has
+ * changed; an accepted write to config or calibration counts config_revision up. */
 od_abort_t od_write(od_t *od, uint16_t index, uint8_t sub, const uint8_t *bytes, uint32_t size);
 
-/* Sets every stored entry with first <= index <= last to its value after power-on. */
-void od_set_initial(const od_t *od, uint16_t first, uint16_t last);
+/* The value of `entry`'s type in little-endian bytes, sign extended to 32 bits. */
+uint32_t od_decode(const od_entry_t *entry, const uint8_t *bytes);
+
+/* Writes the low `size` bytes of value, little-endian; size 0 .. 4. */
+void od_encode(uint32_t value, uint8_t *bytes, uint32_t size);
+
+/* Sets every stored value to its initial one (power-on). */
+void od_set_initial(const od_t *od);
+
+/* Sets the node's own parameters (0x1000 .. 0x1FFF, communication and config) to their initial
+ * values: NMT reset communication. Error history and identity stay. */
+void od_reset_communication(const od_t *od);
 
 #endif

@@ -273,5 +273,5 @@ const od_entry_t DICTIONARY[DICTIONARY_COUNT] = {
 
 void dictionary_defaults(dictionary_t *dictionary) {
     const od_t od = {.entries = DICTIONARY, .count = DICTIONARY_COUNT, .values = dictionary};
-    od_set_initial(&od, 0, UINT16_MAX);
+    od_set_initial(&od);
 }

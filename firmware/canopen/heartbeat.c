@@ -1,0 +1,45 @@
+/* heartbeat.c: see heartbeat.h. */
+#include "heartbeat.h"
+
+#define US_PER_MS UINT32_C(1000)
+
+void heartbeat_configure(heartbeat_t *heartbeat, const od_t *od, uint32_t now_us) {
+    const uint32_t consumer = od_value(od, 0x1016, 1); /* node id << 16 | milliseconds */
+    const uint8_t watched = (uint8_t)(consumer >> 16 & 0x7F);
+    *heartbeat = (heartbeat_t){
+        .period_us = od_value(od, 0x1017, 0) * US_PER_MS,
+        .sent_us = now_us,
+        .timeout_us = watched != 0 ? (consumer & 0xFFFF) * US_PER_MS : 0,
+        .watched_node_id = watched,
+    };
+}
+
+void heartbeat_receive(heartbeat_t *heartbeat, const can_frame_t *frame, uint32_t now_us) {
+    if (heartbeat->timeout_us == 0 || frame->length != 1 ||
+        frame->cob_id != HEARTBEAT_COB_ID + heartbeat->watched_node_id) {
+        return;
+    }
+    heartbeat->heard_us = now_us;
+    heartbeat->watching = true;
+    heartbeat->lost = false;
+}
+
+void heartbeat_tick(heartbeat_t *heartbeat, uint8_t node_id, uint8_t state, uint32_t now_us,
+                    frame_queue_t *tx) {
+    /* Once lost it stays so until it is heard again, whatever the clock's wrap makes of the time.
+     */
+    if (heartbeat->watching && now_us - heartbeat->heard_us > heartbeat->timeout_us) {
+        heartbeat->lost = true;
+        heartbeat->watching = false;
+    }
+    if (heartbeat->period_us != 0 && now_us - heartbeat->sent_us >= heartbeat->period_us) {
+        heartbeat->sent_us = now_us;
+        heartbeat_send(node_id, state, tx);
+    }
+}
+
+void heartbeat_send(uint8_t node_id, uint8_t state, frame_queue_t *tx) {
+    const can_frame_t frame = {
+        .cob_id = (uint16_t)(HEARTBEAT_COB_ID + node_id), .length = 1, .data = {state}};
+    frame_queue_push(tx, &frame);
+}

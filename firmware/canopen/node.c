@@ -1,0 +1,210 @@
+/* node.c: the node's parts put together; see node.h. */
+#include "node.h"
+
+#include <stddef.h>
+
+#define SYNC_COB_ID 0x80
+#define COMMUNICATION_AREA_END 0x2000
+#define ERROR_HISTORY 0x1003
+
+/* Lets every part take its parameters from the dictionary. */
+static void configure(node_t *node) {
+    heartbeat_configure(&node->heartbeat, &node->od, node->now_us);
+    emcy_configure(&node->emcy, &node->od);
+    pdo_configure(&node->pdo, &node->od);
+}
+
+static void boot_up(node_t *node) {
+    configure(node);
+    node->sdo.transfer = SDO_IDLE;
+    node->nmt.state = NMT_PRE_OPERATIONAL;
+    heartbeat_send(node->od.node_id, NMT_INITIALISING, &node->tx);
+}
+
+void node_init(node_t *node, const od_entry_t *entries, uint16_t count, void *values,
+               uint8_t node_id, uint32_t now_us) {
+    *node = (node_t){
+        .od = {.entries = entries, .count = count, .values = values, .node_id = node_id},
+        .now_us = now_us,
+    };
+    od_set_initial(&node->od);
+    boot_up(node);
+}
+
+static void receive_nmt(node_t *node, const can_frame_t *frame) {
+    switch (nmt_receive(&node->nmt, frame, node->od.node_id)) {
+    case NMT_CHANGED:
+        if (node->nmt.state == NMT_OPERATIONAL) {
+            pdo_start(&node->pdo, node->now_us);
+        } else if (node->nmt.state == NMT_STOPPED) {
+            node->sdo.transfer = SDO_IDLE; /* no SDO in stopped: forget what was going on */
+        }
+        break;
+    case NMT_RESET_COMMUNICATION:
+        od_reset_communication(&node->od);
+        boot_up(node);
+        break;
+    case NMT_RESET_NODE: /* node_reset_requested() tells the drive */
+    case NMT_NOTHING:
+    default:
+        break;
+    }
+}
+
+static od_abort_t read_object(node_t *node) {
+    sdo_t *sdo = &node->sdo;
+    /* CiA 301, 7.5.2.4: places of the history without an error have no data. */
+    if (sdo->index == ERROR_HISTORY && sdo->sub > od_value(&node->od, ERROR_HISTORY, 0)) {
+        const od_entry_t *entry = NULL;
+        const od_abort_t found = od_find(&node->od, sdo->index, sdo->sub, &entry);
+        return found != OD_DONE ? found : OD_ABORT_NO_DATA;
+    }
+    return od_read(&node->od, sdo->index, sdo->sub, sdo->buffer, SDO_BUFFER_SIZE, &sdo->size);
+}
+
+/* Can a write of this size, whose value is yet to come, succeed at all? */
+static od_abort_t check_begin(const node_t *node) {
+    const sdo_t *sdo = &node->sdo;
+    const od_entry_t *entry = NULL;
+    const od_abort_t found = od_find(&node->od, sdo->index, sdo->sub, &entry);
+    if (found != OD_DONE) {
+        return found;
+    }
+    if ((entry->flags & OD_WRITE) == 0) {
+        return OD_ABORT_READ_ONLY;
+    }
+    if (sdo->size_given && sdo->size != od_size(entry)) {
+        return sdo->size > od_size(entry) ? OD_ABORT_TOO_LONG : OD_ABORT_TOO_SHORT;
+    }
+    return OD_DONE;
+}
+
+static od_abort_t write_object(node_t *node) {
+    sdo_t *sdo = &node->sdo;
+    const od_entry_t *entry = NULL;
+    od_abort_t abort = od_find(&node->od, sdo->index, sdo->sub, &entry);
+    if (abort != OD_DONE) {
+        return abort;
+    }
+    if (!sdo->size_given) {
+        sdo->size = od_size(entry); /* an expedited write may leave its size out */
+    }
+    if ((entry->flags & OD_WRITE) != 0 && sdo->size == od_size(entry)) {
+        abort = pdo_check(&node->od, sdo->index, sdo->sub, od_decode(entry, sdo->buffer),
+                          node->nmt.state == NMT_PRE_OPERATIONAL);
+    }
+    if (abort == OD_DONE) {
+        abort = od_write(&node->od, sdo->index, sdo->sub, sdo->buffer, sdo->size);
+    }
+    if (abort == OD_DONE && sdo->index < COMMUNICATION_AREA_END && sdo->index != ERROR_HISTORY) {
+        configure(node);
+    }
+    return abort;
+}
+
+static void receive_sdo(node_t *node, const can_frame_t *frame) {
+    const uint8_t node_id = node->od.node_id;
+    switch (sdo_receive(&node->sdo, frame, node_id, node->now_us, &node->tx)) {
+    case SDO_READ:
+        sdo_answer_read(&node->sdo, read_object(node), node_id, &node->tx);
+        break;
+    case SDO_BEGIN_WRITE:
+        sdo_answer_write(&node->sdo, check_begin(node), node_id, &node->tx);
+        break;
+    case SDO_WRITE:
+        sdo_answer_write(&node->sdo, write_object(node), node_id, &node->tx);
+        break;
+    case SDO_NOTHING:
+    default:
+        break;
+    }
+}
+
+static void set_or_clear(node_t *node, bool present, uint16_t code, const can_frame_t *frame) {
+    if (present) {
+        const uint32_t detail = (uint32_t)frame->cob_id | (uint32_t)frame->length << 16;
+        node_error_set(node, code, NODE_ERROR_REGISTER, detail);
+    } else {
+        node_error_clear(node, code);
+    }
+}
+
+static void receive_process_data(node_t *node, const can_frame_t *frame) {
+    if (frame->cob_id == SYNC_COB_ID) {
+        pdo_sync(&node->pdo, &node->od);
+    } else if (!pdo_receive(&node->pdo, &node->od, frame)) {
+        return;
+    }
+    set_or_clear(node, pdo_any_too_short(&node->pdo), NODE_ERROR_PDO_LENGTH, frame);
+    set_or_clear(node, pdo_any_refused(&node->pdo), NODE_ERROR_PROTOCOL, frame);
+}
+
+void node_receive(node_t *node, const can_frame_t *frame) {
+    const uint8_t state = node->nmt.state;
+    if (state == NMT_INITIALISING || frame->length > 8) {
+        return;
+    }
+    if (frame->cob_id == 0) {
+        receive_nmt(node, frame);
+    } else if (frame->cob_id == SDO_RX_COB_ID + node->od.node_id) {
+        if (state != NMT_STOPPED) {
+            receive_sdo(node, frame);
+        }
+    } else if (frame->cob_id > HEARTBEAT_COB_ID) {
+        heartbeat_receive(&node->heartbeat, frame, node->now_us);
+    } else if (state == NMT_OPERATIONAL) {
+        receive_process_data(node, frame);
+    }
+}
+
+bool node_sample_due(const node_t *node, uint32_t now_us) {
+    return node->nmt.state == NMT_OPERATIONAL && pdo_due(&node->pdo, now_us);
+}
+
+void node_tick(node_t *node, uint32_t now_us) {
+    const uint8_t node_id = node->od.node_id;
+    const uint8_t state = node->nmt.state;
+    node->now_us = now_us;
+    if (state == NMT_INITIALISING) {
+        return;
+    }
+    if (state == NMT_OPERATIONAL) {
+        pdo_tick(&node->pdo, &node->od, now_us, &node->tx);
+    }
+    heartbeat_tick(&node->heartbeat, node_id, state, now_us, &node->tx);
+    emcy_tick(&node->emcy, node_id, state != NMT_STOPPED, now_us, &node->tx);
+    sdo_tick(&node->sdo, node_id, now_us, &node->tx);
+}
+
+bool node_transmit(node_t *node, can_frame_t *frame) {
+    return frame_queue_pop(&node->tx, frame);
+}
+
+uint8_t node_state(const node_t *node) {
+    return node->nmt.state;
+}
+
+bool node_reset_requested(const node_t *node) {
+    return node->nmt.state == NMT_INITIALISING;
+}
+
+bool node_host_lost(const node_t *node) {
+    return node->heartbeat.lost;
+}
+
+void node_error_set(node_t *node, uint16_t code, uint8_t register_bits, uint32_t detail) {
+    emcy_set(&node->emcy, &node->od,
+             (emcy_error_t){.code = code, .register_bits = register_bits, .detail = detail});
+}
+
+void node_error_clear(node_t *node, uint16_t code) {
+    emcy_clear(&node->emcy, &node->od, code);
+}
+
+void node_error_clear_all(node_t *node) {
+    emcy_clear_all(&node->emcy, &node->od);
+}
+
+uint32_t node_tx_overflow_count(const node_t *node) {
+    return node->tx.overflow_count;
+}

@@ -1,0 +1,51 @@
+/* sdo.h: the protocol of the SDO server (CiA 301, 7.2.4): frames in, requests out, answers in.
+ *
+ * One transfer at a time, expedited or segmented. Block transfer is answered with abort 0504 0001h.
+ * This part knows the protocol only: sdo_receive() returns what the client wants of the dictionary,
+ * the node does it and hands the outcome to sdo_answer_*().
+ */
+#ifndef BOWDEN_CANOPEN_SDO_H
+#define BOWDEN_CANOPEN_SDO_H
+
+#include "frame_queue.h"
+#include "od.h"
+
+#define SDO_RX_COB_ID 0x600
+#define SDO_TX_COB_ID 0x580
+#define SDO_BUFFER_SIZE 64               /* longest value in bytes (the texts of 0x1008 ..) */
+#define SDO_TIMEOUT_US UINT32_C(1000000) /* between two segments, then abort 0504 0000h */
+
+typedef enum {
+    SDO_NOTHING,     /* the protocol has answered by itself */
+    SDO_READ,        /* read index, sub into sdo_t.buffer, then sdo_answer_read() */
+    SDO_BEGIN_WRITE, /* a segmented write will come: refuse it now or let it, sdo_answer_write() */
+    SDO_WRITE,       /* write sdo_t.buffer to index, sub, then sdo_answer_write() */
+} sdo_request_t;
+
+typedef struct {
+    enum { SDO_IDLE, SDO_UPLOADING, SDO_DOWNLOADING } transfer;
+    uint16_t index; /* of the request or transfer */
+    uint8_t sub;
+    bool toggle;        /* expected in the next segment */
+    bool size_given;    /* the client has said how many bytes it writes */
+    uint32_t size;      /* of the value; of a write 0 while the client has not said it */
+    uint32_t done;      /* bytes moved so far */
+    uint32_t active_us; /* time of the last segment */
+    uint8_t answer;     /* command byte that confirms the write in progress */
+    uint8_t buffer[SDO_BUFFER_SIZE];
+} sdo_t;
+
+/* Handles a frame on the server's COB-ID. Frames that do not have 8 bytes are ignored. */
+sdo_request_t sdo_receive(sdo_t *sdo, const can_frame_t *frame, uint8_t node_id, uint32_t now_us,
+                          frame_queue_t *tx);
+
+/* Answers SDO_READ: the value (sdo->size bytes in sdo->buffer), or the abort. */
+void sdo_answer_read(sdo_t *sdo, od_abort_t abort, uint8_t node_id, frame_queue_t *tx);
+
+/* Answers SDO_BEGIN_WRITE and SDO_WRITE. */
+void sdo_answer_write(sdo_t *sdo, od_abort_t abort, uint8_t node_id, frame_queue_t *tx);
+
+/* Aborts a transfer that the client has abandoned. */
+void sdo_tick(sdo_t *sdo, uint8_t node_id, uint32_t now_us, frame_queue_t *tx);
+
+#endif
