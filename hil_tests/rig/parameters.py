@@ -1,0 +1,173 @@
+"""What the simulated rig is made of: plain numbers, frozen, SI units.
+
+Imports nothing of ours. `plant`, `human` and `sensors` read it. The defaults are the paper's
+Table I (EA 4000 N, L 2 m, R 0.28 m, T0 10 N, mu_d 0.21, 40 deg at 0.5 Hz) on a small brushed motor.
+
+Two choices make the rig honestly unlike the offline model. Static friction equals dynamic friction
+by default, as in a lined conduit; `static_ratio` with `stribeck_speed_m_per_s` makes it weaken with
+speed. And sliding friction grows a little with speed (`viscous_s_per_m`): 1 % at 0.1 m/s.
+
+Fields that are zero (or one) by default are the rig's hidden truths: a test sets one of them and
+asks whether the drive copes or the diagnosis finds it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+HandMotion = Literal["still", "sine", "locked", "free"]
+
+
+@dataclass(frozen=True)
+class Cable:
+    """Each of the two cables in its conduit.
+
+    Parameters
+    ----------
+    path : tuple of (length_m, radius_m)
+        Pieces of the conduit from the motor to the load; radius ``math.inf`` is straight.
+    axial_stiffness_n : float, N
+        EA.
+    pretension_n : float, N
+        Uniform at the start.
+    mass_per_length_kg_per_m : float
+        A 0.75 mm stranded steel cable has about 2.5 g/m.
+    friction : float
+        mu_d, of the sliding cable.
+    static_ratio : float
+        mu_s / mu_d, where `stribeck_speed_m_per_s` is positive.
+    stribeck_speed_m_per_s : float
+        mu(v) = mu_d (1 + (static_ratio - 1) exp(-(v / v_s)^2) + ...); 0 is without.
+    viscous_s_per_m : float
+        mu(v) = ... + viscous_s_per_m |v|, added to mu_d.
+    direction_asymmetry : float
+        mu (1 + a) while the cable moves as for positive angles, mu (1 - a) back.
+    contact_stiffness_n_per_m2 : float
+        Shear stiffness of liner and strands per length of conduit: friction builds up
+        elastically before the cable slides (5 um at 10 N on the default path).
+    material_damping_s : float
+        Kelvin-Voigt time of the strands; 10 us is 1 % of critical in the first axial mode.
+    """
+
+    path: tuple[tuple[float, float], ...] = ((2.0, 0.28),)
+    axial_stiffness_n: float = 4000.0
+    pretension_n: float = 10.0
+    mass_per_length_kg_per_m: float = 2.5e-3
+    friction: float = 0.21
+    static_ratio: float = 1.0
+    stribeck_speed_m_per_s: float = 0.0
+    viscous_s_per_m: float = 0.02
+    direction_asymmetry: float = 0.0
+    contact_stiffness_n_per_m2: float = 1.5e6
+    material_damping_s: float = 1.0e-5
+
+    @property
+    def length_m(self) -> float:
+        """Length of the conduit in metres."""
+        return sum(length for length, _ in self.path)
+
+    def wrap_angle_rad(self, start_m: float, end_m: float) -> float:
+        """Integral of ds/R from `start_m` to `end_m`."""
+        total, at = 0.0, 0.0
+        for length, radius in self.path:
+            overlap = min(end_m, at + length) - max(start_m, at)
+            total += max(overlap, 0.0) / radius
+            at += length
+        return total
+
+
+@dataclass(frozen=True)
+class Motor:
+    """Motor, amplifier and proximal pulley.
+
+    `torque_constant_error` g: the true torque is (1 + g) times what the drive believes.
+    `eccentricity` e: the pulley's radius is r (1 + e sin theta).
+    """
+
+    pulley_radius_m: float = 0.020
+    inertia_kg_m2: float = 3.0e-5
+    torque_constant_nm_per_a: float = 0.060
+    torque_constant_error: float = 0.0
+    amplifier_bandwidth_hz: float = 1000.0
+    current_limit_a: float = 12.0
+    bearing_friction_nm: float = 0.0
+    bearing_viscous_nm_s_per_rad: float = 0.0
+    eccentricity: float = 0.0
+
+
+@dataclass(frozen=True)
+class Load:
+    """Distal pulley and handle. `cell_side_inertia_kg_m2` sits between cables and load cell."""
+
+    pulley_radius_m: float = 0.104
+    inertia_kg_m2: float = 5.0e-3
+    cell_side_inertia_kg_m2: float = 0.0
+    bearing_friction_nm: float = 0.0
+
+
+@dataclass(frozen=True)
+class Hand:
+    """The person at the handle: a spring and damper towards the motion that they have in mind.
+
+    The transmission pushes back with about 3 N m, so a person who wants 40 deg aims past it by
+    `overreach_rad`. Motion `still` holds the handle at zero, `locked` bolts it (Experiment 1),
+    `free` lets go of it.
+    """
+
+    motion: HandMotion = "sine"
+    amplitude_rad: float = math.radians(40.0)
+    frequency_hz: float = 0.5
+    overreach_rad: float = math.radians(1.3)
+    ramp_s: float = 1.0
+    stiffness_nm_per_rad: float = 200.0
+    damping_nm_s_per_rad: float = 2.0
+    starts: Literal["on-enable", "now"] = "on-enable"
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """Encoders, load cell, current sense and what the board says of them.
+
+    A true value x is read as ``x (1 + gain_error) + offset + drift t``. Delays are whole control
+    periods. `encoder_eccentricity_rad` e: the motor encoder reads theta + e sin theta.
+    """
+
+    motor_counts_per_turn: int = 2000
+    load_counts_per_turn: int = 10000
+    encoder_eccentricity_rad: float = 0.0
+    load_cell_nm_per_count: float = 200e-6
+    load_cell_noise_nm: float = 0.5e-3
+    load_cell_gain_error: float = 0.0
+    load_cell_offset_nm: float = 0.0
+    load_cell_drift_nm_per_s: float = 0.0
+    load_cell_full_scale_nm: float = 25.0
+    current_a_per_count: float = 1.0e-3
+    current_noise_a: float = 1.0e-3
+    motor_encoder_delay_ticks: int = 0
+    load_encoder_delay_ticks: int = 0
+    load_cell_delay_ticks: int = 0
+    bus_voltage_v: float = 24.0
+    conduit_temperature_c: float = 25.0
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The whole rig, and how finely it is simulated.
+
+    Parameters
+    ----------
+    elements : int
+        Masses a cable.
+    substeps : int
+        Integration steps in one control period; `plant` checks that they are stable.
+    """
+
+    cable: Cable = field(default_factory=Cable)
+    motor: Motor = field(default_factory=Motor)
+    load: Load = field(default_factory=Load)
+    hand: Hand = field(default_factory=Hand)
+    sensing: Sensing = field(default_factory=Sensing)
+    elements: int = 32
+    substeps: int = 12
