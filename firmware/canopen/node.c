@@ -4,18 +4,17 @@
 #include <stddef.h>
 
 #define SYNC_COB_ID 0x80
-#define COMMUNICATION_AREA_END 0x2000
 #define ERROR_HISTORY 0x1003
+#define EMCY_INHIBIT_TIME 0x1015
+#define CONSUMER_HEARTBEAT 0x1016
+#define PRODUCER_HEARTBEAT 0x1017
+#define PDO_AREA_BEGIN 0x1400
+#define PDO_AREA_END 0x1C00
 
-/* Lets every part take its parameters from the dictionary. */
-static void configure(node_t *node) {
+static void boot_up(node_t *node) {
     heartbeat_configure(&node->heartbeat, &node->od, node->now_us);
     emcy_configure(&node->emcy, &node->od);
     pdo_configure(&node->pdo, &node->od);
-}
-
-static void boot_up(node_t *node) {
-    configure(node);
     node->sdo.transfer = SDO_IDLE;
     node->nmt.state = NMT_PRE_OPERATIONAL;
     heartbeat_send(node->od.node_id, NMT_INITIALISING, &node->tx);
@@ -35,7 +34,7 @@ static void receive_nmt(node_t *node, const can_frame_t *frame) {
     switch (nmt_receive(&node->nmt, frame, node->od.node_id)) {
     case NMT_CHANGED:
         if (node->nmt.state == NMT_OPERATIONAL) {
-            pdo_start(&node->pdo, node->now_us);
+            pdo_start(&node->pdo);
         } else if (node->nmt.state == NMT_STOPPED) {
             node->sdo.transfer = SDO_IDLE; /* no SDO in stopped: forget what was going on */
         }
@@ -79,6 +78,17 @@ static od_abort_t check_begin(const node_t *node) {
     return OD_DONE;
 }
 
+/* Lets the part that `index` belongs to take its changed parameters. */
+static void reconfigure(node_t *node, uint16_t index) {
+    if (index == EMCY_INHIBIT_TIME) {
+        emcy_configure(&node->emcy, &node->od);
+    } else if (index == CONSUMER_HEARTBEAT || index == PRODUCER_HEARTBEAT) {
+        heartbeat_configure(&node->heartbeat, &node->od, node->now_us);
+    } else if (index >= PDO_AREA_BEGIN && index < PDO_AREA_END) {
+        pdo_configure(&node->pdo, &node->od);
+    }
+}
+
 static od_abort_t write_object(node_t *node) {
     sdo_t *sdo = &node->sdo;
     const od_entry_t *entry = NULL;
@@ -96,8 +106,8 @@ static od_abort_t write_object(node_t *node) {
     if (abort == OD_DONE) {
         abort = od_write(&node->od, sdo->index, sdo->sub, sdo->buffer, sdo->size);
     }
-    if (abort == OD_DONE && sdo->index < COMMUNICATION_AREA_END && sdo->index != ERROR_HISTORY) {
-        configure(node);
+    if (abort == OD_DONE) {
+        reconfigure(node, sdo->index);
     }
     return abort;
 }

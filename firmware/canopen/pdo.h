@@ -8,7 +8,8 @@
  *
  * TPDO types: 1 .. 240 at every n-th SYNC; 254, 255 by their event timer. All TPDOs that are sent
  * in one tick hold values of that tick. RPDO types: 0 .. 240 at the next SYNC, 254, 255 at once.
- * Remote frames, type 0, 252, 253 and the SYNC start value do not exist.
+ * PDOs without entries are not sent. Remote frames, type 0, 252, 253 and the SYNC start value do
+ * not exist.
  */
 #ifndef BOWDEN_CANOPEN_PDO_H
 #define BOWDEN_CANOPEN_PDO_H
@@ -48,7 +49,7 @@ typedef struct {
     uint32_t inhibit_us; /* 0: none */
     uint8_t syncs;       /* counted since it was sent */
     bool wanted;         /* by SYNC, or first after the start */
-    bool sent;           /* sent_us is valid */
+    bool sent;           /* less than the inhibit time ago */
     uint32_t timed_us;   /* when its event timer has last run out */
     uint32_t sent_us;
 } tpdo_t;
@@ -67,7 +68,7 @@ od_abort_t pdo_check(const od_t *od, uint16_t index, uint8_t sub, uint32_t value
 void pdo_configure(pdo_t *pdo, const od_t *od);
 
 /* The node has entered operational: all event-driven TPDOs are sent in the next tick. */
-void pdo_start(pdo_t *pdo, uint32_t now_us);
+void pdo_start(pdo_t *pdo);
 
 /* Handles a frame that may be an RPDO. Returns true if it is one. */
 bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame);
