@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -44,12 +45,15 @@ class CaptureWriter:
     Attributes
     ----------
     side : SideFile
-        Replace it (`model_copy`) while recording: the counters, and `cut` where it was cut.
+        With all that was noted; after `close` also the account of losses.
+    decoded : Decoded or None
+        After `close`, the samples as read back from the file; None when there is none.
     """
 
     def __init__(self, path: Path, side: SideFile) -> None:
         self.path = path
         self.side = side
+        self.decoded: Decoded | None = None
         self._part = path.with_name(path.name + ".part")
         try:
             self._blf = can.BLFWriter(self._part)
@@ -64,23 +68,19 @@ class CaptureWriter:
         # BLF numbers channels from the adapter's name, which need not be a number.
         self._blf.on_message_received(_without_channel(frame))
 
-    def close(self) -> Decoded | None:
-        """Close the capture, account for its losses and give it its name.
+    def note(self, **fields: object) -> None:
+        """Set fields of the side file: the counters, or `cut` where it was cut."""
+        self.side = self.side.model_copy(update=fields)
 
-        Returns
-        -------
-        Decoded or None
-            The samples as read back from the file; None when there is none.
-        """
+    def close(self) -> None:
+        """Close the capture, account for its losses and give it its name."""
         self._blf.stop()
-        try:
-            decoded = decode(_frames(self._part), self.side, str(self.path))
-        except BadInput:
-            decoded = None
-        write_side_file(self.path, _account(self.side, decoded))
+        with suppress(BadInput):
+            self.decoded = decode(_frames(self._part), self.side, str(self.path))
+        self.side = _account(self.side, self.decoded)
+        write_side_file(self.path, self.side)
         self._part.replace(self.path)
         side_path(self._part).unlink(missing_ok=True)
-        return decoded
 
     def __enter__(self) -> CaptureWriter:
         return self
@@ -91,10 +91,8 @@ class CaptureWriter:
         error: BaseException | None,
         _trace: TracebackType | None,
     ) -> None:
-        if not self._part.exists():
-            return
         if error is not None and self.side.cut is None:
-            self.side = self.side.model_copy(update={"cut": str(error) or type(error).__name__})
+            self.note(cut=str(error) or type(error).__name__)
         self.close()
 
 
@@ -141,6 +139,8 @@ def _metadata(decoded: Decoded, side: SideFile) -> dict[str, str]:
             metadata[f"lost_{pdo.name.lower()}"] = " ".join(ranges)
     if decoded.clock:
         metadata["clock_drift_ppm"] = f"{decoded.clock.drift_ppm:.3g}"
+    if side.emergencies:
+        metadata["emergencies"] = "; ".join(side.emergencies)
     if side.cut:
         metadata["cut"] = side.cut
     return metadata

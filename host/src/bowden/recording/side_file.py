@@ -69,6 +69,7 @@ class SideFile(_Part):
     lost: dict[str, Lost] | None = None
     clock: Clock | None = None
     cut: str | None = None
+    emergencies: list[str] = Field(default_factory=list)
     metadata: dict[str, str] = Field(default_factory=dict)
 
 

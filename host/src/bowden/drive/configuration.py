@@ -1,0 +1,111 @@
+"""The drive's configuration: what differs from what is wanted, written, read back, or undone.
+
+Wanted values come as plain numbers by entry name, in SI units; where they come from is not known
+here. Only entries of role ``config`` are touched. If a write fails, those before it are taken back,
+so that the drive never keeps half of a configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from bowden.drive.client import Drive
+from bowden.drive.dictionary import lookup
+from bowden.drive.faults import describe_address
+from bowden.errors import BadInput, DriveFailed
+
+
+@dataclass(frozen=True)
+class Change:
+    """One entry of the drive that is not as wanted; raw values as on the wire."""
+
+    name: str
+    raw_before: int
+    raw_wanted: int
+
+    @property
+    def before(self) -> float:
+        """What the drive has, in `unit`."""
+        return lookup(self.name).to_value(self.raw_before)
+
+    @property
+    def wanted(self) -> float:
+        """What it should have, in `unit`."""
+        return lookup(self.name).to_value(self.raw_wanted)
+
+    @property
+    def unit(self) -> str:
+        """SI unit, empty where the entry has none."""
+        return lookup(self.name).unit or ""
+
+
+def difference(drive: Drive, wanted: Mapping[str, float]) -> list[Change]:
+    """Compare the drive's configuration with the wanted one; nothing is written.
+
+    Parameters
+    ----------
+    drive : Drive
+        Read entry by entry.
+    wanted : mapping of str to float
+        Entry name to value in the entry's unit.
+
+    Raises
+    ------
+    BadInput
+        A name that is no configuration, or a value out of the entry's range.
+    DriveFailed
+        The drive does not answer.
+    """
+    raw_wanted = {name: _raw(name, value) for name, value in wanted.items()}
+    changes = []
+    for name, raw in raw_wanted.items():
+        if (before := drive.read_raw(name)) != raw:
+            changes.append(Change(name, before, raw))
+    return changes
+
+
+def write(drive: Drive, changes: Iterable[Change]) -> None:
+    """Write the changes, read each back, and ask the drive whether it can run with them.
+
+    Raises
+    ------
+    DriveFailed
+        A write was refused or not kept, or the whole cannot run; what was written before has been
+        taken back.
+    """
+    written: list[Change] = []
+    try:
+        for change in changes:
+            written.append(change)
+            drive.write_raw(change.name, change.raw_wanted)
+            there = drive.read_raw(change.name)
+            if there != change.raw_wanted:
+                raise DriveFailed(
+                    f"node {drive.node_id} keeps {change.name} at "
+                    f"{lookup(change.name).to_value(there):.9g} instead of {change.wanted:.9g}"
+                )
+        if culprit := drive.read_raw("configuration_error"):
+            raise DriveFailed(
+                f"node {drive.node_id} cannot run with this configuration: "
+                f"{describe_address(culprit)} does not fit the rest"
+            )
+    except DriveFailed as failure:
+        raise DriveFailed(f"{failure}; {_take_back(drive, written)}") from failure
+
+
+def _take_back(drive: Drive, written: list[Change]) -> str:
+    try:
+        for change in reversed(written):
+            if drive.read_raw(change.name) != change.raw_before:
+                drive.write_raw(change.name, change.raw_before)
+    except DriveFailed:
+        return "and the old configuration could not be restored: run `bowden configure` again"
+    return "the old configuration is back"
+
+
+def _raw(name: str, value: float) -> int:
+    entry = lookup(name)
+    if entry.role != "config":
+        raise BadInput(name, f"an entry of role {entry.role}", "an entry of role config")
+    return entry.to_raw(value)

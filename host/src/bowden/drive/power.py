@@ -1,0 +1,192 @@
+"""Bringing the drive from rest to torque and back: the CiA 402 sequence, with every step checked.
+
+`powered` is the only way in that users need: whatever happens inside its block, the bridge is off
+at the end. While the bridge is on, the drive watches the host's heartbeat and stops by itself when
+the host dies or hangs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from enum import IntEnum
+
+from bowden.drive.client import Drive
+from bowden.drive.connection import HOST_NODE_ID
+from bowden.drive.faults import describe_address, describe_emergency
+from bowden.errors import DriveFailed
+
+HEARTBEAT_TIMEOUT_MS = 500
+_STEP_TIMEOUT_S = 1.0
+_ANSWERS_OUT_S = 0.02
+_FAULT_BIT = 0x0008
+
+
+class Mode(IntEnum):
+    """What the drive does while its bridge is on (`mode_of_operation`)."""
+
+    TUNNEL = -1
+    TORQUE = -2
+
+
+@dataclass(frozen=True)
+class Run:
+    """What the drive does while its bridge is on.
+
+    Parameters
+    ----------
+    mode : Mode
+        Tunnel or motor torque.
+    torque_nm : float, N m
+        Motor torque in mode TORQUE; the drive approaches it with its slew rate.
+    """
+
+    mode: Mode
+    torque_nm: float = 0.0
+
+
+#: CiA 402 states: mask and value of the statusword.
+_STATES = (
+    ("not ready to switch on", 0x4F, 0x00),
+    ("switch on disabled", 0x4F, 0x40),
+    ("ready to switch on", 0x6F, 0x21),
+    ("switched on", 0x6F, 0x23),
+    ("operation enabled", 0x6F, 0x27),
+    ("quick stop active", 0x6F, 0x07),
+    ("fault reaction active", 0x4F, 0x0F),
+    ("fault", 0x4F, 0x08),
+)
+_BRIDGE_ON = ("operation enabled", "quick stop active", "fault reaction active")
+
+_QUICK_STOP, _DISABLE_VOLTAGE, _SHUTDOWN = 0x02, 0x00, 0x06
+_SWITCH_ON, _ENABLE_OPERATION, _FAULT_RESET = 0x07, 0x0F, 0x80
+
+
+def power_state(statusword: int) -> str:
+    """Return the CiA 402 state in a statusword."""
+    for name, mask, value in _STATES:
+        if statusword & mask == value:
+            return name
+    return f"unknown (statusword {statusword:04X}h)"
+
+
+def is_fault(statusword: int) -> bool:
+    """Return whether a statusword reports a fault or the reaction to one."""
+    return bool(statusword & _FAULT_BIT)
+
+
+@contextmanager
+def powered(drive: Drive, run: Run) -> Iterator[None]:
+    """Turn the bridge on for the ``with`` block, and safely off at its end, however it ends.
+
+    Parameters
+    ----------
+    drive : Drive
+        Ends in NMT pre-operational with its bridge off.
+    run : Run
+        What to do.
+
+    Raises
+    ------
+    BadInput
+        A torque that the drive cannot be told.
+    DriveFailed
+        A fault that cannot be reset, a configuration that cannot run, or a step not taken.
+    """
+    heartbeat_before = drive.read_raw("consumer_heartbeat.1")
+    try:
+        enable(drive, run)
+        yield
+    except BaseException:
+        # The first failure is the one to tell; without our heartbeat the drive stops itself.
+        with suppress(DriveFailed):
+            safe_stop(drive)
+            drive.write_raw("consumer_heartbeat.1", heartbeat_before)
+        drive.connection.stop_heartbeat()
+        raise
+    safe_stop(drive)
+    drive.write_raw("consumer_heartbeat.1", heartbeat_before)
+
+
+def enable(drive: Drive, run: Run) -> None:
+    """Bring the drive to "operation enabled"; use `powered`, which also brings it back."""
+    if culprit := drive.read_raw("configuration_error"):
+        raise DriveFailed(
+            f"node {drive.node_id} cannot run with its {describe_address(culprit)}: "
+            "write a working configuration with `bowden configure`"
+        )
+    drive.write_raw("target_torque", 0)
+    drive.write_raw("consumer_heartbeat.1", HOST_NODE_ID << 16 | HEARTBEAT_TIMEOUT_MS)
+    drive.connection.start_heartbeat()
+    drive.nmt("OPERATIONAL")
+    if is_fault(drive.read_raw("statusword")):
+        _reset_fault(drive)
+    drive.write_raw("mode_of_operation", run.mode)
+    _step(drive, _SHUTDOWN, "ready to switch on")
+    _step(drive, _SWITCH_ON, "switched on")
+    _step(drive, _ENABLE_OPERATION, "operation enabled")
+    if run.mode is Mode.TORQUE:
+        drive.write("target_torque", run.torque_nm)
+
+
+def safe_stop(drive: Drive) -> None:
+    """Let the torque go down with the slew rate, turn the bridge off and see that it is off.
+
+    Raises
+    ------
+    DriveFailed
+        The drive does not say that its bridge is off. Everything that can be sent has been sent;
+        and without the host's heartbeat the drive turns it off by itself.
+    """
+    # After Ctrl-C, the answer to an interrupted transfer may still be on its way.
+    drive.connection.listen(_ANSWERS_OUT_S)
+    try:
+        if power_state(drive.read_raw("statusword")) in _BRIDGE_ON:
+            drive.write_raw("controlword", _QUICK_STOP)
+            _wait_for(drive, lambda state: state not in _BRIDGE_ON)
+        drive.write_raw("controlword", _DISABLE_VOLTAGE)
+        state = _wait_for(drive, lambda state: state not in _BRIDGE_ON)
+    except DriveFailed as error:
+        drive.nmt("PRE-OPERATIONAL")  # leaving operational turns the bridge off as well
+        drive.connection.stop_heartbeat()
+        raise DriveFailed(
+            f"node {drive.node_id} has not confirmed that its bridge is off ({error}); it turns it "
+            f"off by itself after {HEARTBEAT_TIMEOUT_MS} ms without this host"
+        ) from error
+    drive.nmt("PRE-OPERATIONAL")
+    drive.connection.stop_heartbeat()
+    if state in _BRIDGE_ON:
+        raise DriveFailed(f"node {drive.node_id} stays in {state!r}: cut its power")
+
+
+def _reset_fault(drive: Drive) -> None:
+    drive.write_raw("controlword", _DISABLE_VOLTAGE)
+    drive.write_raw("controlword", _FAULT_RESET)  # acts on the rising edge
+    drive.write_raw("controlword", _DISABLE_VOLTAGE)
+    if "fault" in _wait_for(drive, lambda state: "fault" not in state):
+        raise DriveFailed(f"node {drive.node_id} has a fault that stays: {last_error(drive)}")
+
+
+def last_error(drive: Drive) -> str:
+    """Return the drive's present error in words."""
+    return describe_emergency(drive.read_raw("error_code"))
+
+
+def _step(drive: Drive, controlword: int, wanted: str) -> None:
+    drive.write_raw("controlword", controlword)
+    state = _wait_for(drive, lambda state: state == wanted or "fault" in state)
+    if state != wanted:
+        error = drive.read_raw("error_code")
+        why = describe_emergency(error) if error else "no error reported"
+        raise DriveFailed(f"node {drive.node_id} does not reach {wanted!r} but {state!r}: {why}")
+
+
+def _wait_for(drive: Drive, reached: Callable[[str], bool]) -> str:
+    """Read the state until it is `reached` or time is over; return the last one."""
+    clock = drive.connection.clock
+    deadline = clock() + _STEP_TIMEOUT_S
+    while True:
+        state = power_state(drive.read_raw("statusword"))
+        if reached(state) or clock() >= deadline:
+            return state

@@ -1,0 +1,122 @@
+"""What a capture says of itself: what its PDOs carry, what the drive was told, who recorded it.
+
+Reads the drive, writes nothing; `capture` puts the answer into the side file.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from bowden.drive.client import Drive
+from bowden.drive.dictionary import TABLE, TPDOS
+from bowden.drive.entry import Entry, Layout
+from bowden.drive.power import Mode, Run
+from bowden.errors import DriveFailed
+from bowden.recording.side_file import PdoField, PdoLayout, SideFile
+
+_PDO_DOES_NOT_EXIST = 1 << 31
+_UNIT_SUFFIX = {"rad": "rad", "N m": "nm", "A": "a", "V": "v", "degC": "c", "N": "n", "s": "s"}
+#: Names of the values of `tunnel_angle_source`.
+ANGLE_SOURCES = ("load", "motor", "scaled-motor")
+
+
+def read_layouts(drive: Drive) -> list[Layout]:
+    """Read from the drive what its TPDOs carry now; someone may have mapped them anew."""
+    layouts = []
+    for default in TPDOS:
+        cob_id = drive.read_raw(f"{default.name}_communication.cob_id")
+        if cob_id & _PDO_DOES_NOT_EXIST:
+            continue
+        count = drive.read_raw(f"{default.name}_mapping.count")
+        entries = [
+            _mapped(drive, drive.read_raw(f"{default.name}_mapping.object_{i}"))
+            for i in range(1, count + 1)
+        ]
+        layouts.append(Layout(default.name, cob_id & 0x7FF, default.event_ms, tuple(entries)))
+    names = [{entry.name for entry in layout.entries} for layout in layouts] or [set()]
+    if {"sample_counter", "device_time"} - names[0] or any(
+        "sample_counter_low" not in others for others in names[1:]
+    ):
+        raise DriveFailed(
+            f"node {drive.node_id} does not send sample_counter and device_time in its first TPDO "
+            "and sample_counter_low in the others: reset it to its default mapping"
+        )
+    return layouts
+
+
+def _mapped(drive: Drive, mapping: int) -> Entry:
+    entry = TABLE.at(mapping >> 16, mapping >> 8 & 0xFF)
+    if entry is None:
+        raise DriveFailed(f"node {drive.node_id} maps {mapping >> 16:04X}h, unknown to this bowden")
+    return entry
+
+
+def side_file(drive: Drive, layouts: list[Layout], metadata: dict[str, str]) -> SideFile:
+    """Make the side file of a recording that is about to start."""
+    return SideFile(
+        bowden=version("bowden"),
+        git=_git_describe(),
+        dictionary_hash=f"{drive.read_raw('dictionary_hash'):08X}h",
+        node_id=drive.node_id,
+        adapter=drive.connection.adapter,
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        sample_period_s=drive.read("tpdo1_communication.event_timer") or 1e-3,
+        pdos=[
+            PdoLayout(
+                name=layout.name.upper(),
+                cob_id=layout.cob_id,
+                fields=[_field(entry) for entry in layout.entries],
+            )
+            for layout in layouts
+        ],
+        metadata=metadata,
+    )
+
+
+def _field(entry: Entry) -> PdoField:
+    if entry.name == "statusword":
+        column = "status"
+    else:
+        suffix = _UNIT_SUFFIX.get(entry.unit or "")
+        column = "_".join(filter(None, [entry.name.replace(".", "_"), suffix]))
+    return PdoField(
+        name=entry.name,
+        bits=entry.bits,
+        signed=entry.signed,
+        scale=1.0 if entry.scale is None else entry.scale,
+        column=column,
+    )
+
+
+def run_metadata(drive: Drive, run: Run | None) -> dict[str, str]:
+    """Tell what the drive is told to do, so that the recording can be judged without the drive."""
+    if run is None:
+        return {}
+    if run.mode is Mode.TORQUE:
+        return {"drive_mode": "torque", "target_torque_nm": f"{run.torque_nm:.9g}"}
+    return {
+        "drive_mode": "tunnel",
+        "tunnel_half_width_rad": f"{drive.read('tunnel_half_width'):.9g}",
+        "tunnel_stiffness_nm_per_rad": f"{drive.read('tunnel_stiffness'):.9g}",
+        "tunnel_torque_limit_nm": f"{drive.read('tunnel_torque_limit'):.9g}",
+        "tunnel_angle_source": ANGLE_SOURCES[drive.read_raw("tunnel_angle_source")],
+    }
+
+
+def _git_describe() -> str | None:
+    """Return the state of the source that records, where it runs from a git checkout."""
+    try:
+        done = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--tags"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None
