@@ -20,7 +20,7 @@ from can.broadcastmanager import CyclicSendTaskABC
 from hil_tests.bench import TICKS_PER_S, Bench
 from hil_tests.frame_loss import Loss
 
-PATIENCE_S: Final = 60.0  # of virtual time, for recv(None)
+PATIENCE_S: Final = 10.0  # of virtual time, for recv(None)
 
 
 class VirtualBus(can.BusABC):
@@ -66,7 +66,7 @@ class VirtualBus(can.BusABC):
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Next frame that passes the filters; lets up to `timeout` of virtual time pass for it.
 
-        Raises can.CanTimeoutError when no timeout is given and a minute of silence passes.
+        Raises can.CanTimeoutError when no timeout is given and ten seconds of silence pass.
         """
         wait_s = PATIENCE_S if timeout is None else timeout
         with self._pumping:

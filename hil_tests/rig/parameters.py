@@ -14,9 +14,25 @@ asks whether the drive copes or the diagnosis finds it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal
 
+
+def _check(part: object, positive: tuple[str, ...]) -> None:
+    """Refuse what no rig has: `positive` must be above 0, every other friction or noise not below.
+
+    Errors, offsets and drifts may have either sign.
+    """
+    for name in positive:
+        if not getattr(part, name) > 0.0:
+            raise ValueError(f"{name}: found {getattr(part, name)}; accepted: above 0")
+    for name, value in vars(part).items():
+        signed = name in positive or any(word in name for word in SIGNED)
+        if not signed and isinstance(value, int | float) and not value >= 0.0:
+            raise ValueError(f"{name}: found {value}; accepted: 0 or above")
+
+
+SIGNED = ("error", "offset", "drift", "asymmetry", "eccentricity", "temperature")
 HandMotion = Literal["still", "sine", "locked", "free"]
 
 
@@ -63,6 +79,19 @@ class Cable:
     contact_stiffness_n_per_m2: float = 1.5e6
     material_damping_s: float = 1.0e-5
 
+    def __post_init__(self) -> None:
+        _check(
+            self,
+            positive=(
+                "length_m",
+                "axial_stiffness_n",
+                "mass_per_length_kg_per_m",
+                "contact_stiffness_n_per_m2",
+            ),
+        )
+        if any(length <= 0.0 or radius <= 0.0 for length, radius in self.path):
+            raise ValueError(f"path: found {self.path}; accepted: lengths and radii above 0")
+
     @property
     def length_m(self) -> float:
         """Length of the conduit in metres."""
@@ -96,6 +125,9 @@ class Motor:
     bearing_viscous_nm_s_per_rad: float = 0.0
     eccentricity: float = 0.0
 
+    def __post_init__(self) -> None:
+        _check(self, positive=("pulley_radius_m", "inertia_kg_m2", "amplifier_bandwidth_hz"))
+
 
 @dataclass(frozen=True)
 class Load:
@@ -105,6 +137,9 @@ class Load:
     inertia_kg_m2: float = 5.0e-3
     cell_side_inertia_kg_m2: float = 0.0
     bearing_friction_nm: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("pulley_radius_m", "inertia_kg_m2"))
 
 
 @dataclass(frozen=True)
@@ -124,6 +159,9 @@ class Hand:
     stiffness_nm_per_rad: float = 200.0
     damping_nm_s_per_rad: float = 2.0
     starts: Literal["on-enable", "now"] = "on-enable"
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("ramp_s",))
 
 
 @dataclass(frozen=True)
@@ -151,6 +189,18 @@ class Sensing:
     bus_voltage_v: float = 24.0
     conduit_temperature_c: float = 25.0
 
+    def __post_init__(self) -> None:
+        _check(
+            self,
+            positive=(
+                "motor_counts_per_turn",
+                "load_counts_per_turn",
+                "load_cell_nm_per_count",
+                "load_cell_full_scale_nm",
+                "current_a_per_count",
+            ),
+        )
+
 
 @dataclass(frozen=True)
 class Rig:
@@ -171,3 +221,35 @@ class Rig:
     sensing: Sensing = field(default_factory=Sensing)
     elements: int = 32
     substeps: int = 12
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("elements", "substeps"))
+
+
+def changed(rig: Rig, assignment: str) -> Rig:
+    """Rig with one number changed, for example by ``"cable.viscous_s_per_m=0.3"``.
+
+    Raises ValueError that says what would have been accepted.
+    """
+    name, _, text = assignment.partition("=")
+    part_name, _, field_name = name.partition(".")
+    parts = {f.name for f in fields(rig) if not isinstance(f.default, int)}
+    if part_name not in parts:
+        raise ValueError(
+            f"rig: found {assignment!r}; accepted: one of {sorted(parts)}, then .FIELD="
+        )
+    part = getattr(rig, part_name)
+    numbers = {
+        f.name: type(getattr(part, f.name))
+        for f in fields(part)
+        if isinstance(getattr(part, f.name), int | float)
+    }
+    if field_name not in numbers:
+        raise ValueError(f"rig.{part_name}: found {field_name!r}; accepted: {sorted(numbers)}")
+    try:
+        value = numbers[field_name](text)
+    except ValueError:
+        raise ValueError(f"rig.{name}: found {text!r}; accepted: a number") from None
+    if not math.isfinite(value):
+        raise ValueError(f"rig.{name}: found {text!r}; accepted: a finite number")
+    return replace(rig, **{part_name: replace(part, **{field_name: value})})
