@@ -139,8 +139,11 @@ def run_command(
         return _fail(name, "terminated", EXIT_TERMINATED)
     except KeyboardInterrupt:
         return _fail(name, "interrupted", EXIT_INTERRUPTED)
-    except (BadInput, OSError) as problem:
+    except BadInput as problem:
         return _fail(name, str(problem), EXIT_BAD_INPUT)
+    except OSError as problem:
+        where = f"{problem.filename}: " if problem.filename else ""
+        return _fail(name, f"{where}{problem.strerror or problem}", EXIT_BAD_INPUT)
     except ValueError as problem:
         if not _is_model_error(problem):
             raise

@@ -1,0 +1,103 @@
+"""Say who a drive is, how it is, what it measures now, and what went wrong before."""
+
+from __future__ import annotations
+
+import argparse
+
+from rich.table import Table
+
+from bowden.cli.drive_arguments import add_drive_arguments
+from bowden.cli.output import add_json_argument, console, print_json
+from bowden.drive.bus_options import bus_options
+from bowden.drive.client import Drive, connect
+from bowden.drive.dictionary import HASH, lookup
+from bowden.drive.faults import describe_address, describe_emergency
+from bowden.drive.power import Mode, power_state
+
+EXAMPLES = """examples:
+  bowden info
+  bowden info --node 17 -i socketcan -c can0 --json
+"""
+
+_HEARTBEAT_S = 0.5
+_MEASURED = (
+    "motor_angle",
+    "load_angle",
+    "motor_torque",
+    "load_torque",
+    "bus_voltage",
+    "conduit_temperature",
+)
+_COUNTS = ("saturation_count", "tx_overflow_count")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    add_json_argument(parser)
+    add_drive_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Ask and show. Another dictionary is told, not refused: that is what one asks for."""
+    with connect(bus_options(args), args.node, force=True) as drive:
+        document = describe(drive)
+    if args.json:
+        print_json(document)
+    console().print(_table(document))
+    return 0
+
+
+def describe(drive: Drive) -> dict[str, object]:
+    """Collect all that the drive says of itself; values in SI units, units in the names."""
+    drive.connection.wait_for(lambda: drive.nmt_state != "UNKNOWN", _HEARTBEAT_S)
+    there = drive.read_raw("dictionary_hash")
+    culprit = drive.read_raw("configuration_error")
+    error = drive.read_raw("error_code")
+    history = [
+        drive.read_raw(f"error_history.{place}")
+        for place in range(1, drive.read_raw("error_history.count") + 1)
+    ]
+    return {
+        "node_id": drive.node_id,
+        "name": drive.read_text("device_name"),
+        "hardware_version": drive.read_text("hardware_version"),
+        "software_version": drive.read_text("software_version"),
+        "serial_number": drive.read_raw("identity.serial_number"),
+        "dictionary_hash": f"{there:08X}h",
+        "dictionary_matches": there == HASH,
+        "nmt_state": drive.nmt_state,
+        "power_state": power_state(drive.read_raw("statusword")),
+        "mode": _mode(drive.read_raw("mode_of_operation_display")),
+        "error": describe_emergency(error) if error else None,
+        "error_history": [describe_emergency(code & 0xFFFF) for code in history],
+        "configuration_error": describe_address(culprit) if culprit else None,
+        **{name: drive.read_raw(name) for name in _COUNTS},
+        "measured": {
+            name: {"value": drive.read(name), "unit": lookup(name).unit} for name in _MEASURED
+        },
+    }
+
+
+def _mode(code: int) -> str:
+    return Mode(code).name.lower() if code in tuple(Mode) else "none"
+
+
+def _table(document: dict[str, object]) -> Table:
+    table = Table(show_header=False, box=None)
+    for key, value in document.items():
+        name = key.replace("_", " ")
+        if isinstance(value, dict):
+            for channel, measured in value.items():
+                shown = f"{measured['value']:.6g} {measured['unit']}"
+                table.add_row(channel.replace("_", " "), shown)
+        else:
+            table.add_row(name, _shown(value))
+    return table
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, list):
+        return "\n".join(value) or "none"
+    if isinstance(value, bool):
+        return "yes" if value else "NO"
+    return "none" if value is None else str(value)

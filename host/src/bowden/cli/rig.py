@@ -1,0 +1,84 @@
+"""Run the simulated rig: motor, two cables, load, a person's hand, and the drive's firmware.
+
+It appears on a CAN bus as a drive would, in real time, until Ctrl-C. All arguments that are not
+listed here go to the rig's own program; see --rig-help.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+
+from bowden.drive.bus_options import BusOptions, add_bus_arguments, bus_options
+from bowden.drive.dictionary import DEFAULT_NODE_ID
+from bowden.errors import BadInput, DriveFailed
+
+EXAMPLES = """examples:
+  bowden rig                                  on this machine only, no CAN hardware needed
+  bowden rig -- --human still                 nobody moves the handle
+  bowden rig -i socketcan -c vcan0            on a virtual CAN interface of the kernel
+"""
+
+_PROCESS = "hil_tests.rig_process"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument(
+        "--node", type=int, default=DEFAULT_NODE_ID, metavar="N", help="its node id (default 16)"
+    )
+    parser.add_argument("--rig-help", action="store_true", help="show the rig's own arguments")
+    parser.add_argument(
+        "rig_arguments", nargs="*", metavar="-- RIG ARGUMENT", help="handed to the rig"
+    )
+    add_bus_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the rig until it ends or is interrupted."""
+    further = ["--help"] if args.rig_help else args.rig_arguments
+    process = subprocess.Popen(rig_command(bus_options(args), args.node, further))
+    try:
+        status = process.wait()
+    except KeyboardInterrupt:
+        stop(process)
+        return 0
+    if status:
+        raise DriveFailed(f"the simulated rig ended with status {status}; its own line says why")
+    return 0
+
+
+def rig_command(
+    options: BusOptions, node_id: int = DEFAULT_NODE_ID, further: Sequence[str] = ()
+) -> list[str]:
+    """Return the command line that starts the simulated rig.
+
+    Raises
+    ------
+    BadInput
+        The simulated rig (the repository's bench) is not installed.
+    """
+    if find_spec("hil_tests") is None:
+        raise BadInput(
+            "bowden rig",
+            "no simulated rig in this installation",
+            "an installation from the repository (`make` there, or `pip install -e . -e host`)",
+        )
+    return [
+        sys.executable, "-m", _PROCESS, *options.flags(), "--node-id", str(node_id), *further
+    ]  # fmt: skip
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """End a rig politely, and at once where it does not listen."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+    try:
+        process.wait(timeout=5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
