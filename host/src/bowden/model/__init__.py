@@ -1,11 +1,25 @@
 """The offline model of a cable-conduit pair: what the transmission does, computed on the host.
 
 Imports nothing of the rest of `bowden` and no bus. A model file becomes a `Model`, two given series
-become `Inputs`, and `simulate` returns the `Trajectory` that `diagnosis` and `cli` compare and write.
+become `Inputs`, and `simulate` returns the `Trajectory` that `diagnosis` and `cli` go on with.
 """
 
+from bowden.model.description import Model, format_model, parse_model, table_1
 from bowden.model.errors import ModelError
+from bowden.model.simulation import simulate
 from bowden.model.trajectory import Inputs, Mode, Trajectory
 from bowden.model.transmission import FrictionLaw, Transmission
 
-__all__ = ["FrictionLaw", "Inputs", "Mode", "ModelError", "Trajectory", "Transmission"]
+__all__ = [
+    "FrictionLaw",
+    "Inputs",
+    "Mode",
+    "Model",
+    "ModelError",
+    "Trajectory",
+    "Transmission",
+    "format_model",
+    "parse_model",
+    "simulate",
+    "table_1",
+]

@@ -91,6 +91,12 @@ class Transmission:
     friction : FrictionLaw
     segments : int or None
         Mesh: number of segments a cable. None lets the mesh-free solver take it where it can.
+    graded : bool
+        Segments of equal wrap within each piece of the path, in place of equal length.
+    rest_time_s : float, s, >= 0
+        With stiction: how long an end must be at rest until its cable sticks again.
+    velocity_dead_band_m_per_s : float, m/s, >= 0
+        Speed of a cable end below which it counts as at rest.
     initial_position_m, initial_tension_n : ndarray of shape (n_points,) or None, m and N
         Initial tension profile of both cables in place of the uniform pretension: linear between
         the points; positions rise from 0 to L.
@@ -104,6 +110,9 @@ class Transmission:
     load_pulley_radius_m: float
     friction: FrictionLaw
     segments: int | None = None
+    graded: bool = False
+    rest_time_s: float = 0.02
+    velocity_dead_band_m_per_s: float = 1e-6
     initial_position_m: FloatArray | None = None
     initial_tension_n: FloatArray | None = None
 

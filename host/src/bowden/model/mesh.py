@@ -1,0 +1,202 @@
+"""The cable cut into segments: a chain of Coulomb sliders joined by springs.
+
+Reads a `Transmission`; `mesh_events` and `mesh_rates` step what is built here.
+
+Nodes 0..N carry a tension, segments 0..N-1 the friction. The friction of segment j acts at a slider
+inside it, and a segment whose end tensions are T_j and T_j+1 has the stretch
+
+    w_j (T_j + T_{j+1}) ds_j / EA,    w = tanh(a/2)/a,    a_j = mu_d ds_j/R_j.
+
+A sliding segment has T_{j+1} = T_j exp(+-a_j), eq. (1), and with this w its stretch is exactly
+that of eq. (2), in both directions; a segment at rest next to a moving one obeys eq. (3) with w in
+place of the half (w -> 1/2 as a -> 0). So the stretch is a function of the tensions alone: nothing
+jumps when a segment starts, stops or reverses, and a dwell leaves no trace. Twice ``w ds/EA`` is
+short, by a^2/12, of the stretch ds/EA of a segment that still has its uniform pretension. Until a
+segment first slides, its halves therefore follow the two straight lines that join the uniform
+state to the two sliding ones (`virgin_slope`), and plateaus do not depend on N.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.model.transmission import FloatArray, Transmission
+
+RELEASE, PULL = 0, 1
+DEFAULT_SEGMENTS = 100
+
+
+class Tables(NamedTuple):
+    """Constants of both cables; axes: cable c, end e (0 motor, 1 load), motion of that end, place.
+
+    The motion is RELEASE or PULL; places count from the end e. ``decay[c, e, d, n]`` is the tension
+    at node n over that at the end while all between slides; ``outer`` the stretch, per newton at
+    the end, from the end to the near side of node n (its inner half-segment left out), m/N.
+    ``half[e, n]`` and ``half_virgin[e, side, n]`` (side RELEASE: below pretension, PULL: above) are
+    the compliance of half a segment, m/N; ``hold[c, e, d, n]`` is the ratio of tensions over
+    segment n that starts it, ``sticks`` whether that exceeds the ratio while it slides.
+    """
+
+    decay: FloatArray
+    outer: FloatArray
+    half: FloatArray
+    half_virgin: FloatArray
+    hold: FloatArray
+    pretension_n: float
+    sticks: bool
+
+
+class State(NamedTuple):
+    """What the cables remember, changed in place.
+
+    ``node_n[c, i]`` is valid between the two moving zones; a zone's tensions follow from ``end_n``
+    by `Tables.decay`. ``depth[c, e]`` counts the sliding segments from end e, ``motion[c, e]`` is
+    RELEASE or PULL, ``virgin[c]`` the range of segments that never slid, ``gap_m[c]`` how far a
+    slack cable is from being taut (-1 while taut), ``rest_s[c, e]`` how long an end has rested.
+    """
+
+    node_n: FloatArray
+    end_n: FloatArray
+    depth: NDArray[np.int64]
+    motion: NDArray[np.int64]
+    virgin: NDArray[np.int64]
+    gap_m: FloatArray
+    rest_s: FloatArray
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Segments of one cable, motor to load.
+
+    Parameters
+    ----------
+    length_m : ndarray of shape (N,), m
+    wrap_rad : ndarray of shape (N,), rad
+        Angle turned within each segment, integral of ds/R.
+    """
+
+    length_m: FloatArray
+    wrap_rad: FloatArray
+
+    @property
+    def position_m(self) -> FloatArray:
+        """Place of the N + 1 nodes."""
+        return np.concatenate(([0.0], np.cumsum(self.length_m)))
+
+
+def cut(transmission: Transmission) -> Mesh:
+    """Cut the path into segments: of equal length, or graded by curvature.
+
+    Graded, every piece of the path starts with one segment and the others go, one by one, to the
+    piece whose segments turn by the largest angle. A straight piece needs one segment only: there
+    the tension does not change. With fewer segments than pieces the cut is uniform.
+    """
+    n = transmission.segments or DEFAULT_SEGMENTS
+    lengths, curvatures = transmission.piece_length_m, transmission.piece_curvature_per_m
+    ends = np.concatenate(([0.0], np.cumsum(lengths)))
+    if transmission.graded and n >= lengths.size:
+        turned = lengths * curvatures + 1e-9 * lengths
+        count = np.ones(lengths.size, dtype=np.int64)
+        for _ in range(n - lengths.size):
+            count[np.argmax(turned / count)] += 1
+        place = np.concatenate(
+            [[0.0]]
+            + [ends[i] + lengths[i] * np.arange(1, k + 1) / k for i, k in enumerate(count.tolist())]
+        )
+    else:
+        place = np.linspace(0.0, ends[-1], n + 1)
+    angle_at_end = np.concatenate(([0.0], np.cumsum(lengths * curvatures)))
+    wrap = np.maximum(np.diff(np.interp(place, ends, angle_at_end)), 0.0)
+    return Mesh(np.diff(place), wrap)
+
+
+def slide_exponent(transmission: Transmission, mesh: Mesh) -> FloatArray:
+    """Return a = mu_d ds/R by cable and direction (0: towards the motor), shape (2, 2, N)."""
+    law = transmission.friction
+    base = law.mu_d * mesh.wrap_rad
+    plus, minus = base * (1 + law.direction_asymmetry), base * (1 - law.direction_asymmetry)
+    # The pair moves to positive angle when cable a runs to the motor and cable b to the load.
+    return np.array([[plus, minus], [minus, plus]])
+
+
+def tables(transmission: Transmission) -> Tables:
+    """Compute the constants of the sliding zones for a constant friction coefficient."""
+    law = transmission.friction
+    mesh = cut(transmission)
+    n = mesh.length_m.size
+    exponent = slide_exponent(transmission, mesh)
+    curvature = mesh.wrap_rad / mesh.length_m
+    stiction_m = mesh.length_m if law.stiction_length_m is None else law.stiction_length_m
+    excess = (law.mu_s - law.mu_d) * stiction_m * curvature
+    compliance = mesh.length_m / transmission.axial_stiffness_n
+
+    decay = np.empty((2, 2, 2, n + 1))
+    outer = np.empty((2, 2, 2, n + 1))
+    half = np.empty((2, n))
+    half_virgin = np.empty((2, 2, n))
+    hold = np.empty((2, 2, 2, n))
+    for cable in range(2):
+        mean = exponent[cable].mean(axis=0)
+        for end in range(2):
+            order = slice(None) if end == 0 else slice(None, None, -1)
+            weight = (sliding_weight(mean) * compliance)[order]
+            half[end] = weight
+            for motion in (RELEASE, PULL):
+                towards_load = motion if end == 1 else 1 - motion
+                a = exponent[cable, towards_load][order]
+                sign = 1.0 if motion == PULL else -1.0
+                fall = np.exp(-sign * np.concatenate(([0.0], np.cumsum(a))))
+                both = weight * (fall[:-1] + fall[1:])
+                decay[cable, end, motion] = fall
+                outer[cable, end, motion] = np.concatenate(([0.0], np.cumsum(both)))
+                half_virgin[end, motion] = (virgin_slope(mean, motion) * compliance)[order]
+                hold[cable, end, motion] = np.exp(a + excess[order])
+    return Tables(
+        decay, outer, half, half_virgin, hold, transmission.pretension_n, law.has_stiction
+    )
+
+
+def rest_state(transmission: Transmission) -> State:
+    """Return both cables at rest: uniform pretension, or the given initial profile."""
+    mesh = cut(transmission)
+    n = mesh.length_m.size
+    virgin = np.array([[0, n], [0, n]], dtype=np.int64)
+    node = np.full((2, n + 1), transmission.pretension_n)
+    if transmission.initial_position_m is not None and transmission.initial_tension_n is not None:
+        node[:] = np.interp(
+            mesh.position_m, transmission.initial_position_m, transmission.initial_tension_n
+        )
+        virgin[:] = 0
+    gap = np.where(node.max(axis=1) > 0, -1.0, 0.0)
+    return State(
+        node_n=node,
+        end_n=np.ascontiguousarray(node[:, [0, n]]),
+        depth=np.zeros((2, 2), dtype=np.int64),
+        motion=np.full((2, 2), PULL, dtype=np.int64),
+        virgin=virgin,
+        gap_m=gap,
+        rest_s=np.zeros((2, 2)),
+    )
+
+
+def sliding_weight(a: FloatArray) -> FloatArray:
+    """Return tanh(a/2)/a, 1/2 at a = 0."""
+    small = a < 1e-4
+    safe = np.where(small, 1.0, a)
+    return np.where(small, 0.5 - a**2 / 24, np.tanh(safe / 2) / safe)
+
+
+def virgin_slope(a: FloatArray, side: int) -> FloatArray:
+    """Return the half-segment compliance, over ds/EA, of a segment that never slid.
+
+    It joins the stretch T0 at (T0, T0) to the one of eq. (2) at (T0 exp(+-a), T0).
+    """
+    small = a < 1e-3
+    safe = np.where(small, 1.0, a)
+    if side == PULL:
+        return np.where(small, 0.5 - a / 12, 1 / safe - 1 / np.expm1(safe))
+    return np.where(small, 0.5 + a / 12, 1 / -np.expm1(-safe) - 1 / safe)

@@ -1,0 +1,202 @@
+"""Steps the mesh exactly from event to event, for friction that knows no rate.
+
+Reads `mesh.Tables` and `mesh.State`, uses `mesh_zones`; `mesh_solver` calls `run`.
+
+Within a sample the given series are linear in time, and between two events (a segment starts to
+slide, a cable goes slack or taut) everything else is linear too, so the answer does not depend on
+the step. With a torque given at one pulley, its angle follows from the torque balance at each piece
+of the way. Displacements are those of the cable ends, towards the load: u = -r theta for cable a
+and +r theta for cable b; each cable feels them with its sign, +1 and -1.
+"""
+
+# ruff: noqa: PLR0912, PLR0917  (kernels take their state apart; numba knows no keyword-only)
+
+from __future__ import annotations
+
+from bowden.model.compiled import compiled
+from bowden.model.mesh import State, Tables
+from bowden.model.mesh_zones import (
+    GOES_SLACK,
+    GOES_TAUT,
+    SLIDE,
+    advance,
+    freeze,
+    make_slack,
+    make_taut,
+    next_event,
+    settle,
+    slide,
+    slides_whole,
+    stiffness,
+)
+from bowden.model.trajectory import NOT_CARRIED, FloatArray
+
+BALANCED = 1e-13
+
+
+@compiled
+def settle_pair(t: Tables, s: State, motor: float, load: float) -> bool:
+    """Fit both cables' zones to the motion of the pulleys; True if something changed."""
+    change_a = settle(t, s, 0, motor, load)
+    change_b = settle(t, s, 1, -motor, -load)
+    return change_a or change_b
+
+
+@compiled
+def free_motion(t: Tables, s: State, free: int, force: float, other: float) -> float:
+    """Displacement of the free pulley that adds `force` to its difference of tensions, m."""
+    total, coupled = 0.0, 0.0
+    for cable in range(2):
+        k = stiffness(t, s, cable, free)
+        total += k
+        if k > 0 and slides_whole(t, s, cable):
+            coupled += k
+    return (force - coupled * other) / total
+
+
+@compiled
+def reach_for(t: Tables, s: State, free: int, force: float) -> float:
+    """Turn the free pulley, both cables slack, until the one that can carry `force` is taut."""
+    cable = 0 if force > 0 else 1
+    jump = s.gap_m[cable]
+    s.gap_m[1 - cable] += jump
+    pull = 1.0
+    if free == 0:
+        make_taut(t, s, cable, pull, -pull)
+    else:
+        make_taut(t, s, cable, -pull, pull)
+    return float(jump if cable == 0 else -jump)
+
+
+@compiled
+def happen(t: Tables, s: State, cable: int, what: int, end: int, motor: float, load: float) -> None:
+    """Let an event of `mesh_zones.next_event` happen."""
+    if what == SLIDE:
+        slide(t, s, cable, end)
+    elif what == GOES_SLACK:
+        make_slack(s, cable)
+    elif what == GOES_TAUT:
+        make_taut(t, s, cable, motor, load)
+
+
+@compiled
+def step(
+    t: Tables, s: State, free: int, force_0: float, force_1: float, motor: float, load: float
+) -> tuple[float, int]:
+    """Take one sample.
+
+    `free` is the pulley whose torque is given (0 motor, 1 load, -1 none) and force_0, force_1 the
+    difference of tensions it asks for before and after. Displacements motor and load, m, of the
+    pulley that is not free are given. Returns the free pulley's displacement and flags.
+    """
+    left, moved, flags = 1.0, 0.0, 0
+    given = load if free == 0 else motor
+    limit = 64 * t.half.shape[1] + 1000
+    for _ in range(limit):
+        balancing, force, other = False, 0.0, given * left
+        if free >= 0:
+            now = s.end_n[0, free] - s.end_n[1, free]
+            scale = s.end_n[0, free] + s.end_n[1, free] + abs(force_0) + abs(force_1)
+            error = force_0 + (1 - left) * (force_1 - force_0) - now
+            balancing = abs(error) > BALANCED * scale
+            force = error if balancing else force_1 - now
+            other = 0.0 if balancing else given * left
+            if abs(force) <= BALANCED * scale:
+                force = 0.0
+            if s.gap_m[0] >= 0 and s.gap_m[1] >= 0 and force != 0:
+                moved += reach_for(t, s, free, force)
+                flags = NOT_CARRIED
+                continue
+        # The zones that fit the motion, and the motion that fits the zones.
+        x, y = motor * left, load * left
+        for _fit in range(limit):
+            if free >= 0:
+                x = 0.0
+                if s.gap_m[0] < 0 or s.gap_m[1] < 0:
+                    x = free_motion(t, s, free, force, other)
+                y = other
+                if free == 1:
+                    x, y = y, x
+            if not settle_pair(t, s, x, y):
+                break
+        first, what, end = next_event(t, s, 0, x, y)
+        first_b, what_b, end_b = next_event(t, s, 1, -x, -y)
+        cable = 0
+        if first_b < first:
+            first, what, end, cable = first_b, what_b, end_b, 1
+        advance(t, s, 0, x, y, first)
+        advance(t, s, 1, -x, -y, first)
+        if free >= 0:
+            moved += first * (x if free == 0 else y)
+        if not balancing:
+            left *= 1 - first
+        if what == 0 and not balancing:
+            return moved, flags
+        sign = 1.0 if cable == 0 else -1.0
+        happen(t, s, cable, what, end, sign * x, sign * y)
+    return moved, flags | 8
+
+
+@compiled
+def stick_at_rest(
+    t: Tables, s: State, motor: float, load: float, dt: float, dead_band: float, rest_s: float
+) -> None:
+    """Let a zone stick again once its end has been at rest for `rest_s` (stiction only)."""
+    for cable in range(2):
+        for end in range(2):
+            moving = abs(motor if end == 0 else load) > dead_band * dt
+            s.rest_s[cable, end] = 0.0 if moving else s.rest_s[cable, end] + dt
+        if s.gap_m[cable] >= 0:
+            continue
+        at_rest = s.rest_s[cable, 0] > rest_s, s.rest_s[cable, 1] > rest_s
+        whole = slides_whole(t, s, cable)
+        for end in range(2):
+            if s.depth[cable, end] > 0 and at_rest[end] and (at_rest[1 - end] or not whole):
+                freeze(t, s, cable, end)
+
+
+@compiled
+def run(
+    t: Tables,
+    s: State,
+    free: int,
+    time: FloatArray,
+    motor: FloatArray,
+    load: FloatArray,
+    dead_band: float,
+    rest_s: float,
+    out: FloatArray,
+) -> int:
+    """Run all samples.
+
+    `motor` and `load` are forces (difference of tensions, N) at the free pulley and displacements
+    (of cable a's end, outward, m) at the other. Row of `out`: free pulley's displacement, T1a, TLa,
+    T1b, TLb, flags. Returns the number of samples in which a step did not end (always 0).
+    """
+    failed, place = 0, 0.0
+    force_before, x_before, y_before = 0.0, motor[0], load[0]
+    for i in range(time.size):
+        dt = time[i] - time[i - 1] if i > 0 else 0.0
+        force = 0.0
+        x, y = motor[i] - x_before, load[i] - y_before
+        if free == 0:
+            force, x = motor[i], 0.0
+        elif free == 1:
+            force, y = load[i], 0.0
+        moved, flags = step(t, s, free, force_before if i > 0 else force, force, x, y)
+        place += moved
+        if free == 0:
+            x = moved
+        elif free == 1:
+            y = moved
+        if t.sticks:
+            stick_at_rest(t, s, x, y, dt, dead_band, rest_s)
+        force_before, x_before, y_before = force, motor[i], load[i]
+        failed += flags >> 3
+        out[i, 0] = place
+        out[i, 1] = s.end_n[0, 0]
+        out[i, 2] = s.end_n[0, 1]
+        out[i, 3] = s.end_n[1, 0]
+        out[i, 4] = s.end_n[1, 1]
+        out[i, 5] = (flags & 7) + (s.gap_m[0] >= 0) + 2 * (s.gap_m[1] >= 0)
+    return failed

@@ -1,0 +1,279 @@
+"""One cable of the mesh: its two moving zones, how they answer, grow, meet, stop and go slack.
+
+Compiled helpers over `mesh.Tables` and `mesh.State`; `mesh_events` drives them through time.
+
+From each end e a zone of ``depth`` segments slides; between the zones the cable is at rest. At both
+ends the same words hold, seen from the end: its outward displacement pulls (PULL) or pays out
+(RELEASE). When the depths add up to N no segment is at rest: with opposite motions the cable moves
+as a whole, with equal ones it parts at a neutral node.
+"""
+
+# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+
+from __future__ import annotations
+
+from bowden.model.compiled import compiled
+from bowden.model.mesh import PULL, RELEASE, State, Tables
+
+NOTHING, SLIDE, KINK, GOES_SLACK, GOES_TAUT = 0, 1, 2, 3, 4
+SURE = 1e-12
+
+
+@compiled
+def node_at(segments: int, end: int, n: int) -> int:
+    """Node number n counted from an end, as counted from the motor."""
+    return n if end == 0 else segments - n
+
+
+@compiled
+def is_virgin(s: State, segments: int, cable: int, end: int, n: int) -> bool:
+    """Whether segment n from an end has never slid."""
+    j = n if end == 0 else segments - 1 - n
+    return bool(s.virgin[cable, 0] <= j < s.virgin[cable, 1])
+
+
+@compiled
+def slides_whole(t: Tables, s: State, cable: int) -> bool:
+    """Whether no segment is at rest."""
+    return bool(s.depth[cable, 0] + s.depth[cable, 1] == t.half.shape[1])
+
+
+@compiled
+def front_half(t: Tables, s: State, cable: int, end: int) -> float:
+    """Compliance of the half of the resting segment that stretches with the zone, m/N."""
+    d = s.depth[cable, end]
+    if not is_virgin(s, t.half.shape[1], cable, end, d):
+        return float(t.half[end, d])
+    motion = s.motion[cable, end]
+    tension = s.end_n[cable, end] * t.decay[cable, end, motion, d]
+    side = motion
+    if tension > t.pretension_n * (1 + SURE):
+        side = PULL
+    elif tension < t.pretension_n * (1 - SURE):
+        side = RELEASE
+    return float(t.half_virgin[end, side, d])
+
+
+@compiled
+def other_over_this(t: Tables, s: State, cable: int, end: int) -> float:
+    """Tension at the other end over that at this one, while the whole cable slides."""
+    far = 1 - end
+    return float(
+        t.decay[cable, end, s.motion[cable, end], s.depth[cable, end]]
+        / t.decay[cable, far, s.motion[cable, far], s.depth[cable, far]]
+    )
+
+
+@compiled
+def stiffness(t: Tables, s: State, cable: int, end: int) -> float:
+    """Tension that an end gains per metre of its own outward displacement, N/m; 0 if slack.
+
+    While the whole cable slides, the other end's outward displacement counts the same.
+    """
+    if s.gap_m[cable] >= 0:
+        return 0.0
+    d, motion = s.depth[cable, end], s.motion[cable, end]
+    outer = t.outer[cable, end, motion, d]
+    if slides_whole(t, s, cable):
+        far = 1 - end
+        other = t.outer[cable, far, s.motion[cable, far], s.depth[cable, far]]
+        return float(1.0 / (outer + other * other_over_this(t, s, cable, end)))
+    return float(1.0 / (outer + front_half(t, s, cable, end) * t.decay[cable, end, motion, d]))
+
+
+@compiled
+def rate(t: Tables, s: State, cable: int, end: int, pull_0: float, pull_1: float) -> float:
+    """Change of the end's tension for given outward displacements of both ends, N."""
+    if slides_whole(t, s, cable):
+        return stiffness(t, s, cable, end) * (pull_0 + pull_1)
+    return stiffness(t, s, cable, end) * (pull_0 if end == 0 else pull_1)
+
+
+@compiled
+def freeze(t: Tables, s: State, cable: int, end: int) -> None:
+    """Write the zone's tensions down and start again at its end: the profile is the memory."""
+    motion, segments = s.motion[cable, end], t.half.shape[1]
+    for n in range(s.depth[cable, end] + 1):
+        s.node_n[cable, node_at(segments, end, n)] = (
+            s.end_n[cable, end] * t.decay[cable, end, motion, n]
+        )
+    s.depth[cable, end] = 0
+
+
+@compiled
+def turn(t: Tables, s: State, cable: int, end: int) -> None:
+    """Reverse the motion of an end. Of a cable in mass motion the other zone keeps the whole."""
+    far = 1 - end
+    if slides_whole(t, s, cable) and s.motion[cable, 0] != s.motion[cable, 1]:
+        s.depth[cable, end] = 0
+        s.depth[cable, far] = t.half.shape[1]
+    else:
+        freeze(t, s, cable, end)
+    s.motion[cable, end] = 1 - s.motion[cable, end]
+
+
+@compiled
+def settle(t: Tables, s: State, cable: int, pull_0: float, pull_1: float) -> bool:
+    """Make the zones fit the motion of the ends; True if something had to change.
+
+    An end that moves against its zone turns. Where the cable parts at a neutral node, a segment
+    beside it that would slide backwards stops (the neutral node moves on).
+    """
+    if s.gap_m[cable] >= 0:
+        return False
+    for end in range(2):
+        pull = pull_0 if end == 0 else pull_1
+        if pull * (2 * s.motion[cable, end] - 1) < 0:
+            turn(t, s, cable, end)
+            return True
+    if slides_whole(t, s, cable) and s.motion[cable, 0] == s.motion[cable, 1]:
+        for end in range(2):
+            d, motion = s.depth[cable, end], s.motion[cable, end]
+            if d > 0:
+                within = t.outer[cable, end, motion, d - 1]
+                within += t.half[end, d - 1] * t.decay[cable, end, motion, d - 1]
+                pull = pull_0 if end == 0 else pull_1
+                slip = pull - rate(t, s, cable, end, pull_0, pull_1) * within
+                if slip * (2 * motion - 1) < -SURE * (abs(pull_0) + abs(pull_1)):
+                    s.depth[cable, end] = d - 1
+                    return True
+    return False
+
+
+@compiled
+def next_event(
+    t: Tables, s: State, cable: int, pull_0: float, pull_1: float
+) -> tuple[float, int, int]:
+    """Find what happens first on the way: (fraction of the way, what, at which end)."""
+    first, what, where = 1.0, NOTHING, 0
+    segments = t.half.shape[1]
+    if s.gap_m[cable] >= 0:
+        taut = pull_0 + pull_1
+        if taut > 0 and s.gap_m[cable] < taut:
+            return s.gap_m[cable] / taut, GOES_TAUT, 0
+        return first, what, where
+    if slides_whole(t, s, cable):
+        change = rate(t, s, cable, 0, pull_0, pull_1)
+        if change < 0 and s.end_n[cable, 0] + change <= 0:
+            return s.end_n[cable, 0] / -change, GOES_SLACK, 0
+        return first, what, where
+
+    shared = s.depth[cable, 0] + s.depth[cable, 1] == segments - 1
+    for end in range(2):
+        far = 1 - end
+        d, motion = s.depth[cable, end], s.motion[cable, end]
+        sign = 2.0 * motion - 1.0
+        fall = t.decay[cable, end, motion, d]
+        change = rate(t, s, cable, end, pull_0, pull_1) * fall
+        tension = s.end_n[cable, end] * fall
+        if shared:
+            fall = t.decay[cable, far, s.motion[cable, far], s.depth[cable, far]]
+            inner = s.end_n[cable, far] * fall
+            inner_change = rate(t, s, cable, far, pull_0, pull_1) * fall
+        else:
+            inner = s.node_n[cable, node_at(segments, end, d + 1)]
+            inner_change = 0.0
+        hold = t.hold[cable, end, motion, d]
+        hold = hold if motion == PULL else 1.0 / hold
+        missing = sign * (inner * hold - tension)
+        closing = sign * (change - inner_change * hold)
+        if missing <= -SURE * tension or (missing <= 0 and closing > 0):
+            return 0.0, SLIDE, end
+        if closing > 0 and missing < closing * first:
+            first, what, where = missing / closing, SLIDE, end
+        if change != 0 and is_virgin(s, segments, cable, end, d):
+            to_kink = (t.pretension_n - tension) / change
+            if 0 < to_kink < first and abs(t.pretension_n - tension) > SURE * tension:
+                first, what, where = to_kink, KINK, end
+    return first, what, where
+
+
+@compiled
+def advance(t: Tables, s: State, cable: int, pull_0: float, pull_1: float, fraction: float) -> None:
+    """Move the ends by a fraction of their displacements, no event in between."""
+    if s.gap_m[cable] >= 0:
+        s.gap_m[cable] = max(s.gap_m[cable] - fraction * (pull_0 + pull_1), 0.0)
+        return
+    change_0 = fraction * rate(t, s, cable, 0, pull_0, pull_1)
+    change_1 = fraction * rate(t, s, cable, 1, pull_0, pull_1)
+    s.end_n[cable, 0] = max(s.end_n[cable, 0] + change_0, 0.0)
+    if slides_whole(t, s, cable):
+        s.end_n[cable, 1] = s.end_n[cable, 0] * other_over_this(t, s, cable, 0)
+    else:
+        s.end_n[cable, 1] = max(s.end_n[cable, 1] + change_1, 0.0)
+
+
+@compiled
+def half_stretch(t: Tables, s: State, cable: int, end: int, n: int, tension: float) -> float:
+    """Stretch of one half of segment n from an end, under the tension of its node, m."""
+    if not is_virgin(s, t.half.shape[1], cable, end, n):
+        return float(t.half[end, n] * tension)
+    side = PULL if tension > t.pretension_n else RELEASE
+    rest = 0.5 * t.pretension_n * (t.half_virgin[end, PULL, n] + t.half_virgin[end, RELEASE, n])
+    return float(rest + t.half_virgin[end, side, n] * (tension - t.pretension_n))
+
+
+@compiled
+def slide(t: Tables, s: State, cable: int, end: int) -> None:
+    """Let the segment at the front of a zone slide; with stiction the tensions drop at once.
+
+    The segments at rest and the ends keep their places, so the stretch between them is the same
+    before and after.
+    """
+    segments, far = t.half.shape[1], 1 - end
+    d, motion = s.depth[cable, end], s.motion[cable, end]
+    shared = d + s.depth[cable, far] == segments - 1
+    if t.sticks:
+        near = s.end_n[cable, end] * t.decay[cable, end, motion, d]
+        stretch = s.end_n[cable, end] * t.outer[cable, end, motion, d]
+        stretch += half_stretch(t, s, cable, end, d, near)
+        if shared:
+            m, k = s.motion[cable, far], s.depth[cable, far]
+            inner = s.end_n[cable, far] * t.decay[cable, far, m, k]
+            stretch += half_stretch(t, s, cable, end, d, inner)
+            stretch += s.end_n[cable, far] * t.outer[cable, far, m, k]
+        else:
+            inner = s.node_n[cable, node_at(segments, end, d + 1)]
+            stretch += half_stretch(t, s, cable, end, d, inner)
+            stretch += half_stretch(t, s, cable, end, d + 1, inner)
+
+    s.depth[cable, end] = d + 1
+    if end == 0:
+        s.virgin[cable, 0] = max(s.virgin[cable, 0], d + 1)
+    else:
+        s.virgin[cable, 1] = min(s.virgin[cable, 1], segments - d - 1)
+
+    if t.sticks and shared:
+        s.end_n[cable, end] = stretch * stiffness(t, s, cable, end)
+    elif t.sticks:
+        fall = t.decay[cable, end, motion, d + 1]
+        outer = t.outer[cable, end, motion, d + 1]
+        if is_virgin(s, segments, cable, end, d + 1):
+            half = t.half_virgin[end, motion, d + 1]
+            stretch -= half_stretch(t, s, cable, end, d + 1, t.pretension_n)
+            stretch += half * t.pretension_n
+        else:
+            half = t.half[end, d + 1]
+        s.end_n[cable, end] = stretch / (outer + half * fall)
+    if shared:
+        s.end_n[cable, far] = s.end_n[cable, end] * other_over_this(t, s, cable, end)
+
+
+@compiled
+def make_taut(t: Tables, s: State, cable: int, pull_0: float, pull_1: float) -> None:
+    """Let a slack cable carry again: from zero tension everywhere, all of it sliding."""
+    s.gap_m[cable] = -1.0
+    s.end_n[cable, :] = 0.0
+    s.motion[cable, 0] = PULL if pull_0 > 0 else RELEASE
+    s.motion[cable, 1] = PULL if pull_1 > 0 else RELEASE
+    s.depth[cable, 0] = t.half.shape[1]
+    s.depth[cable, 1] = 0
+    s.virgin[cable, :] = 0
+
+
+@compiled
+def make_slack(s: State, cable: int) -> None:
+    """Take a cable out: no tension anywhere."""
+    s.gap_m[cable] = 0.0
+    s.end_n[cable, :] = 0.0
+    s.node_n[cable, :] = 0.0
