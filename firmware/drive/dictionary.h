@@ -12,7 +12,7 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xBCA5948C)
+#define DICTIONARY_HASH UINT32_C(0x9E202729)
 
 /* Rows of DICTIONARY. */
 #define DICTIONARY_COUNT 130
@@ -157,6 +157,9 @@ enum {
     EMCY_HEARTBEAT_LOST_REGISTER = 0x11,
     EMCY_BUS_OFF_RECOVERED = 0x8140, /* recovered from bus-off */
     EMCY_BUS_OFF_RECOVERED_REGISTER = 0x11,
+    EMCY_PROTOCOL_ERROR =
+        0x8200, /* RPDO carries a value out of range; the whole frame was ignored */
+    EMCY_PROTOCOL_ERROR_REGISTER = 0x11,
     EMCY_PDO_LENGTH = 0x8210, /* RPDO shorter than its mapping */
     EMCY_PDO_LENGTH_REGISTER = 0x11,
 };

@@ -140,6 +140,7 @@ def _object(entry: Entry, problems: list[str]) -> Object | None:
     first = _sub0(entry.array)
     if entry.sub0_access == "rw":  # the list in use is shorter than its room, and can be emptied
         first = replace(first, access="rw", role=entry.role, default=0, high=0, has_range=True)
+        first = replace(first, doc="entries in use; write 0 to empty it")
     rows = replace(_variable(1, entry, ""), count=entry.array)
     return Object(entry.index, entry.name, "array", (first, rows), entry.doc)
 

@@ -6,9 +6,10 @@ import subprocess
 import sysconfig
 from pathlib import Path
 
-from shared.dictionary import c_table, host_module
+from shared.dictionary import c_table, dbc, docs_page, eds, host_module
 from shared.dictionary.dictionary import Dictionary, expand
-from shared.dictionary.schema import read_file
+from shared.dictionary.lint import lint, lint_text
+from shared.dictionary.schema import SchemaError, parse_file
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "shared" / "object_dictionary.yaml"
@@ -20,8 +21,18 @@ def outputs(source: Path) -> dict[Path, str]:
 
 
 def load(source: Path) -> Dictionary:
-    """Read, expand and lint the source."""
-    return expand(read_file(source))
+    """Read, expand and lint the source; `SchemaError` with every problem found."""
+    return build(source.read_text(encoding="utf-8"), source.name)
+
+
+def build(text: str, source: str) -> Dictionary:
+    """Make the dictionary from the text of its file; `SchemaError` with every problem found."""
+    file = parse_file(text, source)
+    dictionary = expand(file)
+    problems = lint_text(file) + lint(dictionary)
+    if problems:
+        raise SchemaError([f"{source}: {problem}" for problem in problems])
+    return dictionary
 
 
 def render(dictionary: Dictionary) -> dict[Path, str]:
@@ -31,6 +42,9 @@ def render(dictionary: Dictionary) -> dict[Path, str]:
         drive / "dictionary.h": _clang_format(c_table.header(dictionary)),
         drive / "dictionary.c": _clang_format(c_table.source(dictionary)),
         Path("host/src/bowden/drive/dictionary.py"): host_module.module(dictionary),
+        Path("shared/generated/bowden.eds"): eds.text(dictionary),
+        Path("shared/generated/bowden.dbc"): dbc.text(dictionary),
+        Path("docs/object-dictionary.md"): docs_page.text(dictionary),
     }
 
 

@@ -5,7 +5,6 @@ What the words mean together is the business of `dictionary` (expansion) and `li
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -129,11 +128,6 @@ def parse_file(text: str, source: str) -> DictionaryFile:
         return DictionaryFile.model_validate(raw)
     except ValidationError as problem:
         raise SchemaError([_sentence(source, raw, dict(e)) for e in problem.errors()]) from problem
-
-
-def read_file(path: Path) -> DictionaryFile:
-    """Read the YAML file; see `parse_file`."""
-    return parse_file(path.read_text(encoding="utf-8"), path.name)
 
 
 def _sentence(source: str, raw: Any, error: dict[str, Any]) -> str:  # noqa: ANN401

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0xBCA5948C
+HASH = 0x9E202729
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -20,8 +20,8 @@ TABLE = Table(
     (
         Entry(0x1000, 0, 'device_type', 'u32', 'const', 'identity', 0x20192, high=4294967295, doc='CiA 402 servo drive'),
         Entry(0x1001, 0, 'error_register', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='CiA 301 7.5.2.2; bit 0 generic, 1 current, 2 voltage, 3 temperature, 4 communication, 5 profile, 7 manufacturer'),
-        Entry(0x1003, 0, 'error_history.count', 'u8', 'rw', 'state', 0, doc='highest sub-index'),
-        *array(8, Entry(0x1003, 1, 'error_history', 'u32', 'ro', 'state', 0x0, high=4294967295, doc='newest first: EMCY code in the low word, detail in the high word; write 0 to sub 0 to clear')),
+        Entry(0x1003, 0, 'error_history.count', 'u8', 'rw', 'state', 0, doc='entries in use; write 0 to empty it'),
+        *array(8, Entry(0x1003, 1, 'error_history', 'u32', 'ro', 'state', 0x0, high=4294967295, doc='newest first: EMCY code in the low word, detail in the high word; sub 0 counts them, write 0 to it to clear')),
         Entry(0x1005, 0, 'sync_cob_id', 'u32', 'const', 'communication', 0x80, high=4294967295),
         Entry(0x1008, 0, 'device_name', 'string', 'const', 'identity', 'bowden drive'),
         Entry(0x1009, 0, 'hardware_version', 'string', 'const', 'identity', 'board contract 1'),
@@ -93,7 +93,7 @@ TABLE = Table(
         Entry(0x1A02, 6, 'tpdo3_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A02, 7, 'tpdo3_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A02, 8, 'tpdo3_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xbca5948c, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x9e202729, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -173,6 +173,7 @@ EMERGENCIES = (
     Emergency(0x8110, 'can_overrun', 16, 'CAN frames lost', 'lower the bus load'),
     Emergency(0x8130, 'heartbeat_lost', 16, 'the host went silent while the drive ran', 'restart the host tool; the bridge is off'),
     Emergency(0x8140, 'bus_off_recovered', 16, 'recovered from bus-off', 'check termination and bit rate'),
+    Emergency(0x8200, 'protocol_error', 16, 'RPDO carries a value out of range; the whole frame was ignored', 'check the sender against the ranges of the dictionary'),
     Emergency(0x8210, 'pdo_length', 16, 'RPDO shorter than its mapping', "check the sender's mapping"),
 )
 
