@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -169,7 +170,7 @@ def _frames(path: Path) -> Iterator[can.Message]:
     except struct.error:
         # The file ends inside a block: the recorder was killed. All whole blocks have been read.
         return
-    except (BLFParseError, OSError, EOFError) as error:
+    except (BLFParseError, zlib.error, ValueError, OverflowError, OSError) as error:
         raise BadInput(str(path), f"a damaged file ({error})", "a BLF capture") from error
 
 
