@@ -1,0 +1,298 @@
+/* drive.c: see drive.h. */
+#include "drive.h"
+
+#include "supervision.h"
+
+#define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
+
+/* A host writes many entries in a row; the model starts anew once, 50 ms after the last. */
+#define SETTLED_TICKS (TICKS_PER_SECOND / 20u)
+
+#define I24_MAX 8388607
+
+enum { FLAG_SATURATED = 1 << 2, FLAG_NO_TAUT_CABLE = 1 << 3, FLAG_TORQUE_LIMIT = 1 << 4 };
+
+void drive_init(drive_t *drive, const board_identity_t *identity) {
+    *drive = (drive_t){.state = STATE_NOT_READY_TO_SWITCH_ON};
+    node_init(&drive->node, DICTIONARY, DICTIONARY_COUNT, &drive->dictionary, identity->node_id, 0);
+    drive->dictionary.identity_serial_number = identity->serial_number;
+}
+
+void drive_receive(drive_t *drive, const can_frame_t *frame) {
+    node_receive(&drive->node, frame);
+}
+
+bool drive_transmit(drive_t *drive, can_frame_t *frame) {
+    return node_transmit(&drive->node, frame);
+}
+
+/* ---- configuration
+ * ---------------------------------------------------------------------------------- */
+
+/* Takes the dictionary's configuration; the model starts from a virgin rig at the present angles.
+ */
+static void configure(drive_t *drive, const board_sensors_t *sensors) {
+    dictionary_t *dictionary = &drive->dictionary;
+    drive->configured_revision = drive->node.od.config_revision;
+    dictionary->configuration_error = parameters_defect(dictionary);
+    drive->parameters = parameters_of(dictionary);
+    drive->configured = false;
+    drive->saturations = 0;
+    if (dictionary->configuration_error != 0) {
+        return;
+    }
+    const transmission_settings_t settings = parameters_transmission(dictionary);
+    drive->configured = transmission_configure(&drive->transmission, &settings);
+    drive->motor_zero_counts = sensors->motor_encoder_counts;
+    drive->load_zero_counts = sensors->load_encoder_counts;
+}
+
+/* While the bridge is off: takes a changed configuration when it has settled, or `now`. */
+static void follow_configuration(drive_t *drive, const board_sensors_t *sensors, bool now) {
+    const uint32_t revision = drive->node.od.config_revision;
+    if (revision != drive->seen_revision) {
+        drive->seen_revision = revision;
+        drive->settled_ticks = 0;
+        drive->dictionary.configuration_error = parameters_defect(&drive->dictionary);
+    } else if (drive->settled_ticks < SETTLED_TICKS) {
+        drive->settled_ticks++;
+    }
+    const bool changed = revision != drive->configured_revision;
+    if (changed && (now || drive->settled_ticks == SETTLED_TICKS)) {
+        configure(drive, sensors);
+    }
+}
+
+/* ---- measured quantities
+ * ------------------------------------------------------------------------------- */
+
+/* later - earlier of counters that may wrap; the compilers used define the cast as modulo 2^32. */
+static int32_t counts_since(int32_t later, int32_t earlier) {
+    return (int32_t)((uint32_t)later - (uint32_t)earlier);
+}
+
+static void publish_sensors(drive_t *drive, const board_sensors_t *sensors) {
+    const parameters_t *parameters = &drive->parameters;
+    dictionary_t *dictionary = &drive->dictionary;
+    uint32_t *count = &drive->saturations;
+    dictionary->motor_encoder_counts = sensors->motor_encoder_counts;
+    dictionary->load_encoder_counts = sensors->load_encoder_counts;
+    dictionary->motor_angle_urad =
+        fixed_scale(sensors->motor_encoder_counts, parameters->motor_urad_per_count, count);
+    dictionary->load_angle_urad =
+        fixed_scale(sensors->load_encoder_counts, parameters->load_urad_per_count, count);
+    const int32_t torque =
+        fixed_scale(sensors->motor_current_ua, parameters->torque_per_current, count);
+    dictionary->motor_torque_unm = fixed_clamp(torque, -I24_MAX, I24_MAX);
+    const int32_t cell = fixed_scale(
+        fixed_subtract(sensors->load_cell_counts, parameters->load_cell_zero_counts, count),
+        parameters->load_cell_magnitude, count);
+    const int32_t load_torque = parameters->load_cell_inverted ? -cell : cell;
+    dictionary->load_torque_unm = fixed_clamp(load_torque, -I24_MAX, I24_MAX);
+    dictionary->motor_current_ua = sensors->motor_current_ua;
+    dictionary->bus_voltage_mv = sensors->bus_voltage_mv;
+    dictionary->conduit_temperature_mdegc = sensors->conduit_temperature_mdegc;
+}
+
+/* ---- state
+ * --------------------------------------------------------------------------------------------------
+ */
+
+static bool is_powered(drive_state_t state) {
+    return state == STATE_SWITCHED_ON || state_bridge_on(state);
+}
+
+/* The command in force. Without NMT operational no current flows: the host that started the node
+ * may not be there. */
+static state_command_t effective_command(const drive_t *drive) {
+    const state_command_t command = state_command(drive->dictionary.controlword);
+    if (node_state(&drive->node) == NMT_OPERATIONAL) {
+        return command;
+    }
+    if (state_bridge_on(drive->state)) {
+        return COMMAND_DISABLE_VOLTAGE;
+    }
+    return command == COMMAND_ENABLE_OPERATION ? COMMAND_SWITCH_ON : command;
+}
+
+/* Does this command lead to the next higher state? Then the configuration must stand. */
+static bool leads_up(drive_state_t state, state_command_t command) {
+    return (state == STATE_READY_TO_SWITCH_ON &&
+            (command == COMMAND_SWITCH_ON || command == COMMAND_ENABLE_OPERATION)) ||
+           (state == STATE_SWITCHED_ON && command == COMMAND_ENABLE_OPERATION);
+}
+
+static void raise_fault(drive_t *drive, fault_t fault) {
+    drive->dictionary.error_code = fault.code;
+    node_error_set(&drive->node, fault.code, fault.register_bits, fault.detail);
+}
+
+static void step_state(drive_t *drive, const board_sensors_t *sensors) {
+    dictionary_t *dictionary = &drive->dictionary;
+    const state_command_t command = effective_command(drive);
+    const bool up = leads_up(drive->state, command);
+    if (!state_bridge_on(drive->state)) {
+        follow_configuration(drive, sensors, up);
+    }
+    fault_t fault = supervision_check(
+        sensors, node_host_lost(&drive->node), up || is_powered(drive->state),
+        state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON));
+    if (fault.code == EMCY_NO_ERROR && up && !drive->configured) {
+        fault = supervision_configuration_refused(dictionary->configuration_error);
+    }
+    const uint16_t rising = (uint16_t)(dictionary->controlword & ~drive->last_controlword);
+    drive->last_controlword = dictionary->controlword;
+    const drive_state_t before = drive->state;
+    drive->state = state_next(before, command,
+                              (state_events_t){
+                                  .fault = fault.code != EMCY_NO_ERROR,
+                                  .fault_reset = (rising & 0x80u) != 0,
+                                  .quick_stop_done = drive->command.torque_unm == 0,
+                              });
+    if (drive->state == STATE_FAULT_REACTION_ACTIVE) {
+        raise_fault(drive, fault);
+    } else if (before == STATE_FAULT && drive->state != STATE_FAULT) {
+        supervision_clear(&drive->node);
+        dictionary->error_code = EMCY_NO_ERROR;
+    }
+    drive->node.od.config_locked = state_bridge_on(drive->state);
+}
+
+/* ---- torque command
+ * ------------------------------------------------------------------------------------------ */
+
+static int32_t tunnel_angle_urad(drive_t *drive) {
+    dictionary_t *dictionary = &drive->dictionary;
+    switch (drive->parameters.tunnel_angle_source) {
+    case TUNNEL_ON_MOTOR_ANGLE:
+        return dictionary->motor_angle_urad;
+    case TUNNEL_ON_SCALED_MOTOR_ANGLE:
+        return fixed_scale(dictionary->motor_angle_urad, drive->parameters.load_per_motor_angle,
+                           &drive->saturations);
+    case TUNNEL_ON_LOAD_ANGLE:
+    default:
+        return dictionary->load_angle_urad;
+    }
+}
+
+static int32_t target_torque_unm(drive_t *drive) {
+    if (drive->state != STATE_OPERATION_ENABLED) {
+        return 0;
+    }
+    switch (drive->dictionary.mode_of_operation) {
+    case DRIVE_MODE_TUNNEL:
+        return tunnel_torque_unm(&drive->parameters.tunnel, tunnel_angle_urad(drive));
+    case DRIVE_MODE_TORQUE:
+        return drive->dictionary.target_torque_unm;
+    default:
+        return 0;
+    }
+}
+
+static void step_command(drive_t *drive) {
+    torque_command_t *command = &drive->command;
+    const parameters_t *parameters = &drive->parameters;
+    if (!state_bridge_on(drive->state)) {
+        *command = (torque_command_t){0};
+        return;
+    }
+    const int32_t wanted = target_torque_unm(drive);
+    const int32_t target =
+        fixed_clamp(wanted, -parameters->torque_limit_unm, parameters->torque_limit_unm);
+    const uint32_t allowance = parameters->torque_slew_unm_per_s + command->slew_rest;
+    const int32_t step = (int32_t)(allowance / TICKS_PER_SECOND);
+    command->slew_rest = allowance % TICKS_PER_SECOND;
+    command->torque_unm =
+        fixed_clamp(target, command->torque_unm - step, command->torque_unm + step);
+    command->limited = target != wanted;
+}
+
+/* ---- the model
+ * -------------------------------------------------------------------------------------------------
+ */
+
+static void step_model(drive_t *drive) {
+    dictionary_t *dictionary = &drive->dictionary;
+    transmission_t *transmission = &drive->transmission;
+    uint32_t *count = &drive->saturations;
+    if (!drive->configured) {
+        return;
+    }
+    const int32_t load_counts =
+        counts_since(dictionary->load_encoder_counts, drive->load_zero_counts);
+    transmission_step_torque(
+        transmission, dictionary->motor_torque_unm,
+        fixed_scale(load_counts, drive->parameters.load_arc_nm_per_count, count));
+    const int32_t zero_urad =
+        fixed_scale(drive->motor_zero_counts, drive->parameters.motor_urad_per_count, count);
+    dictionary->model_motor_angle_urad =
+        fixed_add(zero_urad, transmission_motor_angle_urad(transmission), count);
+    dictionary->model_load_torque_unm = transmission_load_torque_unm(transmission);
+    dictionary->model_tension_motor_a_un = (uint32_t)transmission->a.end[CABLE_PROXIMAL].tension_un;
+    dictionary->model_tension_load_a_un = (uint32_t)transmission->a.end[CABLE_DISTAL].tension_un;
+    dictionary->model_tension_motor_b_un = (uint32_t)transmission->b.end[CABLE_PROXIMAL].tension_un;
+    dictionary->model_tension_load_b_un = (uint32_t)transmission->b.end[CABLE_DISTAL].tension_un;
+}
+
+/* ---- the tick
+ * ----------------------------------------------------------------------------------------------------
+ */
+
+static void publish_state(drive_t *drive, const board_sensors_t *sensors) {
+    dictionary_t *dictionary = &drive->dictionary;
+    const uint32_t by_model = drive->transmission.saturations;
+    const uint32_t room = UINT32_MAX - by_model;
+    dictionary->saturation_count =
+        by_model + (drive->saturations < room ? drive->saturations : room);
+    const bool no_taut = (drive->transmission.flags & TRANSMISSION_NO_TAUT_CABLE) != 0;
+    uint16_t flags = drive->transmission.flags & (TRANSMISSION_SLACK_A | TRANSMISSION_SLACK_B);
+    if (no_taut) {
+        flags |= FLAG_NO_TAUT_CABLE;
+    }
+    if (dictionary->saturation_count > 0) {
+        flags |= FLAG_SATURATED;
+    }
+    if (drive->command.limited) {
+        flags |= FLAG_TORQUE_LIMIT;
+    }
+    dictionary->model_flags = flags;
+    uint16_t status = (uint16_t)(state_status_bits(drive->state) | STATUS_REMOTE);
+    if (sensors->bus_voltage_mv >= SUPERVISION_BUS_VOLTAGE_MIN_MV) {
+        status |= STATUS_VOLTAGE_ENABLED;
+    }
+    if (drive->command.limited) {
+        status |= STATUS_INTERNAL_LIMIT;
+    }
+    dictionary->statusword = status;
+    dictionary->mode_of_operation_display = dictionary->mode_of_operation;
+    dictionary->motor_torque_command_unm = drive->command.torque_unm;
+    dictionary->tx_overflow_count = node_tx_overflow_count(&drive->node);
+}
+
+static void count_sample(drive_t *drive, const board_sensors_t *sensors) {
+    dictionary_t *dictionary = &drive->dictionary;
+    if (node_sample_due(&drive->node, sensors->time_us)) {
+        dictionary->sample_counter++;
+        dictionary->sample_counter_low = (uint8_t)dictionary->sample_counter;
+        dictionary->device_time_us = sensors->time_us;
+    }
+}
+
+void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_t *actuators) {
+    if (drive->state == STATE_NOT_READY_TO_SWITCH_ON) {
+        configure(drive, sensors);
+    }
+    publish_sensors(drive, sensors);
+    step_state(drive, sensors);
+    step_command(drive);
+    step_model(drive);
+    publish_state(drive, sensors);
+    count_sample(drive, sensors);
+    node_tick(&drive->node, sensors->time_us);
+    *actuators = (board_actuators_t){
+        .bridge_enabled = state_bridge_on(drive->state),
+        .motor_current_ua = fixed_scale(drive->command.torque_unm,
+                                        drive->parameters.current_per_torque, &drive->saturations),
+        .reset_requested = node_reset_requested(&drive->node),
+    };
+}

@@ -1,0 +1,64 @@
+/* drive.h: the drive: everything between a board's sensors and its bridge, and the CANopen node.
+ *
+ * The board calls four functions and is called by none. In each control tick: drive_receive() for
+ * every frame that has come, drive_tick() once, drive_transmit() until it returns false. All in one
+ * context; the drive is not re-entrant. A tick reads the sensors, checks them, steps the CiA 402
+ * state machine, computes the torque command (tunnel or target), limits it, steps the cable model
+ * with what was measured, and hands the results to the dictionary and from there to the PDOs.
+ *
+ * No globals, no allocation: many drives can live in one process. About 20 KB each.
+ */
+#ifndef BOWDEN_DRIVE_DRIVE_H
+#define BOWDEN_DRIVE_DRIVE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "../board/board.h"
+#include "../canopen/node.h"
+#include "../core/transmission.h"
+#include "dictionary.h"
+#include "parameters.h"
+#include "state.h"
+
+/* Modes of operation, 0x6060. */
+enum { DRIVE_MODE_NONE = 0, DRIVE_MODE_TUNNEL = -1, DRIVE_MODE_TORQUE = -2 };
+
+/* Torque command on its way to the target, never faster than the slew limit. */
+typedef struct {
+    int32_t torque_unm;
+    uint32_t slew_rest; /* of the last division of the slew by the tick rate */
+    bool limited;       /* the torque limit cuts the target */
+} torque_command_t;
+
+typedef struct {
+    dictionary_t dictionary;
+    node_t node;
+    parameters_t parameters;
+    transmission_t transmission;
+    drive_state_t state;
+    uint16_t last_controlword;
+    torque_command_t command;
+    uint32_t configured_revision; /* of the configuration that runs */
+    uint32_t seen_revision;
+    uint32_t settled_ticks;    /* since the configuration last changed */
+    bool configured;           /* the model runs */
+    int32_t motor_zero_counts; /* encoders where the model started */
+    int32_t load_zero_counts;
+    uint32_t saturations; /* of the drive's own arithmetic since configuration */
+} drive_t;
+
+/* Power-on: dictionary defaults, the node in pre-operational with its boot-up message queued, the
+ * state machine at its start, the bridge off. The model starts in the first tick. */
+void drive_init(drive_t *drive, const board_identity_t *identity);
+
+/* One control tick, every BOARD_CONTROL_PERIOD_US. */
+void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_t *actuators);
+
+/* Takes a frame from the bus. It takes effect at once (SDO) or in the next tick. */
+void drive_receive(drive_t *drive, const can_frame_t *frame);
+
+/* The next frame for the bus, if there is one. */
+bool drive_transmit(drive_t *drive, can_frame_t *frame);
+
+#endif

@@ -1,0 +1,97 @@
+/* parameters.c: see parameters.h. */
+#include "parameters.h"
+
+#include "../core/encoder.h"
+
+/* A motor torque that swings by less is noise of the current measurement (1 mA at 0.06 N m/A is
+ * 60 uN m, so this is 8 sigma), not a reversal. */
+#define MOTOR_DEAD_BAND_UNM 500
+
+/* An encoder at rest between two counts dithers by one. */
+#define LOAD_DEAD_BAND_COUNTS 1
+
+parameters_t parameters_of(const dictionary_t *dictionary) {
+    const int32_t gain = dictionary->load_cell_gain_nnm_per_count;
+    const uint32_t gain_magnitude = (uint32_t)(gain < 0 ? -gain : gain);
+    const ratio_t torque_per_current = ratio_of(dictionary->torque_constant_unm_per_a, 1000000);
+    return (parameters_t){
+        .motor_urad_per_count =
+            encoder_urad_per_count(dictionary->motor_encoder_resolution_counts_per_turn),
+        .load_urad_per_count =
+            encoder_urad_per_count(dictionary->load_encoder_resolution_counts_per_turn),
+        .load_arc_nm_per_count = encoder_arc_nm_per_count(
+            dictionary->load_pulley_radius_nm, dictionary->load_encoder_resolution_counts_per_turn),
+        .torque_per_current = torque_per_current,
+        .current_per_torque = ratio_reciprocal(torque_per_current),
+        .load_cell_magnitude = ratio_of(gain_magnitude, 1000),
+        .load_cell_inverted = gain < 0,
+        .load_cell_zero_counts = dictionary->load_cell_zero_counts,
+        .load_per_motor_angle =
+            ratio_of(dictionary->motor_pulley_radius_nm, dictionary->load_pulley_radius_nm),
+        .torque_limit_unm = (int32_t)dictionary->motor_torque_limit_unm,
+        .torque_slew_unm_per_s = dictionary->motor_torque_slew_unm_per_s,
+        .tunnel_angle_source = dictionary->tunnel_angle_source,
+        .tunnel =
+            tunnel_of(dictionary->tunnel_half_width_urad, dictionary->tunnel_stiffness_unm_per_rad,
+                      dictionary->tunnel_torque_limit_unm),
+    };
+}
+
+transmission_settings_t parameters_transmission(const dictionary_t *dictionary) {
+    uint32_t saturations = 0;
+    const ratio_t load_arc = encoder_arc_nm_per_count(
+        dictionary->load_pulley_radius_nm, dictionary->load_encoder_resolution_counts_per_turn);
+    transmission_settings_t settings = {
+        .motor_pulley_radius_nm = dictionary->motor_pulley_radius_nm,
+        .load_pulley_radius_nm = dictionary->load_pulley_radius_nm,
+        .cable =
+            {
+                .axial_stiffness_mn = dictionary->cable_axial_stiffness_mn,
+                .pretension_un = (int32_t)dictionary->cable_pretension_un,
+                .segments = dictionary->cable_segments,
+                .friction_dynamic_ppm = dictionary->friction_dynamic_ppm,
+                .friction_static_ppm = dictionary->friction_static_ppm,
+                .stiction_length_um = dictionary->stiction_length_um,
+            },
+        .motor_dead_band_unm = MOTOR_DEAD_BAND_UNM,
+        /* one nanometre more, for the rounding of two positions a count apart */
+        .load_dead_band_nm = fixed_scale(LOAD_DEAD_BAND_COUNTS, load_arc, &saturations) + 1,
+    };
+    for (uint32_t i = 0; i < CABLE_SEGMENTS_MAX; i++) {
+        settings.cable.segment_length_um[i] = dictionary->segment_length_um[i];
+        settings.cable.segment_curvature_per_1000km[i] =
+            dictionary->segment_curvature_per_1000km[i];
+    }
+    return settings;
+}
+
+static uint32_t culprit(uint16_t index, uint8_t sub) {
+    return (uint32_t)index << 8 | sub;
+}
+
+uint32_t parameters_defect(const dictionary_t *dictionary) {
+    if (dictionary->load_cell_gain_nnm_per_count == 0) {
+        return culprit(0x2105, 0);
+    }
+    const transmission_settings_t settings = parameters_transmission(dictionary);
+    uint8_t segment;
+    switch (cable_check(&settings.cable, &segment)) {
+    case CABLE_FINE:
+        return 0;
+    case CABLE_BAD_STIFFNESS:
+        return culprit(0x2110, 0);
+    case CABLE_BAD_PRETENSION:
+        return culprit(0x2111, 0);
+    case CABLE_BAD_SEGMENTS:
+        return culprit(0x2112, 0);
+    case CABLE_BAD_LENGTH:
+        return culprit(0x2113, (uint8_t)(segment + 1u));
+    case CABLE_BAD_WRAP:
+        return culprit(0x2114, (uint8_t)(segment + 1u));
+    case CABLE_BAD_STATIC_FRICTION:
+        return culprit(0x2116, 0);
+    case CABLE_BAD_STICTION_LENGTH:
+    default:
+        return culprit(0x2117, 0);
+    }
+}

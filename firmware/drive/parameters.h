@@ -1,0 +1,45 @@
+/* parameters.h: from the object dictionary's raw values to what the control tick computes with.
+ *
+ * Ranges of single entries are the dictionary's; here is what only shows when entries meet. A
+ * configuration that cannot run is named by the entry to change: index << 8 | sub-index.
+ */
+#ifndef BOWDEN_DRIVE_PARAMETERS_H
+#define BOWDEN_DRIVE_PARAMETERS_H
+
+#include <stdint.h>
+
+#include "../core/fixed.h"
+#include "../core/transmission.h"
+#include "../core/tunnel.h"
+#include "dictionary.h"
+
+/* Which angle the tunnel acts on; entry tunnel_angle_source. */
+enum { TUNNEL_ON_LOAD_ANGLE, TUNNEL_ON_MOTOR_ANGLE, TUNNEL_ON_SCALED_MOTOR_ANGLE };
+
+/* Constants of the tick. */
+typedef struct {
+    ratio_t motor_urad_per_count;
+    ratio_t load_urad_per_count;
+    ratio_t load_arc_nm_per_count;
+    ratio_t torque_per_current;   /* uN m per uA */
+    ratio_t current_per_torque;   /* uA per uN m */
+    ratio_t load_cell_magnitude;  /* uN m per count, without the sign of the gain */
+    ratio_t load_per_motor_angle; /* 1 / transmission ratio */
+    bool load_cell_inverted;
+    int32_t load_cell_zero_counts;
+    int32_t torque_limit_unm;
+    uint32_t torque_slew_unm_per_s;
+    uint8_t tunnel_angle_source;
+    tunnel_t tunnel;
+} parameters_t;
+
+/* Computes the tick's constants. */
+parameters_t parameters_of(const dictionary_t *dictionary);
+
+/* Computes the transmission's settings. */
+transmission_settings_t parameters_transmission(const dictionary_t *dictionary);
+
+/* 0: the configuration can run; else the culprit. */
+uint32_t parameters_defect(const dictionary_t *dictionary);
+
+#endif
