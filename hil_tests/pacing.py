@@ -15,9 +15,9 @@ GIVE_UP_S: Final = 2.0
 class Pace:
     """Deadlines on a fixed grid, so that errors never add up to drift.
 
-    After a stall at most two slices run where one would have, each followed by a wait: the bus sees
-    twice its usual load, not a burst that overruns the receiver. A stall longer than `GIVE_UP_S`
-    (or a machine that is too slow) moves the grid instead; `skipped_s` says by how much.
+    After a stall virtual time runs at twice the speed of the clock, two slices at once at most: the
+    bus sees twice its usual load, not a burst that overruns the receiver. A stall longer than
+    `GIVE_UP_S` (or a machine that is too slow) moves the grid instead; `skipped_s` says how far.
 
     Parameters
     ----------
@@ -34,11 +34,12 @@ class Pace:
         self.slices = 0
         self.skipped_s = 0.0
         self._next_s = now_s + slice_s
+        self._earliest_s = now_s
 
     def due(self, now_s: float) -> int:
         """Count the slices to run now: 0, 1 or 2."""
         lateness_s = now_s - self._next_s
-        if lateness_s < 0.0:
+        if lateness_s < 0.0 or now_s < self._earliest_s:
             return 0
         self.worst_lateness_s = max(self.worst_lateness_s, lateness_s)
         if lateness_s >= GIVE_UP_S:
@@ -49,8 +50,9 @@ class Pace:
         self.late_slices += count - 1
         self.slices += count
         self._next_s += count * self.slice_s
+        self._earliest_s = now_s + 0.5 * count * self.slice_s
         return count
 
     def wait_s(self, now_s: float) -> float:
-        """Tell how long to sleep before asking `due` again, even when there is much to catch up."""
-        return min(max(self._next_s - now_s, 0.5 * self.slice_s), self.slice_s)
+        """Tell how long to sleep before asking `due` again."""
+        return max(max(self._next_s, self._earliest_s) - now_s, 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_tests.pacing import GIVE_UP_S, MOST_SLICES_AT_ONCE, Pace
@@ -20,16 +20,14 @@ def run(pace: Pace, until_s: float, work_s: float = 1e-4, start_s: float = 0.0) 
     return now
 
 
-def test_no_drift_over_ten_minutes() -> None:
+def test_no_drift_in_a_minute() -> None:
     pace = Pace(SLICE_S, 0.0)
-    now = 0.0
-    for _ in range(600):  # one look at each second of it is enough to see drift
-        now += 1.0
-        while pace.due(now):
-            pass
-    assert pace.slices == pytest.approx(600_000, abs=1)
+    end = run(pace, 60.0)
+    assert pace.slices == pytest.approx(end / SLICE_S, abs=2)
+    assert pace.late_slices == 0
 
 
+@settings(max_examples=25, deadline=None)
 @given(st.floats(1e-6, 0.9e-3))
 def test_keeps_up_while_a_slice_takes_less_than_its_time(work_s: float) -> None:
     pace = Pace(SLICE_S, 0.0)
@@ -39,19 +37,16 @@ def test_keeps_up_while_a_slice_takes_less_than_its_time(work_s: float) -> None:
     assert pace.skipped_s == 0.0
 
 
-@given(st.floats(2e-3, 1.9))
+@settings(max_examples=25, deadline=None)
+@given(st.floats(5e-3, 1.9))
 def test_catches_up_after_a_stall_at_twice_the_speed_at_most(stall_s: float) -> None:
     pace = Pace(SLICE_S, 0.0)
-    now, ran = stall_s, 0
-    while pace.slices + 1 < now / SLICE_S:
-        count = pace.due(now)
-        assert count <= MOST_SLICES_AT_ONCE
-        ran += count
-        wait = pace.wait_s(now)
-        assert wait >= 0.5 * SLICE_S
-        now += wait
-        # never more than 2 slices in any half slice of wall time: 6 frames, no burst
-        assert ran <= MOST_SLICES_AT_ONCE * (1 + (now - stall_s) / (0.5 * SLICE_S))
+    now = stall_s
+    while pace.slices + 2 < now / SLICE_S:
+        assert pace.due(now) <= MOST_SLICES_AT_ONCE
+        # twice the clock's speed since the stall: 6 frames a millisecond, no burst
+        assert pace.slices <= MOST_SLICES_AT_ONCE * (1 + (now - stall_s) / SLICE_S) + 1e-9
+        now += pace.wait_s(now) + 1e-9
     assert pace.skipped_s == 0.0
     assert pace.worst_lateness_s == pytest.approx(stall_s - SLICE_S)
 

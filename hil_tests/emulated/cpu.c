@@ -43,9 +43,6 @@ static uint16_t count_instructions(machine_t *m, uint32_t address, uint32_t size
 
 /* Everything that is not plain progress. True: do not run this block now. */
 static bool interrupts_block(machine_t *m, uint32_t address) {
-    if (m->attention & ATTENTION_FLASH) {
-        return true;
-    }
     if (m->attention & ATTENTION_STALL) {
         if (m->flash.busy_until <= m->now) {
             m->attention &= ~(uint32_t)ATTENTION_STALL;
@@ -56,7 +53,7 @@ static bool interrupts_block(machine_t *m, uint32_t address) {
     if (m->now >= m->next_event) {
         events_run(m);
     }
-    if (m->now >= m->until || m->reset_cause != 0 || (m->attention & ATTENTION_STOP)) {
+    if (m->now >= m->until || (m->attention & (ATTENTION_STOP | ATTENTION_FLASH))) {
         return true;
     }
     return (m->attention & ATTENTION_EXCEPTION) && exception_takeable(m) != 0;
@@ -232,7 +229,7 @@ static int execute(machine_t *m) {
 
 /* The core stands still until something happens. */
 static void wait(machine_t *m) {
-    if (!m->nvic.locked_up && exception_wakes(m)) {
+    if (m->cpu.sleeping && !m->nvic.locked_up && !m->pwr.held && exception_wakes(m)) {
         m->cpu.sleeping = false;
         account_wake(m);
     } else if (m->wake_at > m->now) {
@@ -246,18 +243,22 @@ int cpu_run(machine_t *m) {
     events_run(m);
     while (status == 0) {
         if (m->reset_cause != 0) {
-            request_reset(m, 0);
+            perform_reset(m);
+        }
+        if (m->attention & ATTENTION_STOP) {
+            mpu_apply(m);
         }
         if (m->now >= m->next_event) {
             events_run(m);
             continue;
         }
-        int exception = m->nvic.locked_up ? 0 : exception_takeable(m);
+        bool halted = m->nvic.locked_up || m->pwr.held;
+        int exception = halted ? 0 : exception_takeable(m);
         if (exception != 0) {
             exception_enter(m, exception);
         } else if (m->now >= m->until) {
             return 0;
-        } else if (m->cpu.sleeping || m->nvic.locked_up) {
+        } else if (m->cpu.sleeping || halted) {
             wait(m);
         } else {
             status = execute(m);

@@ -179,7 +179,7 @@ void exception_enter(machine_t *m, int exception) {
     m->nvic.active[m->nvic.depth++] = (uint8_t)taken;
     account_enter(m);
     if (taken <= HARD_FAULT) {
-        mpu_update(m);
+        mpu_changed(m);
     }
     const uint8_t *entry = memory_at(m, m->nvic.vtor + 4u * (uint32_t)taken, 4);
     uint32_t vector = 0;
@@ -237,7 +237,7 @@ void exception_return(machine_t *m, uint32_t exc_return) {
         cpu_set(m, UC_ARM_REG_FAULTMASK, 0);
     }
     if (leaving <= HARD_FAULT) {
-        mpu_update(m);
+        mpu_changed(m);
     }
     if (n->line[leaving >> 6] & bit(leaving)) {
         exception_pend(m, leaving);

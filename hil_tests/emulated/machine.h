@@ -108,7 +108,8 @@ enum { ACCESS_READ = 1, ACCESS_WRITE = 2, ACCESS_FETCH = 4 };
 bool mpu_permits(const machine_t *m, uint32_t address, int access);
 uint32_t mpu_read(machine_t *m, uint32_t offset);
 void mpu_write(machine_t *m, uint32_t offset, uint32_t value);
-void mpu_update(machine_t *m); /* after a change of the registers or of the active exceptions */
+void mpu_changed(machine_t *m); /* registers or active exceptions; takes effect at the next stop */
+void mpu_apply(machine_t *m);
 void mpu_reset(machine_t *m);
 
 typedef struct {
@@ -135,6 +136,7 @@ void rcc_write(machine_t *m, uint32_t offset, uint32_t value);
 void rcc_event(machine_t *m, tick_t at);
 void rcc_reset(machine_t *m, uint32_t cause);
 void rcc_hse_changed(machine_t *m);
+void rcc_start_lsi(machine_t *m); /* what starting the watchdog does */
 
 typedef struct {
     uint32_t acr, sr, cr, optcr;
@@ -158,6 +160,7 @@ void flash_check_latency(machine_t *m);
 
 typedef struct {
     uint32_t cr, csr, supply_mv;
+    bool held; /* in reset: the supply is below the brown-out level */
     uint8_t backup[4096];
 } pwr_t;
 uint32_t pwr_read(machine_t *m, uint32_t offset);
@@ -351,7 +354,10 @@ void cpu_forget_code(machine_t *m); /* the flash has changed */
 uint8_t *memory_at(machine_t *m, uint32_t address, uint32_t length);
 uint32_t cpu_get(machine_t *m, int reg);
 void cpu_set(machine_t *m, int reg, uint32_t value);
-void request_reset(machine_t *m, uint32_t cause);
+
+/* ---- machine.c ---------------------------------------------------------------------------------------- */
+void request_reset(machine_t *m, uint32_t cause); /* RCC_CSR flag; performed between blocks */
+void perform_reset(machine_t *m);
 
 struct machine {
     tick_t now, until, wake_at, next_event;

@@ -73,7 +73,15 @@ static void protect(machine_t *m, uint32_t base, uint32_t size, uint32_t most) {
     uc_mem_protect(m->cpu.uc, start, base + size - start, rights);
 }
 
-void mpu_update(machine_t *m) {
+/* A register access runs inside unicorn, where pages must not change: wait for the next stop. */
+void mpu_changed(machine_t *m) {
+    if ((m->mpu.ctrl & CTRL_ENABLE) || m->mpu.active) {
+        m->attention |= ATTENTION_STOP;
+    }
+}
+
+void mpu_apply(machine_t *m) {
+    m->attention &= ~(uint32_t)ATTENTION_STOP;
     bool exempt = execution_priority(m) < 0 && !(m->mpu.ctrl & CTRL_HFNMIENA);
     bool active = (m->mpu.ctrl & CTRL_ENABLE) && !exempt;
     if (!active && !m->mpu.active) {
@@ -85,7 +93,6 @@ void mpu_update(machine_t *m) {
     protect(m, FLASH_BASE, FLASH_SIZE, read_run);
     protect(m, SRAM_BASE, SRAM_SIZE, UC_PROT_ALL);
     protect(m, CCM_BASE, CCM_SIZE, UC_PROT_READ | UC_PROT_WRITE);
-    m->attention |= ATTENTION_STOP; /* code that runs now may have lost its right to */
 }
 
 uint32_t mpu_read(machine_t *m, uint32_t offset) {
@@ -132,9 +139,7 @@ void mpu_write(machine_t *m, uint32_t offset, uint32_t value) {
         mpu->rasr[region] = value;
         check_region(m, region);
     }
-    if (mpu->ctrl & CTRL_ENABLE || mpu->active) {
-        mpu_update(m);
-    }
+    mpu_changed(m);
 }
 
 void mpu_reset(machine_t *m) {
@@ -142,5 +147,5 @@ void mpu_reset(machine_t *m) {
     memset(m->mpu.rasr, 0, sizeof m->mpu.rasr);
     m->mpu.ctrl = 0;
     m->mpu.rnr = 0;
-    mpu_update(m);
+    mpu_apply(m);
 }

@@ -146,7 +146,7 @@ class Load:
 class Hand:
     """The person at the handle: a spring and damper towards the motion that they have in mind.
 
-    The transmission pushes back with about 3 N m, so a person who wants 40 deg aims past it by
+    The transmission pushes back with 3 to 5 N m, so a person who wants 40 deg aims past it by
     `overreach_rad`. Motion `still` holds the handle at zero, `locked` bolts it (Experiment 1),
     `free` lets go of it.
     """
@@ -154,7 +154,7 @@ class Hand:
     motion: HandMotion = "sine"
     amplitude_rad: float = math.radians(40.0)
     frequency_hz: float = 0.5
-    overreach_rad: float = math.radians(1.3)
+    overreach_rad: float = math.radians(1.6)
     ramp_s: float = 1.0
     stiffness_nm_per_rad: float = 200.0
     damping_nm_s_per_rad: float = 2.0

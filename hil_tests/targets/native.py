@@ -1,0 +1,108 @@
+"""The drive compiled for this machine: a shared library that `make -C firmware native` builds.
+
+The C declarations come with the library (native.cdef, preprocessed from the firmware's headers), so
+nothing is declared twice. Each NativeTarget is a drive in its own memory: many can live at once.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any, Final
+
+import can
+import cffi
+
+from hil_tests.rig.rig import Actuators
+from hil_tests.rig.sensors import Sensors
+from hil_tests.targets.target import DEFAULT_NODE_ID, SEVERAL, VIRTUAL_TIME
+
+BUILD: Final = Path(__file__).resolve().parents[2] / "build" / "native"
+DRIVE_ALIGNMENT: Final = 16  # malloc's, which is any C type's
+
+
+@functools.cache
+def _library() -> tuple[cffi.FFI, Any]:
+    """Load the library once; FileNotFoundError says how to build it."""
+    shared_object, declarations = BUILD / "libbowden_native.so", BUILD / "native.cdef"
+    for path in (shared_object, declarations):
+        if not path.is_file():
+            raise FileNotFoundError(f"{path} is missing; run 'make -C firmware native'")
+    ffi = cffi.FFI()
+    ffi.cdef(declarations.read_text(encoding="ascii"))
+    return ffi, ffi.dlopen(str(shared_object))
+
+
+class NativeTarget:
+    """A drive on this machine; a `Target`.
+
+    Parameters
+    ----------
+    node_id : int
+        1 .. 127.
+    serial_number : int
+        What the board reports in 0x1018 sub 4.
+    """
+
+    name = "native"
+    capabilities = frozenset({VIRTUAL_TIME, SEVERAL})
+
+    def __init__(self, node_id: int = DEFAULT_NODE_ID, serial_number: int = 1) -> None:
+        self._ffi, self._lib = _library()
+        new = self._ffi.new
+        self._memory = new("char[]", int(self._lib.native_drive_size()) + DRIVE_ALIGNMENT)
+        at = int(self._ffi.cast("uintptr_t", self._memory))
+        self._drive = self._ffi.cast("drive_t *", at + -at % DRIVE_ALIGNMENT)
+        self._identity = new(
+            "board_identity_t *", {"node_id": node_id, "serial_number": serial_number}
+        )
+        self._sensors: Any = new("board_sensors_t *")
+        self._actuators: Any = new("board_actuators_t *")
+        self._frame: Any = new("can_frame_t *")
+        self.reset()
+
+    def reset(self) -> None:
+        """Power the drive off and on."""
+        self._lib.drive_init(self._drive, self._identity)
+
+    def tick(self, sensors: Sensors) -> Actuators:
+        """Run one control tick of 250 us on this sample."""
+        raw = self._sensors
+        (
+            raw.time_us,
+            raw.motor_encoder_counts,
+            raw.load_encoder_counts,
+            raw.motor_current_ua,
+            raw.load_cell_counts,
+            raw.bus_voltage_mv,
+            raw.conduit_temperature_mdegc,
+            raw.faults,
+        ) = sensors
+        actuators = self._actuators
+        self._lib.drive_tick(self._drive, raw, actuators)
+        return Actuators(
+            actuators.motor_current_ua, actuators.bridge_enabled, actuators.reset_requested
+        )
+
+    def send(self, message: can.Message) -> None:
+        """Hand a frame from the bus to the drive; what its acceptance filter refuses is ignored."""
+        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+            return
+        if message.is_fd or message.dlc > 8:
+            return
+        frame = self._frame
+        frame.cob_id = message.arbitration_id
+        frame.length = message.dlc
+        self._ffi.memmove(frame.data, bytes(message.data).ljust(8, b"\0"), 8)
+        self._lib.drive_receive(self._drive, frame)
+
+    def receive(self) -> can.Message | None:
+        """Next frame that the drive wants on the bus, or None."""
+        frame = self._frame
+        if not self._lib.drive_transmit(self._drive, frame):
+            return None
+        return can.Message(
+            arbitration_id=frame.cob_id,
+            is_extended_id=False,
+            data=bytes(self._ffi.buffer(frame.data, frame.length)),
+        )
