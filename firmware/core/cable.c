@@ -6,7 +6,7 @@
 
 /* What one segment contributes. */
 typedef struct {
-    ratio_t half_compliance; /* dx / (2 EA), nm per uN */
+    ratio_t half_compliance; /* tanh(a/2)/a dx/EA, nm per uN */
     uint32_t wrap_q24;       /* mu_d dx/R: capstan exponent when it slips */
     uint32_t stiction_q24;   /* (mu_s - mu_d) l_s/R: what breakaway takes on top */
 } segment_t;
@@ -24,9 +24,13 @@ static segment_t segment_of(const cable_settings_t *settings, uint8_t index) {
     const uint32_t length_um = settings->segment_length_um[index];
     const uint32_t curvature = settings->segment_curvature_per_1000km[index];
     const uint32_t excess_ppm = settings->friction_static_ppm - settings->friction_dynamic_ppm;
+    const uint32_t wrap_q24 = exponent_q24(settings->friction_dynamic_ppm, length_um, curvature);
+    /* tanh(a/2)/a = (1 - exp(-a))/a : (1 + exp(-a)), the half that makes eq. (2) exact */
+    const ratio_t half = ratio_of(fixed_exp_minus_mean(wrap_q24),
+                                  (uint64_t)FIXED_Q31_ONE + fixed_exp_minus(wrap_q24));
     return (segment_t){
-        .half_compliance = ratio_of(length_um, 2u * (uint64_t)settings->axial_stiffness_mn),
-        .wrap_q24 = exponent_q24(settings->friction_dynamic_ppm, length_um, curvature),
+        .half_compliance = ratio_multiply(half, ratio_of(length_um, settings->axial_stiffness_mn)),
+        .wrap_q24 = wrap_q24,
         .stiction_q24 = exponent_q24(excess_ppm, settings->stiction_length_um, curvature),
     };
 }
@@ -38,9 +42,9 @@ static ratio_t exponential(uint32_t x_q24, bool rising) {
 }
 
 /* Walks once from one end to the other and notes the constants of a front at each node. */
-static void configure_fronts(cable_path_t *path, const cable_settings_t *settings,
+static void configure_fronts(cable_path_t *path, const segment_t *segment_from_motor,
                              cable_side_t side, cable_direction_t direction) {
-    const uint8_t segments = settings->segments;
+    const uint8_t segments = path->segments;
     cable_front_t *front = path->front[side][direction];
     const bool release = direction == CABLE_RELEASE; /* tension rises away from a releasing end */
     ratio_t tension = ratio_of(1, 1);
@@ -48,7 +52,7 @@ static void configure_fronts(cable_path_t *path, const cable_settings_t *setting
     uint32_t wrap_q24 = 0;
     for (uint8_t k = 0; k < segments; k++) {
         const uint8_t index = side == CABLE_PROXIMAL ? k : (uint8_t)(segments - 1u - k);
-        const segment_t segment = segment_of(settings, index);
+        const segment_t segment = segment_from_motor[index];
         compliance = ratio_add(compliance, ratio_multiply(segment.half_compliance, tension));
         front[k] = (cable_front_t){
             .tension = tension,
@@ -123,20 +127,28 @@ bool cable_configure(cable_path_t *path, const cable_settings_t *settings) {
     if (cable_check(settings, &segment) != CABLE_FINE) {
         return false;
     }
-    uint32_t saturations = 0;
-    path->segments = settings->segments;
-    path->pretension_un = settings->pretension_un;
-    ratio_t compliance = ratio_of(0, 1); /* from the motor end, without friction */
+    segment_t segments[CABLE_SEGMENTS_MAX];
+    ratio_t mesh_compliance = ratio_of(0, 1); /* of the nodes, at equal tension */
     for (uint8_t i = 0; i < settings->segments; i++) {
-        const ratio_t half = segment_of(settings, i).half_compliance;
-        compliance = ratio_add(compliance, half);
-        path->slider_start_nm[i] = fixed_scale(settings->pretension_un, compliance, &saturations);
-        compliance = ratio_add(compliance, half);
+        segments[i] = segment_of(settings, i);
+        mesh_compliance = ratio_add(mesh_compliance, segments[i].half_compliance);
+        mesh_compliance = ratio_add(mesh_compliance, segments[i].half_compliance);
     }
-    path->pretension_stretch_nm = fixed_scale(settings->pretension_un, compliance, &saturations);
+    uint32_t saturations = 0; /* cable_check() has seen that there are none */
+    path->segments = settings->segments;
+    path->pretension_stretch_nm =
+        fixed_scale(settings->pretension_un, whole_compliance(settings), &saturations);
+    path->start_tension_un =
+        fixed_scale(path->pretension_stretch_nm, ratio_reciprocal(mesh_compliance), &saturations);
+    ratio_t compliance = ratio_of(0, 1); /* from the motor end to the slider */
+    for (uint8_t i = 0; i < settings->segments; i++) {
+        compliance = ratio_add(compliance, segments[i].half_compliance);
+        path->slider_start_nm[i] = fixed_scale(path->start_tension_un, compliance, &saturations);
+        compliance = ratio_add(compliance, segments[i].half_compliance);
+    }
     for (uint8_t side = CABLE_PROXIMAL; side <= CABLE_DISTAL; side++) {
-        configure_fronts(path, settings, (cable_side_t)side, CABLE_PULL);
-        configure_fronts(path, settings, (cable_side_t)side, CABLE_RELEASE);
+        configure_fronts(path, segments, (cable_side_t)side, CABLE_PULL);
+        configure_fronts(path, segments, (cable_side_t)side, CABLE_RELEASE);
     }
     return true;
 }
@@ -152,12 +164,12 @@ static void go_slack(cable_t *cable) {
 void cable_start(cable_t *cable, const cable_path_t *path) {
     *cable = (cable_t){.motion = CABLE_PARTIAL};
     for (uint8_t i = 0; i < path->segments; i++) {
-        cable->node_tension_un[i] = path->pretension_un;
+        cable->node_tension_un[i] = path->start_tension_un;
         cable->slider_nm[i] = path->slider_start_nm[i];
     }
-    cable->node_tension_un[path->segments] = path->pretension_un;
-    cable->end[CABLE_PROXIMAL].tension_un = path->pretension_un;
-    cable->end[CABLE_DISTAL].tension_un = path->pretension_un;
+    cable->node_tension_un[path->segments] = path->start_tension_un;
+    cable->end[CABLE_PROXIMAL].tension_un = path->start_tension_un;
+    cable->end[CABLE_DISTAL].tension_un = path->start_tension_un;
     cable->end[CABLE_DISTAL].inward_nm = -path->pretension_stretch_nm;
     if (path->pretension_stretch_nm == 0) {
         go_slack(cable);

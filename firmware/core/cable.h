@@ -2,11 +2,13 @@
  *
  * The mesh. N segments make N + 1 nodes, of which each carries a tension. Friction acts in the
  * middle of each segment, at a *slider*: a slider that slips holds the tensions of its two nodes at
- * the capstan ratio exp(mu dx/R), eq. (1); one that sticks does not move, which is eq. (3). Between
- * two sliders lies the cable of two half segments, at the node's tension. This is a chain of
- * springs and friction elements that could be built: it cannot make energy, and a change of
- * direction makes no tension jump. Its stretch differs from eq. (2) by (mu dx/R)^2 / 12, 0.05 % at
- * 20 segments of Table I.
+ * the capstan ratio exp(a), a = mu dx/R, eq. (1); one that sticks does not move, eq. (3). Between
+ * two sliders lies the cable of two half segments, at the node's tension: a chain of springs and
+ * friction elements that could be built, so it cannot make energy, and a change of direction makes
+ * no tension jump. The compliance of a half is tanh(a/2)/a dx/EA (dx/(2 EA) for a = 0): with it a
+ * slipping segment obeys eq. (2) exactly, both ways. A cable at uniform tension is then a^2/12 too
+ * stiff (0.05 % at 20 segments of Table I); the start keeps the stretch T0 L/EA, not the tension,
+ * because that is what the tensions of a moving pair follow from.
  *
  * The state. Each end owns the *moving nodes* from itself to the "last moving node"; they follow
  * from its own tension. Between the two regions lies the memory: the tensions and slider positions
@@ -67,9 +69,9 @@ typedef struct {
 /* The configured cable: constants only. Both cables of a pair share one. About 7 KB. */
 typedef struct {
     uint8_t segments;
-    int32_t pretension_un;
-    int32_t pretension_stretch_nm;                     /* of the whole cable at the pretension */
-    int32_t slider_start_nm[CABLE_SEGMENTS_MAX];       /* u of each slider at the pretension */
+    int32_t pretension_stretch_nm;                     /* T0 L/EA */
+    int32_t start_tension_un;                          /* of the nodes at that stretch */
+    int32_t slider_start_nm[CABLE_SEGMENTS_MAX];       /* u of each slider at the start */
     cable_front_t front[2][2][CABLE_SEGMENTS_MAX + 1]; /* [side][direction][k] */
 } cable_path_t;
 
