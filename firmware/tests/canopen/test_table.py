@@ -1,0 +1,80 @@
+"""The compiled table against the YAML file itself, read here without the generator."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+SOURCE = Path(__file__).resolve().parents[3] / "shared" / "object_dictionary.yaml"
+SIZE = {"u8": 1, "u16": 2, "u32": 4, "i8": 1, "i16": 2, "i24": 3, "i32": 4}
+
+
+def entries() -> Iterator[tuple[int, int, dict[str, Any]]]:
+    for entry in YAML(typ="safe", pure=True).load(SOURCE.read_text())["entries"]:
+        if "subs" in entry:
+            yield from ((entry["index"], i, sub) for i, sub in enumerate(entry["subs"], 1))
+        elif "array" in entry:
+            yield from ((entry["index"], i, entry) for i in range(1, entry["array"] + 1))
+        else:
+            yield entry["index"], 0, entry
+
+
+ENTRIES = list(entries())
+NUMBERS = [e for e in ENTRIES if e[2]["type"] != "string"]
+
+
+def raw(value: int, entry: dict[str, Any]) -> bytes | None:
+    signed = entry["type"].startswith("i")
+    try:
+        return value.to_bytes(SIZE[entry["type"]], "little", signed=signed)
+    except OverflowError:
+        return None
+
+
+def test_defaults_after_power_on(node: Any) -> None:
+    for index, sub, entry in NUMBERS:
+        value = node.read(index, sub)
+        if index == 0x1003:
+            assert value == 0x08000024
+        elif entry.get("default") != "schema_hash":
+            expected = entry.get("default", 0) + (16 if entry.get("node_id_added") else 0)
+            assert value == raw(expected, entry), entry["name"]
+
+
+def test_limits_hold_to_the_last_unit(node: Any) -> None:
+    checked = 0
+    for index, sub, entry in NUMBERS:
+        if entry["access"] != "rw":
+            continue
+        signed, bits = entry["type"].startswith("i"), 8 * SIZE[entry["type"]]
+        whole = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+        low, high = entry.get("range", whole)
+        for value, expected in ((low, 0), (high, 0), (low - 1, 0x06090032), (high + 1, 0x06090031)):
+            data = raw(value, entry)
+            if data is not None:
+                assert node.write(index, sub, data) == expected, (entry["name"], value)
+                checked += 1
+        assert node.read(index, sub) == raw(high, entry)
+    assert checked > 250
+
+
+@pytest.mark.parametrize("access", ["const", "ro"])
+def test_what_nobody_may_write_nobody_can(node: Any, access: str) -> None:
+    for index, sub, entry in NUMBERS:
+        if entry["access"] == access:
+            assert node.write(index, sub, bytes(SIZE[entry["type"]])) == 0x06010002, entry["name"]
+
+
+def test_rows_are_sorted_and_every_object_has_a_sub_0(node: Any) -> None:
+    rows = [(row.index, row.sub, row.count) for row in node.lib.DICTIONARY]
+    assert rows == sorted(rows)
+    for before, row in itertools.pairwise(rows):
+        if before[0] == row[0]:
+            assert before[1] + before[2] <= row[1]
+        else:
+            assert row[1] == 0
