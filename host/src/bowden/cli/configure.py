@@ -106,7 +106,7 @@ def wanted_configuration(model: Model, segments: int = DEFAULT_SEGMENTS) -> dict
     entry = lookup("cable_segments")
     if not entry.low <= segments <= entry.high:
         raise BadInput("--segments", str(segments), f"{entry.low} .. {entry.high}")
-    pair = model.transmission()
+    pair = model.transmission
     # The wrap angle up to each end of a segment; its difference quotient is the mean curvature.
     piece_ends_m = np.concatenate(([0.0], np.cumsum(pair.piece_length_m)))
     wrap_rad = np.concatenate(([0.0], np.cumsum(pair.piece_length_m * pair.piece_curvature_per_m)))
@@ -118,8 +118,6 @@ def wanted_configuration(model: Model, segments: int = DEFAULT_SEGMENTS) -> dict
     wanted: dict[str, float] = {
         "motor_pulley_radius": pair.motor_pulley_radius_m,
         "load_pulley_radius": pair.load_pulley_radius_m,
-        "motor_encoder_resolution": model.motor_encoder_counts_per_turn,
-        "load_encoder_resolution": model.load_encoder_counts_per_turn,
         "cable_axial_stiffness": pair.axial_stiffness_n,
         "cable_pretension": pair.pretension_n,
         "friction_dynamic": pair.friction.mu_d,
@@ -127,6 +125,13 @@ def wanted_configuration(model: Model, segments: int = DEFAULT_SEGMENTS) -> dict
         "stiction_length": stiction_m,
         "cable_segments": segments,
     }
+    rig = model.document.rig
+    for name, counts in (
+        ("motor_encoder_resolution", rig.motor_encoder_counts_per_turn),
+        ("load_encoder_resolution", rig.load_encoder_counts_per_turn),
+    ):
+        if counts is not None:  # a model file need not say; then the drive's own stays
+            wanted[name] = counts.value
     for number, curvature in enumerate(curvature_per_m.tolist(), 1):
         wanted[f"segment_length.{number}"] = length_m
         wanted[f"segment_curvature.{number}"] = curvature
@@ -135,7 +140,7 @@ def wanted_configuration(model: Model, segments: int = DEFAULT_SEGMENTS) -> dict
 
 def not_on_the_drive(model: Model) -> list[str]:
     """Return what the model has and the drive's cable model has not."""
-    pair, law = model.transmission(), model.transmission().friction
+    pair, law = model.transmission, model.transmission.friction
     terms = {
         "viscous friction": law.mu_v_s_per_m != 0,
         "Stribeck friction": law.stribeck_gain != 0,

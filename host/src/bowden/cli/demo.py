@@ -1,0 +1,175 @@
+"""The whole thread once: simulated rig, drive, configuration, recording, comparison, report.
+
+Starts a rig of its own, runs the paper's Experiment 2 on it (a hand moves the load by 40 degrees
+at 0.5 Hz while the drive renders the error-reduction tunnel) and compares what was recorded with
+the offline model. Ctrl-C at any time leaves the drive disabled and no process behind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from bowden.cli.compare import compare_files, show
+from bowden.cli.configure import wanted_configuration
+from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.record import record_to, summary
+from bowden.cli.rig import rig_command, stop
+from bowden.drive.bus_options import (
+    DEFAULT_INTERFACE,
+    BusOptions,
+    add_bus_arguments,
+    bus_options,
+    open_connection,
+)
+from bowden.drive.capture import Capture
+from bowden.drive.client import Drive
+from bowden.drive.configuration import difference, write
+from bowden.drive.connection import Connection
+from bowden.drive.power import Mode as DriveMode
+from bowden.drive.power import Run
+from bowden.drive.scan import scan
+from bowden.errors import BadInput, DriveFailed
+from bowden.model import Mode, format_model, parse_model, table_1
+
+EXAMPLES = """examples:
+  bowden demo
+  bowden demo --duration 60 --output /tmp/demo --json
+  bowden demo --drop-probability 0.001        frames are lost on purpose, and reported
+"""
+
+#: Starting the rig compiles its simulation the first time; slow machines take a minute for it.
+_RIG_STARTS_WITHIN_S = 180.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("--duration", type=float, default=20.0, metavar="S", help="default: 20")
+    parser.add_argument(
+        "--output", type=Path, default=Path("demo"), metavar="DIR", help="default: ./demo"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the rig's noise")
+    parser.add_argument(
+        "--drop-probability",
+        type=float,
+        default=0.0,
+        metavar="P",
+        help="lose this share of the frames on purpose, to see them reported",
+    )
+    add_json_argument(parser)
+    add_bus_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the main job, step by step, and say what came out."""
+    if not args.duration > 0:
+        raise BadInput("--duration", f"{args.duration:g}", "seconds, more than 0")
+    directory: Path = args.output
+    directory.mkdir(parents=True, exist_ok=True)
+    model_path, run_path = directory / "table_1.yaml", directory / "run.blf"
+    report_path = directory / "report.html"
+    model_path.write_text(format_model(table_1()), encoding="utf-8")
+
+    capture = _record(args, model_path, run_path)
+    _say(f"comparing with the offline model ({model_path})")
+    comparison = compare_files(model_path, [run_path], Mode.TORQUE_POSITION, report_path)
+    show(comparison)
+
+    figures = summary(capture, run_path)
+    if args.json:
+        print_json({**figures, "comparison": comparison.to_document(), "report": str(report_path)})
+    console().print(
+        f"\n[bold]report[/]       {report_path.resolve()}\n"
+        f"[bold]gap[/]          {1e3 * comparison.figures.gap:.1f} mN m RMS of the load torque\n"
+        f"[bold]frames lost[/]  {figures['frames_lost']}\n"
+        "[bold]next[/]         look at the report; fit the model to the run and look again:\n"
+        f"             bowden calibrate {model_path} {run_path} --write-model better.yaml\n"
+        f"             bowden compare better.yaml {run_path} --report better.html\n"
+        "             (in the virtual environment: . .venv/bin/activate)"
+    )
+    return 0
+
+
+def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Capture:
+    """Start the rig, configure its drive, record the tunnel; drive and rig are off afterwards."""
+    options = _own_bus(bus_options(args))
+    rig_arguments = ["--seed", str(args.seed), "--drop-probability", str(args.drop_probability)]
+    log_path = run_path.with_name("rig.log")
+    _say("starting the simulated rig in a process of its own")
+    with open_connection(options) as connection, _rig(options, rig_arguments, log_path) as process:
+        drive = Drive(connection, _find(connection, process, log_path))
+        drive.check_dictionary()
+        _say(f"node {drive.node_id}: {drive.read_text('device_name')}, object dictionary matches")
+        wanted = wanted_configuration(
+            parse_model(model_path.read_text(encoding="utf-8"), str(model_path))
+        )
+        changes = difference(drive, wanted)
+        write(drive, changes)
+        _say(f"Table I: {len(wanted)} entries checked, {len(changes)} changed and read back")
+        _say(f"Experiment 2 for {args.duration:g} s: tunnel on, a hand moves 40 degrees at 0.5 Hz")
+        capture = record_to(
+            drive,
+            run_path,
+            args.duration,
+            Run(DriveMode.TUNNEL),
+            {"rig": "simulated", "notes": "bowden demo: Experiment 2, error-reduction tunnel"},
+        )
+        _say("the drive is off")
+        return capture
+
+
+@contextmanager
+def _rig(
+    options: BusOptions, rig_arguments: list[str], log_path: Path
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a rig for the block; it is gone at its end, however it ends."""
+    command = rig_command(options, further=rig_arguments)
+    with log_path.open("wb") as log:
+        # A session of its own: Ctrl-C must reach us first, so that the drive is stopped before
+        # its rig is gone. The rig ends by itself when this process dies.
+        process = subprocess.Popen(command, stderr=log, start_new_session=True)
+    try:
+        yield process
+    finally:
+        stop(process)
+
+
+def _find(connection: Connection, process: subprocess.Popen[bytes], log_path: Path) -> int:
+    """Wait for the rig's node to speak and return its id."""
+    deadline = time.monotonic() + _RIG_STARTS_WITHIN_S
+    while not connection.nodes_heard:
+        if process.poll() is not None:
+            raise DriveFailed(f"the simulated rig did not start: {_last_line(log_path)}")
+        if time.monotonic() > deadline:
+            raise DriveFailed(f"the simulated rig is silent; its log is {log_path}")
+        connection.listen(0.1)
+    nodes = scan(connection)
+    if len(nodes) != 1:
+        found = ", ".join(str(node.node_id) for node in nodes) or "none"
+        raise DriveFailed(f"found nodes {found} on the bus where only the demo's rig should be")
+    return nodes[0].node_id
+
+
+def _own_bus(options: BusOptions) -> BusOptions:
+    """On the default bus take a port that nobody uses, so that demos do not meet."""
+    if options.interface != DEFAULT_INTERFACE or "port" in options.further:
+        return options
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    return replace(options, further={**options.further, "port": port})
+
+
+def _last_line(log_path: Path) -> str:
+    lines = log_path.read_text(encoding="utf-8", errors="replace").split("\n")
+    return next((line for line in reversed(lines) if line.strip()), "it said nothing")
+
+
+def _say(text: str) -> None:
+    console().print(f"[green]>[/] {text}")
