@@ -1,4 +1,4 @@
-"""The importer of surgical-tool recordings: on hand-made files whose truth is known, and on real ones."""
+"""The importer of surgical-tool recordings: on hand-made files of known truth, and on real ones."""
 
 from __future__ import annotations
 

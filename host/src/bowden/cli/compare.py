@@ -1,0 +1,103 @@
+"""Compare recordings with the offline model: figures, and a report for the browser.
+
+The model gets the two series that the mode names; the gap is in the first of the two that it
+predicts (load torque, or motor torque in position-torque mode). Each recording starts virgin.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.cli.model_arguments import (
+    add_mode_argument,
+    add_model_argument,
+    mode_of,
+    read_model,
+)
+from bowden.cli.output import add_json_argument, console, print_json
+
+if TYPE_CHECKING:
+    from bowden.diagnosis.compare import Comparison
+    from bowden.model import Mode
+
+EXAMPLES = """examples:
+  bowden compare table_1.yaml run.blf --report report.html
+  bowden compare table_1.yaml one.csv two.csv --json > gap.json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    add_model_argument(parser)
+    parser.add_argument(
+        "recordings", metavar="REC", type=Path, nargs="+", help="recording (.csv or .blf)"
+    )
+    add_mode_argument(parser)
+    add_json_argument(parser)
+    parser.add_argument(
+        "--report", metavar="OUT.html", type=Path, help="write a report that opens anywhere"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare, write the report, print figures."""
+    comparison = compare_files(args.model, args.recordings, mode_of(args), args.report)
+    show(comparison, args.report)
+    if args.json:
+        print_json(comparison.to_document())
+    return 0
+
+
+def compare_files(
+    model: Path, recordings: Sequence[Path], mode: Mode, report: Path | None = None
+) -> Comparison:
+    """Compare recordings with a model, file by file, and write the report where one is wanted."""
+    from bowden.diagnosis.compare import compare  # noqa: PLC0415  (keeps --help fast)
+    from bowden.recording.read import read_recording  # noqa: PLC0415
+
+    comparison = compare(read_model(model), [read_recording(path) for path in recordings], mode)
+    if report:
+        write_report(comparison, model, report)
+    return comparison
+
+
+def write_report(comparison: Comparison, model: Path, report: Path) -> None:
+    """Write the comparison's page, whole or not at all."""
+    from bowden.recording.atomic import replace_whole  # noqa: PLC0415  (keeps --help fast)
+    from bowden.report.comparison import comparison_report  # noqa: PLC0415
+
+    html = comparison_report(comparison, {"model file": str(model)})
+    with replace_whole(report) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+
+
+def show(comparison: Comparison, report: Path | None = None) -> None:
+    """Tell people, on stderr, what came out."""
+    from rich.table import Table  # noqa: PLC0415  (keeps --help fast)
+
+    from bowden.report.words import NAMES, percent, si, verdict, whereabouts  # noqa: PLC0415
+
+    table = Table(title=f"{NAMES[comparison.quantity]}: measured − simulated", title_justify="left")
+    table.add_column("recording", overflow="fold")
+    for name in ("gap (RMS)", "of peak", "largest", "first cycle", "then", "sensor noise", "lost"):
+        table.add_column(name, justify="right")
+    for one in comparison.recordings:
+        figures = one.figures
+        table.add_row(
+            Path(one.recording.source).name,
+            si(figures.gap, "N m"),
+            percent(figures.relative_gap),
+            si(figures.peak, "N m"),
+            si(figures.first_cycle, "N m"),
+            si(figures.steady, "N m"),
+            si(figures.noise_floor, "N m"),
+            one.recording.metadata.get("frames_lost", "–"),
+        )
+    out = console()
+    out.print(table)
+    out.print(f"{verdict(comparison)} {whereabouts(comparison)}")
+    if report:
+        out.print(f"report: {report}")

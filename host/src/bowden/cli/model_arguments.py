@@ -1,0 +1,64 @@
+"""What the commands that run the offline model share: the model file and the mode.
+
+Reads model files; everything else is in the commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.errors import BadInput
+
+if TYPE_CHECKING:
+    from bowden.model import Mode, Model
+
+MODES = ("torque-position", "position-torque", "position-position")
+
+
+def add_model_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the positional model file."""
+    parser.add_argument("model", metavar="MODEL", type=Path, help="model file (YAML)")
+
+
+def add_mode_argument(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
+    """Add ``--mode``."""
+    parser.add_argument(
+        "--mode",
+        choices=MODES,
+        required=required,
+        default=None if required else MODES[0],
+        help="what the model takes from the recording, motor first; it predicts the rest"
+        + ("" if required else " (default: %(default)s)"),
+    )
+
+
+def mode_of(args: argparse.Namespace) -> Mode:
+    """Return the mode that was asked for."""
+    from bowden.model import Mode  # noqa: PLC0415  (keeps --help fast)
+
+    return Mode(args.mode)
+
+
+def read_model(path: Path) -> Model:
+    """Read and check a model file.
+
+    Raises
+    ------
+    BadInput
+        The file cannot be read.
+    bowden.model.ModelError
+        What it says describes no rig; all problems at once.
+    """
+    from bowden.model import parse_model  # noqa: PLC0415  (keeps --help fast)
+
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise BadInput(
+            str(path), error.strerror or str(error), "a readable model file (YAML)"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise BadInput(str(path), "bytes that are not UTF-8 text", "a model file (YAML)") from error
+    return parse_model(text, source=str(path))

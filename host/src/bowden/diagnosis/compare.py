@@ -1,0 +1,318 @@
+"""What the model says for a recording's inputs, and the gap between that and what was measured.
+
+Takes a `bowden.model.Model` and `Recording`s, runs the simulator, returns frozen results. Touches
+no file. `report` draws them, `cli.compare` prints them, `calibrate` makes them small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.conditions import Condition, split_by_motion
+from bowden.diagnosis.motion import Motion, time_gaps
+from bowden.diagnosis.noise import noise_sigma
+from bowden.model import Inputs, Mode, Model, Trajectory, simulate
+from bowden.recording.recording import Recording
+
+_Floats = NDArray[np.float64]
+
+PREDICTED = {
+    Mode.TORQUE_POSITION: ("load_torque_nm", "motor_angle_rad"),
+    Mode.POSITION_TORQUE: ("motor_torque_nm", "load_angle_rad"),
+    Mode.POSITION_POSITION: ("load_torque_nm", "motor_torque_nm"),
+}
+"""The two series that a mode predicts; the first is the one whose gap counts."""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The gap in figures; all in N m unless said otherwise.
+
+    Parameters
+    ----------
+    gap : float
+        RMS of measured minus simulated over all samples.
+    peak : float
+        Largest magnitude of it.
+    bias : float
+        Its mean.
+    full_scale : float
+        Largest magnitude of the measured quantity.
+    relative_gap : float or None
+        `gap` / `full_scale`; None when nothing was measured.
+    noise_floor : float
+        RMS of the measured channel's own white noise: no model can come below it.
+    first_cycle, steady : float or None
+        RMS until both extremes of the motion were visited, and after that; None where the motion
+        has no cycles.
+    """
+
+    gap: float
+    peak: float
+    bias: float
+    full_scale: float
+    relative_gap: float | None
+    noise_floor: float
+    first_cycle: float | None
+    steady: float | None
+
+
+@dataclass(frozen=True)
+class VelocityFit:
+    """Straight line through the residual against velocity: the trace of a missing viscous term.
+
+    Parameters
+    ----------
+    slope : float, N m s/rad
+    offset : float, N m
+    share_explained : float
+        Part of the residual's variance that the line takes, 0..1.
+    """
+
+    slope: float
+    offset: float
+    share_explained: float
+
+
+@dataclass(frozen=True)
+class RecordingComparison:
+    """One recording beside its simulation.
+
+    Parameters
+    ----------
+    recording : Recording
+    trajectory : Trajectory
+        Simulated on the recording's samples, a predicted angle shifted to the recording's zero.
+    residual : ndarray of shape (n,), N m
+        Measured minus simulated.
+    motion : Motion
+    figures, where, velocity_fit
+        What is read out of them.
+    other_gap : float, rad or N m
+        RMS in the mode's other predicted quantity.
+    time_gaps : tuple of (float, float)
+        Start and length of pauses in the recording, in seconds. The model's state goes on over
+        them as if the motion between had been straight.
+    """
+
+    recording: Recording
+    trajectory: Trajectory
+    residual: _Floats
+    motion: Motion
+    figures: Figures
+    where: tuple[Condition, ...]
+    velocity_fit: VelocityFit
+    other_gap: float
+    time_gaps: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A model beside one or several recordings of one rig.
+
+    Parameters
+    ----------
+    model : Model
+    mode : Mode
+    recordings : tuple of RecordingComparison
+    figures : Figures
+        Over all samples of all recordings.
+    where : tuple of Condition
+        Likewise.
+    """
+
+    model: Model
+    mode: Mode
+    recordings: tuple[RecordingComparison, ...]
+    figures: Figures
+    where: tuple[Condition, ...]
+
+    @property
+    def quantity(self) -> str:
+        """The column whose gap counts."""
+        return PREDICTED[self.mode][0]
+
+    @property
+    def other_quantity(self) -> str:
+        """The mode's other predicted column."""
+        return PREDICTED[self.mode][1]
+
+    def to_document(self) -> dict[str, object]:
+        """Return what ``bowden compare --json`` prints: plain dictionaries, lists and numbers."""
+        return {
+            "quantity": self.quantity,
+            "metric": "RMS",
+            "unit": "N m",
+            "mode": self.mode.value,
+            **asdict(self.figures),
+            "where": [asdict(condition) for condition in self.where],
+            "recordings": [
+                {
+                    "recording": one.recording.source,
+                    "samples": int(one.residual.size),
+                    "duration_s": float(one.recording.time_s[-1] - one.recording.time_s[0]),
+                    **asdict(one.figures),
+                    f"{self.other_quantity}_gap": one.other_gap,
+                    "velocity_fit": asdict(one.velocity_fit) | {"end": one.motion.end},
+                    "slack_share": float(np.mean(one.trajectory.slack != 0)),
+                    "time_gaps": [
+                        {"start_s": start, "length_s": length} for start, length in one.time_gaps
+                    ],
+                    "where": [asdict(condition) for condition in one.where],
+                }
+                for one in self.recordings
+            ],
+        }
+
+
+def simulate_recording(
+    model: Model, mode: Mode, recording: Recording, *, before: Recording | None = None
+) -> Trajectory:
+    """Run the model on the two series of a recording that the mode takes as given.
+
+    Parameters
+    ----------
+    model : Model
+    mode : Mode
+    recording : Recording
+        The rig is virgin at its first sample, unless `before` is given: both cables at their
+        initial tension. Where both angles are given, they are taken to agree there, since two
+        encoders seldom share a zero.
+    before : Recording, optional
+        What the rig did just before, from virgin; the model runs through it first.
+
+    Returns
+    -------
+    Trajectory
+        On the recording's samples; depends on no other columns than the two given ones.
+
+    Raises
+    ------
+    bowden.model.ModelError
+        Fewer than two samples, or a series that the model cannot run.
+    """
+    time_s = recording.time_s
+    series: dict[str, _Floats] = {name: getattr(recording, name) for name in mode.columns}
+    lead = 0
+    if before is not None:
+        lead = before.time_s.size
+        step = float(np.median(np.diff(before.time_s))) if lead > 1 else 1.0
+        shift = float(before.time_s[-1]) + step - float(time_s[0])
+        time_s = np.concatenate([before.time_s, time_s + shift])
+        series = {n: np.concatenate([getattr(before, n), v]) for n, v in series.items()}
+    zero = 0.0
+    if mode is Mode.POSITION_POSITION and time_s.size:
+        pair = model.transmission
+        ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        zero = float(series["motor_angle_rad"][0] - ratio * series["load_angle_rad"][0])
+        series["motor_angle_rad"] = series["motor_angle_rad"] - zero
+    trajectory = simulate(model, mode, Inputs(time_s=time_s, **series))
+    kept = {name: values[lead:] for name, values in vars(trajectory).items()}
+    kept["time_s"] = recording.time_s
+    kept["motor_angle_rad"] = kept["motor_angle_rad"] + zero
+    return replace(trajectory, **kept)
+
+
+def compare(
+    model: Model, recordings: Sequence[Recording], mode: Mode = Mode.TORQUE_POSITION
+) -> Comparison:
+    """Simulate each recording and measure the gap.
+
+    Parameters
+    ----------
+    model : Model
+    recordings : sequence of Recording
+        One or more runs of one rig; each starts virgin.
+    mode : Mode, default torque-position
+        Decides which two series are given and which are predicted.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    bowden.model.ModelError
+        A recording of fewer than two samples, or one that the model cannot run.
+    """
+    parts = tuple(_compare_one(model, recording, mode) for recording in recordings)
+    residual = np.concatenate([part.residual for part in parts])
+    motion = Motion.joined([part.motion for part in parts])
+    floors = np.array([part.figures.noise_floor for part in parts])
+    figures = _figures(
+        residual,
+        np.concatenate([getattr(part.recording, PREDICTED[mode][0]) for part in parts]),
+        noise_floor=float(
+            np.sqrt(np.average(floors**2, weights=[part.residual.size for part in parts]))
+        ),
+        steady=motion.steady,
+    )
+    where = split_by_motion(residual, motion)
+    return Comparison(model=model, mode=mode, recordings=parts, figures=figures, where=where)
+
+
+def _compare_one(model: Model, recording: Recording, mode: Mode) -> RecordingComparison:
+    trajectory = simulate_recording(model, mode, recording)
+    quantity, other = PREDICTED[mode]
+    if other.endswith(
+        "_rad"
+    ):  # an encoder's zero is arbitrary: angles are compared by their course
+        simulated = getattr(trajectory, other)
+        shift = float(np.mean(getattr(recording, other) - simulated))
+        trajectory = replace(trajectory, **{other: simulated + shift})
+    measured: _Floats = getattr(recording, quantity)
+    residual = measured - getattr(trajectory, quantity)
+    motion = Motion.of(recording)
+    noise_floor = noise_sigma(measured, recording.time_s)
+    return RecordingComparison(
+        recording=recording,
+        trajectory=trajectory,
+        residual=residual,
+        motion=motion,
+        figures=_figures(residual, measured, noise_floor=noise_floor, steady=motion.steady),
+        where=split_by_motion(residual, motion),
+        velocity_fit=_fit_to_velocity(residual, motion.velocity_rad_s),
+        other_gap=_rms(getattr(recording, other) - getattr(trajectory, other)),
+        time_gaps=tuple(time_gaps(recording.time_s)),
+    )
+
+
+def _figures(
+    residual: _Floats, measured: _Floats, *, noise_floor: float, steady: NDArray[np.bool_]
+) -> Figures:
+    gap = _rms(residual)
+    full_scale = float(np.max(np.abs(measured)))
+    cycles = bool(steady.any())
+    return Figures(
+        gap=gap,
+        peak=float(np.max(np.abs(residual))),
+        bias=float(residual.mean()),
+        full_scale=full_scale,
+        relative_gap=gap / full_scale if full_scale > 0.0 else None,
+        noise_floor=noise_floor,
+        first_cycle=_rms(residual[~steady]) if cycles and not steady.all() else None,
+        steady=_rms(residual[steady]) if cycles else None,
+    )
+
+
+def _fit_to_velocity(residual: _Floats, velocity_rad_s: _Floats) -> VelocityFit:
+    spread = float(np.var(velocity_rad_s))
+    slope = (
+        float(np.mean((residual - residual.mean()) * velocity_rad_s)) / spread
+        if spread > 0
+        else 0.0
+    )
+    variance = float(np.var(residual))
+    return VelocityFit(
+        slope=slope,
+        offset=float(residual.mean() - slope * velocity_rad_s.mean()),
+        share_explained=slope**2 * spread / variance if variance > 0 else 0.0,
+    )
+
+
+def _rms(values: _Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

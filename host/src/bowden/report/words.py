@@ -1,0 +1,91 @@
+"""Figures and results in words, for the page and for the terminal alike.
+
+Pure functions; `page`, `comparison` and the command line use them so that both say the same.
+"""
+
+from __future__ import annotations
+
+import math
+
+from bowden.diagnosis.compare import Comparison
+
+NAMES = {
+    "motor_angle_rad": "motor angle",
+    "load_angle_rad": "load angle",
+    "motor_torque_nm": "motor torque",
+    "load_torque_nm": "load torque",
+}
+UNITS = {"_rad": "rad", "_nm": "N m", "_n": "N", "_s": "s"}
+_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+def quantity_with_unit(column: str, value: float | None) -> str:
+    """Return a column's value in words: ``("load_torque_nm", 0.0521)`` gives ``52.1 mN m``."""
+    unit = next((unit for suffix, unit in UNITS.items() if column.endswith(suffix)), "")
+    return si(value, unit)
+
+
+def si(value: float | None, unit: str) -> str:
+    """Three significant digits with an SI prefix that keeps the number between 1 and 1000.
+
+    Parameters
+    ----------
+    value : float or None
+        In the plain unit; None gives a dash.
+    unit : str
+        ``"N m"``, ``"rad"``, ...
+
+    Returns
+    -------
+    str
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return f"0 {unit}"
+    scale, prefix = next(((s, p) for s, p in _PREFIXES if abs(value) >= 0.9995 * s), _PREFIXES[-1])
+    return f"{_digits(value / scale, 3)} {prefix}{unit}"
+
+
+def percent(share: float | None) -> str:
+    """Return a share as a percentage of two significant digits; None gives a dash."""
+    if share is None or not math.isfinite(share):
+        return "–"
+    return f"{_digits(100.0 * share, 2)} %"
+
+
+def verdict(comparison: Comparison) -> str:
+    """Say in one or two sentences how far the model is from what was measured."""
+    figures = comparison.figures
+    name = NAMES[comparison.quantity]
+    gap = si(figures.gap, "N m")
+    text = f"The model misses the measured {name} by {gap} RMS"
+    if figures.relative_gap is not None:
+        text += f", {percent(figures.relative_gap)} of its {si(figures.full_scale, 'N m')} peak"
+    if figures.noise_floor > 0.0:
+        ratio = figures.gap / figures.noise_floor
+        floor = si(figures.noise_floor, "N m")
+        if ratio <= 1.1:
+            return f"{text}: no more than the sensor's own noise of {floor}. Nothing is missing."
+        text += f": {_digits(ratio, 2)} times the sensor's own noise of {floor}"
+    return f"{text}."
+
+
+def whereabouts(comparison: Comparison) -> str:
+    """Say in one sentence where most of the gap is; empty when there is no gap."""
+    if not comparison.where or comparison.figures.gap == 0.0:
+        return ""
+    worst = comparison.where[0]
+    return (
+        f"The largest part of it, {percent(worst.share_of_gap)}, arises in "
+        f"{percent(worst.share_of_time)} of the time: {worst.condition}."
+    )
+
+
+def _digits(value: float, digits: int) -> str:
+    """Return fixed-point text of so many significant digits, at least the integer part."""
+    if value == 0.0:
+        return "0"
+    rounded = float(f"{value:.{digits - 1}e}")
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
+    return f"{value:.{decimals}f}".replace("-", "−")

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bowden.diagnosis.conditions import split_by_motion
+from bowden.diagnosis.motion import Motion, steady, time_gaps, velocity
+from bowden.recording.recording import Recording
+
+
+def recording(time_s: np.ndarray, load_angle_rad: np.ndarray, motor: float = 5.2) -> Recording:
+    zero = np.zeros_like(time_s)
+    return Recording(time_s, motor * load_angle_rad, load_angle_rad, zero, zero)
+
+
+def test_velocity_of_a_ramp_on_uneven_time() -> None:
+    time_s = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 3e-3, 2000))
+    np.testing.assert_allclose(velocity(time_s, 0.7 * time_s), 0.7, rtol=1e-9)
+
+
+def test_velocity_of_a_sine() -> None:
+    time_s = np.arange(4000) * 1e-3
+    measured = velocity(time_s, np.sin(2 * np.pi * 0.5 * time_s))[100:-100]
+    exact = np.pi * np.cos(np.pi * time_s[100:-100])
+    # A centred difference over 50 ms loses (pi h)^2 / 6 of it, h = 25 ms: 0.1 %.
+    np.testing.assert_allclose(measured, exact, atol=0.0011 * np.pi)
+
+
+def test_steady_begins_when_both_extremes_were_seen() -> None:
+    time_s = np.arange(10_000) * 1e-3
+    flags = steady(np.sin(2 * np.pi * 0.5 * time_s))  # extremes at 0.5 s and 1.5 s
+    # 95 % of the way is reached acos(0.95) / pi = 0.101 s earlier.
+    assert int(np.argmax(flags)) == pytest.approx(1500 - 101, abs=2)
+    assert flags[2000:].all()
+
+
+@pytest.mark.parametrize("angle", [np.zeros(1000), np.linspace(0.0, 1.0, 1000)])
+def test_no_cycles_no_steady_part(angle: np.ndarray) -> None:
+    assert not steady(angle).any()
+
+
+def test_a_locked_load_is_judged_by_the_motor() -> None:
+    time_s = np.arange(1000) * 1e-3
+    one = Recording(time_s, 0.01 * np.sin(time_s), 0 * time_s, 0 * time_s, 0 * time_s)
+    assert Motion.of(one).end == "motor"
+    assert Motion.of(recording(time_s, np.sin(time_s))).end == "load"
+
+
+def test_pauses_are_found() -> None:
+    time_s = np.concatenate([np.arange(100) * 1e-3, 1.0 + np.arange(100) * 1e-3])
+    ((start, length),) = time_gaps(time_s)
+    assert start == pytest.approx(0.099)
+    assert length == pytest.approx(0.901)
+
+
+def test_shares_add_up_and_point_to_the_place() -> None:
+    time_s = np.arange(8000) * 1e-3
+    motion = Motion.of(recording(time_s, np.sin(2 * np.pi * 0.5 * time_s)))
+    fast_outward = (np.abs(motion.velocity_rad_s) > 2.9) & motion.outward
+    conditions = split_by_motion(np.where(fast_outward, 1.0, 0.0), motion)
+    assert sum(one.share_of_gap for one in conditions) == pytest.approx(1.0)
+    assert sum(one.share_of_time for one in conditions) == pytest.approx(1.0)
+    assert conditions[0].share_of_gap > 0.99
+    assert "above" in conditions[0].condition
+    assert conditions[0].condition.endswith("outward")
+
+
+def test_no_gap_has_no_shares() -> None:
+    time_s = np.arange(1000) * 1e-3
+    motion = Motion.of(recording(time_s, np.sin(2 * np.pi * time_s)))
+    assert all(one.share_of_gap == 0.0 for one in split_by_motion(np.zeros(1000), motion))
