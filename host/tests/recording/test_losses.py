@@ -125,6 +125,15 @@ def test_without_the_counters_a_loss_at_the_edge_cannot_be_seen_but_is_with_them
     assert account(number, there, *times, before=99, after=149) == dict.fromkeys(PDOS, edges)
 
 
+def test_listening_may_begin_and_end_in_the_middle_of_a_sample() -> None:
+    number = 100 + np.arange(50)
+    there = np.ones((3, 50), dtype=bool)
+    there[0, 0] = there[1:, -1] = False  # not lost: before we listened, after we stopped
+    there[2, 7] = False  # lost
+    reported = account(number, there, number * 1000, number * 1e-3, before=None, after=None)
+    assert reported == {"TPDO1": [], "TPDO2": [], "TPDO3": [107]}
+
+
 def test_ranges_read_well() -> None:
     report = find_losses({"TPDO1": np.array([1, 2, 5, 9]), "TPDO2": np.arange(1, 10)})
     assert report.ranges("TPDO1") == ["3-4", "6-8"]

@@ -19,7 +19,6 @@ EXAMPLES = """examples:
   bowden info --node 17 -i socketcan -c can0 --json
 """
 
-_HEARTBEAT_S = 0.5
 _MEASURED = (
     "motor_angle",
     "load_angle",
@@ -49,7 +48,6 @@ def run(args: argparse.Namespace) -> int:
 
 def describe(drive: Drive) -> dict[str, object]:
     """Collect all that the drive says of itself; values in SI units, units in the names."""
-    drive.connection.wait_for(lambda: drive.nmt_state != "UNKNOWN", _HEARTBEAT_S)
     there = drive.read_raw("dictionary_hash")
     culprit = drive.read_raw("configuration_error")
     error = drive.read_raw("error_code")
@@ -65,7 +63,7 @@ def describe(drive: Drive) -> dict[str, object]:
         "serial_number": drive.read_raw("identity.serial_number"),
         "dictionary_hash": f"{there:08X}h",
         "dictionary_matches": there == HASH,
-        "nmt_state": drive.nmt_state,
+        "nmt_state": drive.next_nmt_state(),
         "power_state": power_state(drive.read_raw("statusword")),
         "mode": _mode(drive.read_raw("mode_of_operation_display")),
         "error": describe_emergency(error) if error else None,

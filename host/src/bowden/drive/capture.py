@@ -22,8 +22,6 @@ from bowden.recording.capture_file import CaptureWriter
 from bowden.recording.decode import Decoded
 from bowden.recording.side_file import SideFile
 
-_STATE_KNOWN_S = 0.5
-
 
 @dataclass(frozen=True)
 class Capture:
@@ -72,7 +70,8 @@ def record(
         raise BadInput("--duration", f"{duration_s:g}", "seconds, more than 0")
     layouts = read_layouts(drive)
     side = side_file(drive, layouts, {**(metadata or {}), **run_metadata(drive, run)})
-    ours = run is not None or not _is_operational(drive)
+    # A drive that sends samples already does so for someone else: then we only listen.
+    ours = run is not None or drive.next_nmt_state() != "OPERATIONAL"
     if ours:
         drive.nmt("PRE-OPERATIONAL")
         side = side.model_copy(update={"counter_before": drive.read_raw("sample_counter")})
@@ -89,7 +88,7 @@ def record(
         except DriveFailed as failure:
             writer.note(cut=str(failure))
             raise DriveFailed(
-                f"{failure}; what was recorded until then is kept in {path}, marked as cut"
+                f"{failure}; what was recorded until then is kept and marked as cut"
             ) from failure
     if writer.decoded is None:
         raise DriveFailed(f"{path} holds no samples")
@@ -120,9 +119,3 @@ def _sampling(drive: Drive, run: Run | None) -> Iterator[None]:
         yield
     finally:
         drive.nmt("PRE-OPERATIONAL")
-
-
-def _is_operational(drive: Drive) -> bool:
-    """Return whether the drive is sending samples already, for someone else."""
-    drive.connection.wait_for(lambda: drive.nmt_state != "UNKNOWN", _STATE_KNOWN_S)
-    return drive.nmt_state == "OPERATIONAL"

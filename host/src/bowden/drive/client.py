@@ -24,6 +24,7 @@ from bowden.errors import BadInput, DriveFailed
 
 _READ_ATTEMPTS = 3
 _ANSWER_TIMEOUT_S = 0.5
+_HEARTBEAT_S = 0.5
 _DIAGNOSIS_S = 1.2  # longer than any sensible heartbeat period
 _NMT_COMMANDS = {"OPERATIONAL": 1, "STOPPED": 2, "PRE-OPERATIONAL": 128, "RESET": 129}
 _NMT_STATES = {0: "BOOTING", 4: "STOPPED", 5: "OPERATIONAL", 127: "PRE-OPERATIONAL"}
@@ -113,6 +114,12 @@ class Drive:
         """Send an NMT command: OPERATIONAL, PRE-OPERATIONAL, STOPPED or RESET."""
         self.connection.send(0, bytes((_NMT_COMMANDS[command], self.node_id)))
 
+    def next_nmt_state(self) -> str:
+        """Wait for the next heartbeat and return the state it tells; ``UNKNOWN`` if none comes."""
+        self.nmt_state = "UNKNOWN"
+        self.connection.wait_for(lambda: self.nmt_state != "UNKNOWN", _HEARTBEAT_S)
+        return self.nmt_state
+
     def check_dictionary(self) -> None:
         """Refuse a drive whose object dictionary is not the one of this bowden.
 
@@ -183,18 +190,20 @@ class Drive:
 
 
 class _Transfers(SdoClient):
-    """`canopen`'s SDO client, waiting in the connection's `receive` instead of on a thread."""
+    """`canopen`'s SDO client, sending and waiting in the connection instead of on a thread."""
 
     RESPONSE_TIMEOUT = _ANSWER_TIMEOUT_S
 
     def __init__(self, connection: Connection, node_id: int) -> None:
         super().__init__(0x600 + node_id, 0x580 + node_id, ObjectDictionary())  # type: ignore[no-untyped-call]
-        self.network = connection.network
         self._connection = connection
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) == 8:  # CiA 301 knows no other; the package would stumble over it
             super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
+
+    def send_request(self, request: bytearray) -> None:
+        self._connection.send(self.rx_cobid, bytes(request))
 
     def read_response(self) -> bytes:
         self._connection.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT)

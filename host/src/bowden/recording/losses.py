@@ -149,17 +149,23 @@ def find_losses(
         PDO name to the sample numbers that arrived; at least one must be there.
     counter_before, counter_after : int, optional
         The 16-bit counter as read from the drive just before the first and just after the last
-        sample. Without them a loss of *all* frames of the first or last samples cannot be seen.
+        sample. Where one is not known, the drive was already or still sending: the account then
+        leaves out an incomplete sample at that edge, in the middle of which listening may have
+        begun or ended.
     """
     arrived = np.concatenate(list(numbers.values()))
     first, last = int(arrived.min()), int(arrived.max())
     if counter_before is not None:
         first -= (first - (counter_before + 1)) % _COUNTER
+    elif not all(first in there for there in numbers.values()):
+        first += 1
     if counter_after is not None:
         last += (counter_after - last) % _COUNTER
+    elif not all(last in there for there in numbers.values()):
+        last -= 1
     lost: dict[str, NDArray[np.int64]] = {}
     for pdo, there in numbers.items():
-        missing = np.ones(last - first + 1, dtype=bool)
-        missing[there - first] = False
+        missing = np.ones(max(0, last - first + 1), dtype=bool)
+        missing[there[(there >= first) & (there <= last)] - first] = False
         lost[pdo] = first + np.flatnonzero(missing)
     return LossReport(first, last, lost)

@@ -1,0 +1,81 @@
+"""A drive to talk to: the real firmware on the simulated rig, in virtual time and one thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import can
+import pytest
+from bowden.drive.client import Drive
+from bowden.drive.connection import Connection
+
+from hil_tests.bench import Bench
+from hil_tests.frame_loss import Loss
+from hil_tests.rig.parameters import Hand, Rig
+from hil_tests.rig.rig import SimulatedRig
+from hil_tests.targets.target import make_target
+from hil_tests.virtual_bus import VirtualBus
+
+
+def open_rig(drop: Loss | None = None, motion: str = "sine") -> tuple[Drive, VirtualBus]:
+    bench = Bench(SimulatedRig(Rig(hand=Hand(motion=motion))), make_target("native"))
+    bus = VirtualBus(bench, drop)
+    connection = Connection(
+        bus, adapter={"interface": "virtual"}, clock=lambda: bus.time_s, threaded=False
+    )
+    return Drive(connection), bus
+
+
+@pytest.fixture
+def rig() -> Iterator[Callable[..., tuple[Drive, VirtualBus]]]:
+    """Make drives on rigs; each must end with its bridge off, whatever the test did."""
+    buses: list[VirtualBus] = []
+
+    def make(drop: Loss | None = None, motion: str = "sine") -> tuple[Drive, VirtualBus]:
+        drive, bus = open_rig(drop, motion)
+        buses.append(bus)
+        return drive, bus
+
+    yield make
+    for bus in buses:
+        if bus.bench.actuators.bridge_enabled:
+            bus.advance(0.6)  # the drive needs its time-out to notice that the host is gone
+        assert not bus.bench.actuators.bridge_enabled
+        bus.shutdown()
+
+
+class SilentBus(can.BusABC):
+    """A bus on which nobody says anything; waiting lets its own time pass."""
+
+    def __init__(self, sends_fail: bool = False, frames: list[can.Message] | None = None) -> None:
+        super().__init__(channel="silent")
+        self.time_s = 0.0
+        self.sends_fail = sends_fail
+        self.sent: list[can.Message] = []
+        self.frames = frames or []
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
+        if self.sends_fail:
+            raise can.CanOperationError("transmit buffer full")
+        self.sent.append(msg)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        self.time_s += timeout or 0.0
+        return self.frames.pop(0) if self.frames else None
+
+
+@pytest.fixture
+def silent() -> Iterator[Callable[..., tuple[Connection, SilentBus]]]:
+    """Make connections to buses without a drive."""
+    connections: list[Connection] = []
+
+    def make(
+        sends_fail: bool = False, frames: list[can.Message] | None = None
+    ) -> tuple[Connection, SilentBus]:
+        bus = SilentBus(sends_fail, frames)
+        connections.append(Connection(bus, clock=lambda: bus.time_s, threaded=False))
+        return connections[-1], bus
+
+    yield make
+    for connection in connections:
+        connection.close()

@@ -1,0 +1,109 @@
+"""The bridge is on only inside `powered`, and never outlives the host."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from bowden.drive.client import Drive
+from bowden.drive.power import Mode, Run, powered, safe_stop
+from bowden.errors import DriveFailed
+
+from hil_tests.virtual_bus import VirtualBus
+
+MakeRig = Callable[..., tuple[Drive, VirtualBus]]
+
+
+TUNNEL = Run(Mode.TUNNEL)
+
+
+def test_the_bridge_is_on_inside_the_block_and_off_after_it(rig: MakeRig) -> None:
+    drive, bus = rig()
+    with powered(drive, TUNNEL):
+        assert bus.bench.actuators.bridge_enabled
+        assert drive.read_raw("mode_of_operation_display") == -1
+    assert not bus.bench.actuators.bridge_enabled
+    drive.connection.listen(0.2)
+    assert drive.nmt_state == "PRE-OPERATIONAL"
+    assert drive.read_raw("consumer_heartbeat.1") == 0  # as it was
+
+
+def test_torque_comes_and_goes_with_the_slew_rate(rig: MakeRig) -> None:
+    drive, bus = rig(motion="locked")
+    drive.write("motor_torque_slew", 1.0)
+    with powered(drive, Run(Mode.TORQUE, torque_nm=0.1)):
+        drive.connection.listen(0.3)
+        # Current sensing and amplifier settle within a few mN m.
+        assert drive.read("motor_torque") == pytest.approx(0.1, abs=5e-3)
+    assert not bus.bench.actuators.bridge_enabled
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit, DriveFailed])
+def test_whatever_ends_the_block_the_bridge_is_off(
+    rig: MakeRig, error: type[BaseException]
+) -> None:
+    drive, bus = rig()
+    with pytest.raises(error), powered(drive, TUNNEL):  # noqa: PT012
+        assert bus.bench.actuators.bridge_enabled
+        raise error("stop")
+    assert not bus.bench.actuators.bridge_enabled
+
+
+def test_a_host_that_dies_stops_the_drive(rig: MakeRig) -> None:
+    drive, bus = rig()
+    with pytest.raises(DriveFailed), powered(drive, TUNNEL):  # noqa: PT012
+        drive.connection.stop_heartbeat()  # as if killed: nothing is sent any more
+        bus.advance(0.45)
+        assert bus.bench.actuators.bridge_enabled
+        bus.advance(0.1)
+        assert not bus.bench.actuators.bridge_enabled
+        drive.connection.listen(0.1)
+        assert drive.emergencies == [0x8130]
+        raise DriveFailed("the test is over")
+
+
+def test_a_host_that_lives_keeps_the_drive_running(rig: MakeRig) -> None:
+    drive, bus = rig(motion="still")
+    with powered(drive, TUNNEL):
+        drive.connection.listen(2.0)
+        assert bus.bench.actuators.bridge_enabled
+    assert drive.emergencies == []
+
+
+def test_a_fault_of_the_past_is_reset(rig: MakeRig) -> None:
+    drive, bus = rig(motion="still")
+    with pytest.raises(DriveFailed), powered(drive, TUNNEL):  # noqa: PT012
+        drive.connection.stop_heartbeat()
+        drive.connection.listen(1.0)
+        raise DriveFailed("the test is over")
+    with powered(drive, TUNNEL):
+        assert bus.bench.actuators.bridge_enabled
+
+
+def test_a_configuration_that_cannot_run_is_named(rig: MakeRig) -> None:
+    drive, bus = rig()
+    drive.write("friction_static", 0.1)  # below mu_d
+    with (
+        pytest.raises(DriveFailed, match=r"cannot run with its friction_(static|dynamic)"),
+        powered(drive, TUNNEL),
+    ):
+        pass
+    assert not bus.bench.actuators.bridge_enabled
+
+
+def test_a_drive_that_does_not_confirm_is_told(rig: MakeRig) -> None:
+    dead: list[bool] = []
+    drive, bus = rig(drop=lambda _: bool(dead))
+    with (
+        pytest.raises(DriveFailed, match="has not confirmed that its bridge is off"),
+        powered(drive, TUNNEL),
+    ):
+        dead.append(True)
+    # The drive hears us still: leaving operational has turned it off.
+    bus.advance(0.01)
+    assert not bus.bench.actuators.bridge_enabled
+
+
+def test_stopping_a_drive_at_rest_is_fine(rig: MakeRig) -> None:
+    drive, _ = rig()
+    safe_stop(drive)
