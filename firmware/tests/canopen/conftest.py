@@ -6,6 +6,7 @@ build/native/libcanopen_test.so. The declarations come from the headers themselv
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 from collections.abc import Callable
@@ -50,7 +51,9 @@ def library() -> tuple[cffi.FFI, Any]:
     warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion", "-Werror"]
     sanitizer = ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
     command = ["gcc", "-std=c11", "-O1", "-g", "-shared", "-fPIC", *warnings, *sanitizer]
-    subprocess.run([*command, "-o", str(path), *map(str, SOURCES)], check=True)
+    fresh = path.with_suffix(f".{os.getpid()}")  # another worker may be loading the old one
+    subprocess.run([*command, "-o", str(fresh), *map(str, SOURCES)], check=True)
+    fresh.replace(path)
     ffi = cffi.FFI()
     ffi.cdef(declarations())
     return ffi, ffi.dlopen(str(path))
