@@ -17,6 +17,8 @@ import signal
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -58,12 +60,18 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         bench = Bench(SimulatedRig(description, options.seed), _warm_target(options, description))
         bridge = Bridge(bench, bus, loss)
-        return _run(bridge, options)
+        with _signals() as stopping:
+            pace = _run(bridge, options, stopping)
+        _report(bridge, pace, options.drop_log)
+    except FileNotFoundError as error:
+        _say(str(error))
+        return 3
     except can.CanError as error:
         _say(f"the bus failed: {_advice(error)}")
         return 3
     finally:
         bus.shutdown()
+    return 0
 
 
 class Bridge:
@@ -104,11 +112,8 @@ class Bridge:
             self.sent += 1
 
 
-def _run(bridge: Bridge, options: argparse.Namespace) -> int:
-    """Slices beside the wall clock until a signal, the duration or the parent ends it."""
-    stopping: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda got, _frame: stopping.append(got))
+def _run(bridge: Bridge, options: argparse.Namespace, stopping: list[int]) -> Pace:
+    """Run slices beside the wall clock until a signal, the duration or the parent ends it."""
     parent = os.getppid()
     duration_s = math.inf if options.duration_s is None else options.duration_s
     pace = Pace(SLICE_S, time.monotonic())
@@ -119,8 +124,22 @@ def _run(bridge: Bridge, options: argparse.Namespace) -> int:
         for _ in range(pace.due(time.monotonic())):
             bridge.slice()
         time.sleep(pace.wait_s(time.monotonic()))
-    _report(bridge, pace, options.drop_log)
-    return 0
+    return pace
+
+
+@contextmanager
+def _signals() -> Iterator[list[int]]:
+    """Collect SIGINT and SIGTERM in a list instead of dying of them."""
+    got: list[int] = []
+    before = {
+        number: signal.signal(number, lambda came, _frame: got.append(came))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield got
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _report(bridge: Bridge, pace: Pace, drop_log: Path | None) -> None:

@@ -180,6 +180,9 @@ static uint64_t read_peripheral(uc_engine *uc, uint64_t offset64, unsigned size,
     if (!clocked(m, block)) {
         return 0;
     }
+    if (m->now >= m->next_event) { /* the register as it is now, in the middle of a block */
+        events_run(m);
+    }
     uint32_t value = read_block(m, block, (0x40000000u + offset - block->base) & ~3u);
     value >>= 8 * (offset & 3u);
     return size == 4 ? value : value & ((1u << (8 * size)) - 1);
@@ -202,6 +205,9 @@ static void write_peripheral(uc_engine *uc, uint64_t offset64, unsigned size, ui
     if (!clocked(m, block)) {
         note(m, "%s written while its clock is off", block->name);
         return;
+    }
+    if (m->now >= m->next_event) {
+        events_run(m);
     }
     uint32_t at = (0x40000000u + offset - block->base) & ~3u;
     if (size < 4) {

@@ -85,12 +85,9 @@ uint32_t gpio_read(machine_t *m, int port, uint32_t offset) {
 void gpio_write(machine_t *m, int port, uint32_t offset, uint32_t value) {
     gpio_t *g = &m->gpio[port];
     uint32_t before = levels(m, port);
+    bridge_advance(m, m->now); /* a pin may cut the bridge off */
     switch (offset) {
-    case 0x00:
-        bridge_advance(m, m->now);
-        g->moder = value;
-        bridge_check_enabled(m);
-        break;
+    case 0x00: g->moder = value; break;
     case 0x04: g->otyper = value & 0xFFFFu; break;
     case 0x08: g->ospeedr = value; break;
     case 0x0C: g->pupdr = value; break;
@@ -101,6 +98,7 @@ void gpio_write(machine_t *m, int port, uint32_t offset, uint32_t value) {
     case 0x24: g->afr[1] = value; break;
     default: break;
     }
+    bridge_check_enabled(m);
     levels_changed(m, port, before);
 }
 

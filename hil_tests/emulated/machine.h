@@ -227,10 +227,12 @@ void tim_schedule_trigger(machine_t *m);
 uint32_t tim_clock_hz(const machine_t *m, int n);
 tick_t tim_ticks_per_count(const machine_t *m, int n);
 
-void pwm_write_bdtr(machine_t *m, uint32_t value);
-void pwm_write_ccer(machine_t *m, uint32_t value);
+void pwm_write_bdtr(machine_t *m, int n, uint32_t value);
+void pwm_write_ccer(machine_t *m, int n, uint32_t value);
 void pwm_break_changed(machine_t *m); /* the break pin or the clock-failure line moved */
-void pwm_force_break(machine_t *m);
+void pwm_clock_failed(machine_t *m);
+void pwm_software_break(machine_t *m);
+bool pwm_break_active(const machine_t *m);
 double pwm_duty(const machine_t *m, int channel);
 bool pwm_leg_switched(const machine_t *m, int channel);
 double pwm_dead_time_s(const machine_t *m);
@@ -249,7 +251,7 @@ void encoder_lines(machine_t *m, int timer); /* drives the pins for the present 
 typedef struct {
     uint32_t sr, cr1, cr2, smpr[2], jofr[4], htr, ltr, sqr[3], jsqr, dr;
     int32_t jdr[4];
-    int rank;           /* conversion of the sequence that runs, counted from 0 */
+    int regular_rank, injected_rank; /* conversion of the sequence that runs, from 0 */
     bool regular_runs, injected_runs, regular_waits;
     tick_t powered_at;
     int stuck_code;

@@ -144,7 +144,7 @@ void rcc_hse_changed(machine_t *m) {
         m->nvic.line[0] |= 1u << NMI;
         exception_pend(m, NMI);
         update(m);
-        pwm_force_break(m);
+        pwm_clock_failed(m);
     } else if (depends) {
         note(m, "RCC: the crystal stopped under the core without the clock security system");
         m->nvic.locked_up = true;

@@ -1,0 +1,150 @@
+"""A host in lock-step with the bench: NMT, expedited SDO and PDOs by hand, in virtual time.
+
+Speaks the wire format itself instead of using the product's client, so that tests of the drive do
+not depend on it, and in one thread, so that they are bit-reproducible. Goes by a `VirtualBus`.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Final, NamedTuple
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_tests.targets.target import DEFAULT_NODE_ID
+from hil_tests.virtual_bus import VirtualBus
+
+NMT_START: Final = 0x01
+NMT_STOP: Final = 0x02
+NMT_PRE_OPERATIONAL: Final = 0x80
+NMT_RESET_NODE: Final = 0x81
+CONTROLWORD: Final = 0x6040
+STATUSWORD: Final = 0x6041
+MODE: Final = 0x6060
+FAULT_BIT: Final = 1 << 3
+ANSWER_WITHIN_S: Final = 0.1
+
+
+class SdoAbort(RuntimeError):  # noqa: N818  (CiA 301's own word)
+    """The drive refused a request; `code` is the abort code of CiA 301."""
+
+    def __init__(self, index: int, sub: int, code: int) -> None:
+        super().__init__(f"{index:04X}h:{sub:02X} aborted with {code:08X}h")
+        self.code = code
+
+
+class Samples(NamedTuple):
+    """What TPDO1, 2 and 3 said, one row a sample of which all three came; SI units."""
+
+    counter: NDArray[np.int64]
+    statusword: NDArray[np.int64]
+    device_time_s: NDArray[np.float64]
+    motor_angle_rad: NDArray[np.float64]
+    motor_torque_nm: NDArray[np.float64]
+    load_angle_rad: NDArray[np.float64]
+    load_torque_nm: NDArray[np.float64]
+
+
+class LockstepHost:
+    """The other end of the wire.
+
+    Attributes
+    ----------
+    frames : list of can.Message
+        Everything heard so far, in order.
+    """
+
+    def __init__(self, bus: VirtualBus, node_id: int = DEFAULT_NODE_ID) -> None:
+        self.bus = bus
+        self.node_id = node_id
+        self.frames: list[can.Message] = []
+
+    def listen(self, duration_s: float) -> list[can.Message]:
+        """Let virtual time pass; the frames that came."""
+        heard_before = len(self.frames)
+        self.bus.advance(duration_s)
+        while (message := self.bus.recv(0)) is not None:
+            self.frames.append(message)
+        return self.frames[heard_before:]
+
+    def nmt(self, command: int) -> None:
+        """Command the node's NMT state."""
+        self._send(0x000, bytes([command, self.node_id]))
+
+    def read(self, index: int, sub: int = 0) -> bytes:
+        """Read an entry of up to four bytes."""
+        answer = self._ask(index, sub, struct.pack("<BHBI", 0x40, index, sub, 0))
+        if answer[0] & 0xE3 != 0x43:
+            raise RuntimeError(f"{index:04X}h:{sub:02X}: found {answer.hex()}; accepted: expedited")
+        return answer[4 : 8 - (answer[0] >> 2 & 3)]
+
+    def write(self, index: int, sub: int, value: int, size: int) -> None:
+        """Write an entry of `size` bytes (1 .. 4)."""
+        data = value.to_bytes(size, "little", signed=value < 0).ljust(4, b"\0")
+        command = 0x23 | (4 - size) << 2
+        self._ask(index, sub, struct.pack("<BHB", command, index, sub) + data)
+
+    def statusword(self) -> int:
+        """Read the CiA 402 statusword."""
+        return int.from_bytes(self.read(STATUSWORD), "little")
+
+    def enable(self, mode: int) -> None:
+        """Start the node and bring the drive to Operation enabled, checking each state."""
+        self.nmt(NMT_START)
+        self.write(MODE, 0, mode, 1)
+        for controlword, mask, state in ((6, 0x6F, 0x21), (7, 0x6F, 0x23), (15, 0x6F, 0x27)):
+            self.write(CONTROLWORD, 0, controlword, 2)
+            self.listen(0.01)
+            found = self.statusword()
+            if found & mask != state:
+                raise RuntimeError(f"statusword: found {found:04X}h; accepted: {state:02X}h")
+
+    def disable(self) -> None:
+        """Take the voltage off: Switch on disabled, bridge open."""
+        self.write(CONTROLWORD, 0, 0, 2)
+        self.listen(0.01)
+
+    def _ask(self, index: int, sub: int, request: bytes) -> bytes:
+        """Send an SDO request; the answer to it, or SdoAbort."""
+        self._send(0x600 + self.node_id, request)
+        end_s = self.bus.time_s + ANSWER_WITHIN_S
+        while self.bus.time_s < end_s:
+            message = self.bus.recv(end_s - self.bus.time_s)
+            if message is None:
+                break
+            self.frames.append(message)
+            if message.arbitration_id == 0x580 + self.node_id:
+                if message.data[0] == 0x80:
+                    raise SdoAbort(index, sub, int.from_bytes(message.data[4:8], "little"))
+                return bytes(message.data)
+        raise TimeoutError(f"no SDO answer from node {self.node_id} for {index:04X}h:{sub:02X}")
+
+    def _send(self, cob_id: int, data: bytes) -> None:
+        self.bus.send(can.Message(arbitration_id=cob_id, is_extended_id=False, data=data))
+
+
+def samples(frames: list[can.Message], node_id: int = DEFAULT_NODE_ID) -> Samples:
+    """Decode the default TPDOs; a sample that lacks one of its three frames is left out."""
+    rows: list[tuple[float, ...]] = []
+    first: tuple[int, int, int] | None = None
+    second: tuple[int, int, int] | None = None
+    for message in frames:
+        function = message.arbitration_id - node_id
+        if function == 0x180:
+            first, second = struct.unpack("<HHI", message.data), None
+        elif function in (0x280, 0x380) and first is not None:
+            low, angle = struct.unpack_from("<Bi", message.data)
+            torque = int.from_bytes(message.data[5:8], "little", signed=True)
+            if low != first[0] & 0xFF:
+                first = None
+            elif function == 0x280:
+                second = (low, angle, torque)
+            elif second is not None:
+                counter, status, time_us = first
+                rows.append((counter, status, time_us, second[1], second[2], angle, torque))
+    table = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    return Samples(
+        table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), *(1e-6 * table[:, 2:]).T
+    )

@@ -1,0 +1,191 @@
+"""The rig as a process: its arguments, what it carries, and that it ends when it should."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import struct
+import subprocess
+import sys
+from collections import deque
+from pathlib import Path
+
+import can
+import pytest
+
+from hil_tests.bench import Bench
+from hil_tests.frame_loss import SeededLoss
+from hil_tests.rig.rig import SimulatedRig
+from hil_tests.rig_process import DEFAULT_CHANNEL, Bridge, main
+from hil_tests.targets.target import make_target
+
+COMMAND = [sys.executable, "-m", "hil_tests.rig_process"]
+PORT = 43917  # not python-can's default: another rig may run on this machine
+BUS = ["--bus-kwargs", f"port={PORT}"]
+PATIENCE_S = 60.0  # only ends a test that hangs
+
+
+class EchoingBus(can.BusABC):
+    """Hears whatever it sends, as a multicast bus does."""
+
+    def __init__(self) -> None:
+        self.channel_info = "echo"
+        self.heard: deque[can.Message] = deque()
+        self.sent = 0
+        super().__init__(channel="echo")
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
+        self.sent += 1
+        self.heard.append(msg)
+
+    def _recv_internal(
+        self,
+        timeout: float | None,  # noqa: ARG002
+    ) -> tuple[can.Message | None, bool]:
+        return (self.heard.popleft() if self.heard else None), False
+
+
+def frame(cob_id: int, data: bytes) -> can.Message:
+    return can.Message(arbitration_id=cob_id, is_extended_id=False, data=data)
+
+
+def test_bridge_ignores_its_own_echo_and_hears_others(target_name: str) -> None:
+    with EchoingBus() as bus:
+        bridge = Bridge(Bench(SimulatedRig(), make_target(target_name)), bus, SeededLoss(0.0))
+        bridge.slice()
+        bus.heard.append(frame(0x000, bytes([0x01, 16])))
+        for _ in range(1000):
+            bridge.slice()
+        assert bridge.received == 1
+        # boot-up, ten heartbeats a second, three TPDOs a millisecond: no storm
+        assert bridge.sent == bus.sent == pytest.approx(3011, abs=6)
+
+
+def test_bridge_keeps_a_record_of_what_it_drops(target_name: str) -> None:
+    with EchoingBus() as bus:
+        bridge = Bridge(Bench(SimulatedRig(), make_target(target_name)), bus, SeededLoss(0.1, 7))
+        bus.heard.append(frame(0x000, bytes([0x01, 16])))
+        for _ in range(1000):
+            bridge.slice()
+        assert 220 < len(bridge.dropped) < 390  # 0.1 of 3000, 5 sigma = 82
+        assert bridge.sent + len(bridge.dropped) == pytest.approx(3011, abs=6)
+
+
+def test_runs_for_its_duration_and_reports(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ready, log = tmp_path / "ready", tmp_path / "dropped.csv"
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    virtual = ["-i", "virtual", "-c", "rig process test"]
+    with can.Bus(interface="virtual", channel="rig process test") as bus:
+        status = main(
+            [
+                *virtual,
+                *("--duration-s", "0.15", "--node-id", "42", "--set", "cable.friction=0.3"),
+                *("--ready-file", str(ready), "--drop-log", str(log)),
+            ]
+        )
+        first = bus.recv(0)
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert status == 0
+    assert first is not None
+    assert (first.arbitration_id, bytes(first.data)) == (0x700 + 42, b"\x00")
+    assert ready.read_text() == "ready\n"
+    assert log.read_text() == "time_s,cob_id,data\n"
+    said = capsys.readouterr().err
+    assert "rig: ready: node 42" in said
+    assert "stopped after 0.15" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--node-id", "0"], "--node-id"),
+        (["--drop-probability", "2"], "found 2.0; accepted: 0 to 1"),
+        (["--set", "cable.friction=lots"], "rig.cable.friction: found 'lots'"),
+        (["--set", "elements=3"], "rig: found 'elements=3'"),
+        (["--human-frequency-hz", "-1"], "frequency_hz: found -1.0; accepted: 0 or above"),
+        (["--human", "dancing"], "--human"),
+    ],
+)
+def test_bad_usage_is_one_line_and_status_2(
+    arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["-i", "virtual", *arguments])
+    assert ended.value.code == 2
+    last_line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert complaint in last_line
+
+
+def test_bus_that_cannot_be_opened_is_one_line_and_status_3(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["-i", "slcan", "-c", "/dev/no-such-adapter"]) == 3
+    said = capsys.readouterr().err
+    assert said.startswith("rig: cannot open the bus: ")
+    assert "/dev/no-such-adapter" in said
+    assert said.count("\n") == 1
+
+
+@pytest.fixture
+def multicast() -> None:
+    """Skip where the machine has no route for multicast (a container without network)."""
+    try:
+        with can.Bus(
+            interface="udp_multicast", channel=DEFAULT_CHANNEL, port=PORT, hop_limit=0
+        ) as bus:
+            bus.send(frame(0x7FF, b""))
+            heard = bus.recv(1.0)
+    except can.CanError as error:
+        pytest.skip(f"no multicast on this machine: {error}")
+    if heard is None:
+        pytest.skip("multicast does not come back on this machine")
+
+
+@pytest.mark.usefixtures("multicast")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_process_serves_a_host_and_ends_cleanly_on_a_signal(number: signal.Signals) -> None:
+    with (
+        can.Bus(interface="udp_multicast", channel=DEFAULT_CHANNEL, port=PORT, hop_limit=0) as bus,
+        subprocess.Popen([*COMMAND, *BUS], stderr=subprocess.PIPE, text=True) as process,
+    ):
+        assert process.stderr is not None
+        try:
+            assert process.stderr.readline().startswith("rig: ready")
+            bus.send(frame(0x610, struct.pack("<BHBI", 0x40, 0x1000, 0, 0)))
+            bus.set_filters([{"can_id": 0x590, "can_mask": 0x7FF}])
+            answer = bus.recv(PATIENCE_S)
+            assert answer is not None
+            assert bytes(answer.data) == bytes.fromhex("4300100092010200")
+            process.send_signal(number)
+            said = process.stderr.read()
+            assert process.wait(PATIENCE_S) == 0
+            assert said.startswith("rig: stopped after ")
+            assert said.count("\n") == 1
+        finally:
+            process.kill()
+
+
+@pytest.mark.usefixtures("multicast")
+def test_process_dies_with_the_one_that_started_it() -> None:
+    starter = (
+        "import subprocess, sys;"
+        f"rig = subprocess.Popen({[*COMMAND, *BUS]!r}, stderr=subprocess.PIPE, text=True);"
+        "rig.stderr.readline(); print(rig.pid, flush=True); sys.stdin.readline()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-c", starter],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as parent:
+        assert parent.stdout is not None
+        rig = os.pidfd_open(int(parent.stdout.readline()))
+        try:
+            assert not select.select([rig], [], [], 0)[0]
+            parent.kill()
+            assert select.select([rig], [], [], PATIENCE_S)[0]
+        finally:
+            os.close(rig)
