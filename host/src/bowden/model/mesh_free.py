@@ -29,6 +29,7 @@ from bowden.model.mesh_free_profile import (
     DISPLACEMENT,
     END,
     LUMP,
+    MOVE_FIELDS,
     PIECE,
     PIECE_FIELDS,
     REACH_PULL,
@@ -49,6 +50,7 @@ from bowden.model.mesh_free_steps import (
     NEAR_A,
     NEAR_B,
     OUTPUT_ROWS,
+    PLAN_FIELDS,
     run_positions,
     run_torque,
 )
@@ -101,6 +103,7 @@ def simulate_mesh_free(
     start = (points.shape[1] - len(profile)) // 2
     points[:, start : start + len(profile)] = profile
     span = np.array([[start, start + len(profile) - 1]] * 2, dtype=np.int64)
+    scratch = np.zeros((2, 2, MOVE_FIELDS)), np.zeros((2, PLAN_FIELDS))
     out = np.zeros((OUTPUT_ROWS, len(time_s)))
 
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
@@ -113,11 +116,11 @@ def simulate_mesh_free(
         near_travel, far_travel = -r_motor * first, -r_load * second
     done = 0
     while done < len(time_s):
+        state = (points, span, path, *scratch, near_travel, far_travel)
         if mode is Mode.POSITION_POSITION:
-            done = run_positions(points, span, path, near_travel, far_travel, rest, done, out)
+            done = run_positions(*state, rest, done, out)
         else:
-            args = (near_travel, far_travel, force, rest, done, out)
-            done = run_torque(points, span, path, *args)
+            done = run_torque(*state, force, rest, done, out)
         if done < len(time_s):
             points, span = _with_more_room(points, span)
 

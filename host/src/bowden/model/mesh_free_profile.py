@@ -1,6 +1,6 @@
 """The tension profile of one cable without a mesh: a list of breakpoints, clipped from both ends.
 
-Compiled arithmetic on plain arrays; no I/O, imports nothing of ours. `mesh_free_steps` moves the
+Compiled arithmetic on plain arrays; no I/O. `mesh_free_steps` moves the
 two cables of a pair with it, `mesh_free` builds the arrays.
 
 **The physics.** With ``y = ln T`` and the wrap ``Th(s)`` = integral of ``mu ds/R``, Coulomb
@@ -28,8 +28,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from bowden.model.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -55,16 +56,14 @@ THROUGH = -2.0  # values of INDEX: the front has left the cable at the other end
 
 _MERGE = 1.0 - 1e-13  # a front this close to a breakpoint has reached it (rounding, not physics)
 
-compiled = njit(cache=True, nogil=True)
-
 
 @compiled
 def reach(path: FloatArray, side: int, piece: int, x: float, d: int) -> float:
     """Stretch (m/N) from the end to `x` per newton of end tension while that stretch slides."""
-    row = path[side, piece]
+    c, start = path[side, piece, COMPLIANCE], path[side, piece, START]
     if d < 0:
-        return float(row[REACH_PULL] + row[COMPLIANCE] * (1.0 / row[START] - 1.0 / x))
-    return float(row[REACH_RELEASE] + row[COMPLIANCE] * (x - row[START]))
+        return float(path[side, piece, REACH_PULL] + c * (1.0 / start - 1.0 / x))
+    return float(path[side, piece, REACH_RELEASE] + c * (x - start))
 
 
 @compiled
@@ -74,80 +73,89 @@ def _growth(slope: float, log_ratio: float) -> float:
 
 
 @compiled
-def _stretch_along(
-    path: FloatArray, side: int, start: FloatArray, slope: float, last: int, x: float, t: float
-) -> float:
-    """Stretch of a frozen piece from breakpoint `start` inwards to coordinate `x`, tension `t`."""
-    pieces = path.shape[1]
-    piece = int(start[PIECE]) if side == 0 else pieces - 1 - int(start[PIECE])
-    t0 = start[TENSION]
-    if slope not in (1.0, -1.0):  # initial profile: never crosses a path boundary
-        return float(path[side, piece, COMPLIANCE] * t0 * _growth(slope, math.log(x / start[side])))
-    total = 0.0
-    previous = t0
-    while piece < last:
-        ratio = path[side, piece, END] / start[side]
-        here = t0 * ratio if slope > 0.0 else t0 / ratio
-        total += path[side, piece, COMPLIANCE] * abs(here - previous)
-        total += path[side, piece + 1, LUMP] * here
-        previous = here
-        piece += 1
-    return float(total + path[side, piece, COMPLIANCE] * abs(t - previous))
+def _piece_of(points: FloatArray, path: FloatArray, cable: int, side: int, j: int) -> int:
+    """Path piece of breakpoint `j` as counted from `side`."""
+    piece = int(points[cable, j, PIECE])
+    return piece if side == 0 else path.shape[1] - 1 - piece
 
 
 @compiled
-def _store_front(
-    move: FloatArray, index: int, piece: int, x: float, front: float, w: float, end: float
-) -> None:
-    move[INDEX] = index
-    move[FRONT_PIECE] = piece
-    move[FRONT_X] = x
-    move[FRONT_TENSION] = front
-    move[FRONT_W] = w
-    move[END_TENSION] = end
+def _stretch_along(
+    points: FloatArray, path: FloatArray, cable: int, j: int, last: int, x: float, t: float
+) -> float:
+    """Stretch of frozen piece `j` from its start to near coordinate `x`, tension `t`."""
+    slope = points[cable, j, SLOPE]
+    x0, t0 = points[cable, j, X_NEAR], points[cable, j, TENSION]
+    piece = int(points[cable, j, PIECE])
+    if slope * slope != 1.0:  # initial profile: never crosses a path boundary
+        return float(path[0, piece, COMPLIANCE] * t0 * _growth(slope, math.log(x / x0)))
+    total = 0.0
+    previous = t0
+    while piece < last:
+        ratio = path[0, piece, END] / x0
+        here = t0 * ratio if slope > 0.0 else t0 / ratio
+        total += path[0, piece, COMPLIANCE] * abs(here - previous)
+        total += path[0, piece + 1, LUMP] * here
+        previous = here
+        piece += 1
+    return float(total + path[0, piece, COMPLIANCE] * abs(t - previous))
 
 
 @compiled
 def move_by_tension(
-    points: FloatArray, span: IntArray, path: FloatArray, tension: float, d: int, move: FloatArray
+    points: FloatArray,
+    span: IntArray,
+    path: FloatArray,
+    move: FloatArray,
+    cable: int,
+    tension: float,
+    d: int,
 ) -> None:
     """Front of the near end at a new end tension (N); cost: the breakpoints it wipes out."""
-    move[DIRECTION] = d
-    j, last = span[0], span[1]
+    move[cable, 0, DIRECTION] = d
+    move[cable, 0, END_TENSION] = tension
+    j, last = span[cable, 0], span[cable, 1]
+    x1 = 1.0
+    t1 = 0.0
     while j < last:
-        following = points[j + 1]
+        x1, t1 = points[cable, j + 1, X_NEAR], points[cable, j + 1, TENSION]
         if d < 0:
-            if tension <= following[TENSION] * following[X_NEAR]:
+            if tension <= t1 * x1:
                 break
-        elif tension * following[X_NEAR] >= following[TENSION]:
+        elif tension * x1 >= t1:
             break
         j += 1
     if j == last:
-        move[INDEX] = THROUGH
-        move[END_TENSION] = tension
+        move[cable, 0, INDEX] = THROUGH
         return
-    here, following = points[j], points[j + 1]
-    slope, x0 = here[SLOPE], here[X_NEAR]
+    slope, x0 = points[cable, j, SLOPE], points[cable, j, X_NEAR]
     if slope == d:  # parallel: reached only by rounding
         x = x0
     elif slope == -d:
-        ratio = tension / here[TENSION]
+        ratio = tension / points[cable, j, TENSION]
         x = math.sqrt(x0 * (ratio if d < 0 else 1.0 / ratio))
     else:
-        x = x0 * (tension * x0**d / here[TENSION]) ** (1.0 / (slope - d))
+        x = x0 * (tension * x0**d / points[cable, j, TENSION]) ** (1.0 / (slope - d))
     x = max(x, x0)
-    if x >= following[X_NEAR] * _MERGE:
-        x = following[X_NEAR]
+    if x >= x1 * _MERGE:
+        x = x1
         if j + 1 < last:
-            w = following[DISPLACEMENT]
-            _store_front(move, j + 1, int(following[PIECE]), x, following[TENSION], w, tension)
+            move[cable, 0, INDEX] = j + 1
+            move[cable, 0, FRONT_PIECE] = points[cable, j + 1, PIECE]
+            move[cable, 0, FRONT_X] = x1
+            move[cable, 0, FRONT_TENSION] = t1
+            move[cable, 0, FRONT_W] = points[cable, j + 1, DISPLACEMENT]
             return
-    piece, end_piece = int(here[PIECE]), int(following[PIECE])
+    piece, end_piece = int(points[cable, j, PIECE]), int(points[cable, j + 1, PIECE])
     while piece < end_piece and x > path[0, piece, END]:
         piece += 1
     front = tension / x if d < 0 else tension * x
-    w = here[DISPLACEMENT] + _stretch_along(path, 0, here, slope, piece, x, front)
-    _store_front(move, j, piece, x, front, w, tension)
+    stretch = _stretch_along(points, path, cable, j, piece, x, front)
+    move[cable, 0, INDEX] = j
+    move[cable, 0, FRONT_PIECE] = piece
+    move[cable, 0, FRONT_X] = x
+    move[cable, 0, FRONT_TENSION] = front
+    move[cable, 0, FRONT_W] = points[cable, j, DISPLACEMENT] + stretch
 
 
 @compiled
@@ -179,37 +187,33 @@ def move_by_position(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
+    move: FloatArray,
+    cable: int,
     side: int,
     w_end: float,
     d: int,
-    move: FloatArray,
 ) -> None:
     """Front and end tension of either end at a new inward displacement (m) of that end."""
-    move[DIRECTION] = d
+    move[cable, side, DIRECTION] = d
     inwards = 1 - 2 * side
-    pieces = path.shape[1]
-    j, last = span[side], span[1 - side]
+    j, last = span[cable, side], span[cable, 1 - side]
+    piece, x1, t1, w1 = 0, 1.0, 0.0, 0.0
     while j != last:
-        following = points[j + inwards]
-        x = following[side]
-        piece = int(following[PIECE]) if side == 0 else pieces - 1 - int(following[PIECE])
-        end = following[TENSION] * (x if d < 0 else 1.0 / x)
-        w = inwards * following[DISPLACEMENT] - end * reach(path, side, piece, x, d)
-        if d * (w_end - w) <= 0.0:
+        piece = _piece_of(points, path, cable, side, j + inwards)
+        x1, t1 = points[cable, j + inwards, side], points[cable, j + inwards, TENSION]
+        w1 = inwards * points[cable, j + inwards, DISPLACEMENT]
+        end = t1 * (x1 if d < 0 else 1.0 / x1)
+        if d * (w_end - w1 + end * reach(path, side, piece, x1, d)) <= 0.0:
             break
         j += inwards
     if j == last:
-        move[INDEX] = THROUGH
+        move[cable, side, INDEX] = THROUGH
         return
-    here, following = points[j], points[j + inwards]
-    slope = inwards * (here[SLOPE] if side == 0 else following[SLOPE])
-    x0, t0, w0 = here[side], here[TENSION], inwards * here[DISPLACEMENT]
-    x_limit = following[side]
-    piece = int(here[PIECE]) if side == 0 else pieces - 1 - int(here[PIECE])
-    end_piece = int(following[PIECE]) if side == 0 else pieces - 1 - int(following[PIECE])
-    if slope == d:  # parallel: reached only by rounding
-        _store_front(move, j, piece, x0, t0, w0, t0 * (x0 if d < 0 else 1.0 / x0))
-        return
+    slope = inwards * points[cable, j - side, SLOPE]
+    x0, t0 = points[cable, j, side], points[cable, j, TENSION]
+    w0 = inwards * points[cable, j, DISPLACEMENT]
+    end_piece = piece
+    piece = _piece_of(points, path, cable, side, j)
     while piece < end_piece:  # which path piece of this frozen piece holds the front
         x = path[side, piece, END]
         t = t0 * (x / x0) if slope > 0.0 else t0 * (x0 / x)
@@ -220,56 +224,57 @@ def move_by_position(
         piece += 1
         x0, t0, w0 = x, t, w + path[side, piece, LUMP] * t
     c = path[side, piece, COMPLIANCE]
-    arm = reach(path, side, piece, x0, d)
-    lever = x0 if d < 0 else 1.0 / x0
-    b = arm * lever
+    b = reach(path, side, piece, x0, d) * (x0 if d < 0 else 1.0 / x0)
     h = max(d * (w_end - (w0 - t0 * b)) / t0, 0.0)
-    if slope == -d:
+    if slope == d:  # parallel: reached only by rounding
+        x, front, w = x0, t0, w0
+    elif slope == -d:
         root = b + math.sqrt(b * b + (c - d * b) * h)
         share = h / root if root > 0.0 else 0.0
         ratio = 1.0 + share if d < 0 else 1.0 / (1.0 - share)
+        x = x0 * ratio
         front = t0 * ratio if slope > 0.0 else t0 / ratio
         w = w0 + c * abs(front - t0)
     else:
-        z = _advance_general(c, b, slope, d, h, math.log(x_limit / x0))
-        ratio = math.exp(z)
+        z = _advance_general(c, b, slope, d, h, math.log(x1 / x0))
+        x = x0 * math.exp(z)
         front = t0 * math.exp(slope * z)
         w = w0 + c * t0 * _growth(slope, z)
-    x = x0 * ratio
-    if x >= x_limit * _MERGE and j + inwards != last:
-        t, w = following[TENSION], inwards * following[DISPLACEMENT]
-        end = t * (x_limit if d < 0 else 1.0 / x_limit)
-        _store_front(move, j + inwards, end_piece, x_limit, t, w, end)
-        return
-    x = min(x, x_limit)
-    _store_front(move, j, piece, x, front, w, front * (x if d < 0 else 1.0 / x))
+    if x >= x1 * _MERGE:
+        x = x1
+        if j + inwards != last:
+            j, piece, front, w = j + inwards, end_piece, t1, w1
+    move[cable, side, INDEX] = j
+    move[cable, side, FRONT_PIECE] = piece
+    move[cable, side, FRONT_X] = x
+    move[cable, side, FRONT_TENSION] = front
+    move[cable, side, FRONT_W] = w
+    move[cable, side, END_TENSION] = front * (x if d < 0 else 1.0 / x)
 
 
 @compiled
 def _frozen_at(
-    points: FloatArray, span: IntArray, path: FloatArray, x: float
+    points: FloatArray, span: IntArray, path: FloatArray, cable: int, x: float
 ) -> tuple[float, float, int]:
     """Tension, displacement and path piece of the old profile at near coordinate `x`."""
-    j = span[0]
-    while j + 1 < span[1] and points[j + 1, X_NEAR] < x:
+    j = span[cable, 0]
+    while j + 1 < span[cable, 1] and points[cable, j + 1, X_NEAR] < x:
         j += 1
-    here = points[j]
-    slope = here[SLOPE]
-    piece, end_piece = int(here[PIECE]), int(points[j + 1, PIECE])
-    if here[TENSION] == 0.0:  # slack: at rest anywhere along the path
-        end_piece = path.shape[1] - 1
+    t0, u0 = points[cable, j, TENSION], points[cable, j, DISPLACEMENT]
+    piece, end_piece = int(points[cable, j, PIECE]), int(points[cable, j + 1, PIECE])
     while piece < end_piece and x > path[0, piece, END]:
         piece += 1
-    if here[TENSION] == 0.0:
-        return 0.0, here[DISPLACEMENT], piece
-    ratio = x / here[X_NEAR]
+    if t0 == 0.0:  # slack: at rest wherever it lies
+        return 0.0, u0, piece
+    ratio = x / points[cable, j, X_NEAR]
+    slope = points[cable, j, SLOPE]
     if slope == 1.0:
-        t = here[TENSION] * ratio
+        t = t0 * ratio
     elif slope == -1.0:
-        t = here[TENSION] / ratio
+        t = t0 / ratio
     else:
-        t = here[TENSION] * ratio**slope
-    return t, here[DISPLACEMENT] + _stretch_along(path, 0, here, slope, piece, x, t), piece
+        t = t0 * ratio**slope
+    return t, u0 + _stretch_along(points, path, cable, j, piece, x, t), piece
 
 
 @compiled
@@ -277,6 +282,7 @@ def neutral_point(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
+    cable: int,
     d: int,
     tension: float,
     w_near: float,
@@ -301,17 +307,16 @@ def neutral_point(
     compliance : float
         ``-d w_near/d tension`` at fixed `w_far` (m/N).
     """
-    x_total = path[0, path.shape[1] - 1, END]
     back = path.shape[1] - 1
+    x_total = path[0, back, END]
     x = math.sqrt(lower * upper)
     piece, near, far, compliance = 0, 0.0, 0.0, 0.0
     for _ in range(100):
         x = min(max(x, lower), upper)
-        old_t, old_w, piece = _frozen_at(points, span, path, x)
+        old_t, old_w, piece = _frozen_at(points, span, path, cable, x)
         near = reach(path, 0, piece, x, d)
-        z = x_total / x
         gain = x * x / x_total if d > 0 else x_total / (x * x)  # far tension over near tension
-        far = gain * reach(path, 1, back - piece, z, d)
+        far = gain * reach(path, 1, back - piece, x_total / x, d)
         t_near = tension
         if tension < 0.0:
             t_near = (old_w - w_near) / near if near > 0.0 else 0.0
@@ -327,9 +332,9 @@ def neutral_point(
         else:
             upper = x
         step = residual / gradient if gradient != 0.0 else 0.0
-        if residual == 0.0 or upper <= lower * (1.0 + 4e-16) or abs(step) <= 2e-16:
+        if residual == 0.0 or upper <= lower * (1.0 + 4e-16) or abs(step) <= 4e-16:
             break
-        x *= math.exp(-step) if abs(step) < 1.0 else 0.0
+        x = x * math.exp(-step) if abs(step) < 1.0 else 0.0
         if not lower < x < upper:
             x = math.sqrt(lower * upper)
     return x, piece, near + far, compliance
@@ -337,14 +342,22 @@ def neutral_point(
 
 @compiled
 def _put(
-    points: FloatArray, j: int, x: float, x_far: float, t: float, u: float, k: float, piece: int
+    points: FloatArray,
+    cable: int,
+    j: int,
+    x: float,
+    x_far: float,
+    t: float,
+    u: float,
+    slope: float,
+    piece: int,
 ) -> None:
-    points[j, X_NEAR] = x
-    points[j, X_FAR] = x_far
-    points[j, TENSION] = t
-    points[j, DISPLACEMENT] = u
-    points[j, SLOPE] = k
-    points[j, PIECE] = piece
+    points[cable, j, X_NEAR] = x
+    points[cable, j, X_FAR] = x_far
+    points[cable, j, TENSION] = t
+    points[cable, j, DISPLACEMENT] = u
+    points[cable, j, SLOPE] = slope
+    points[cable, j, PIECE] = piece
 
 
 @compiled
@@ -352,6 +365,7 @@ def set_whole(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
+    cable: int,
     tension: float,
     u_near: float,
     u_far: float,
@@ -360,11 +374,12 @@ def set_whole(
     """Set one piece from end to end: the cable that slides as a whole, or (0 N, slope 0) slack."""
     last = path.shape[1] - 1
     x_total = path[0, last, END]
-    middle = points.shape[0] // 2
+    j = points.shape[1] // 2
     far = tension * x_total if slope > 0 else tension / x_total
-    _put(points, middle, 1.0, x_total, tension, u_near, float(slope), 0)
-    _put(points, middle + 1, x_total, 1.0, far, u_far, 0.0, last)
-    span[0], span[1] = middle, middle + 1
+    _put(points, cable, j, 1.0, x_total, tension, u_near, float(slope), 0)
+    _put(points, cable, j + 1, x_total, 1.0, far, u_far, 0.0, last)
+    span[cable, 0] = j
+    span[cable, 1] = j + 1
 
 
 @compiled
@@ -372,6 +387,7 @@ def set_neutral(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
+    cable: int,
     tension: float,
     u_near: float,
     u_far: float,
@@ -382,15 +398,16 @@ def set_neutral(
     """Set two pieces of opposite slope that meet at the neutral point."""
     last = path.shape[1] - 1
     x_total = path[0, last, END]
-    middle = points.shape[0] // 2
-    peak = tension * (x if d > 0 else 1.0 / x)
+    j = points.shape[1] // 2
     z = x_total / x
+    peak = tension * (x if d > 0 else 1.0 / x)
     far = peak * (z if d < 0 else 1.0 / z)
     u = u_near + tension * reach(path, 0, piece, x, d)
-    _put(points, middle - 1, 1.0, x_total, tension, u_near, float(d), 0)
-    _put(points, middle, x, z, peak, u, float(-d), piece)
-    _put(points, middle + 1, x_total, 1.0, far, u_far, 0.0, last)
-    span[0], span[1] = middle - 1, middle + 1
+    _put(points, cable, j - 1, 1.0, x_total, tension, u_near, float(d), 0)
+    _put(points, cable, j, x, z, peak, u, float(-d), piece)
+    _put(points, cable, j + 1, x_total, 1.0, far, u_far, 0.0, last)
+    span[cable, 0] = j - 1
+    span[cable, 1] = j + 1
 
 
 @compiled
@@ -399,25 +416,26 @@ def set_partial(
     span: IntArray,
     path: FloatArray,
     move: FloatArray,
+    cable: int,
     u_near: float,
     u_far: float,
 ) -> None:
     """Freeze what both fronts of a step left behind; adds at most one breakpoint at an end."""
     last = path.shape[1] - 1
     x_total = path[0, last, END]
-    if move[0, INDEX] >= 0.0:
-        j = int(move[0, INDEX])
-        x = move[0, FRONT_X]
-        piece = int(move[0, FRONT_PIECE])
-        front, w = move[0, FRONT_TENSION], move[0, FRONT_W]
-        _put(points, j, x, x_total / x, front, w, points[j, SLOPE], piece)
-        _put(points, j - 1, 1.0, x_total, move[0, END_TENSION], u_near, move[0, DIRECTION], 0)
-        span[0] = j - 1
-    if move[1, INDEX] >= 0.0:
-        j = int(move[1, INDEX])
-        x = move[1, FRONT_X]
-        piece = last - int(move[1, FRONT_PIECE])
-        front, w = move[1, FRONT_TENSION], -move[1, FRONT_W]
-        _put(points, j, x_total / x, x, front, w, -move[1, DIRECTION], piece)
-        _put(points, j + 1, x_total, 1.0, move[1, END_TENSION], u_far, 0.0, last)
-        span[1] = j + 1
+    if move[cable, 0, INDEX] >= 0.0:
+        j = int(move[cable, 0, INDEX])
+        x, piece = move[cable, 0, FRONT_X], int(move[cable, 0, FRONT_PIECE])
+        t, u = move[cable, 0, FRONT_TENSION], move[cable, 0, FRONT_W]
+        _put(points, cable, j, x, x_total / x, t, u, points[cable, j, SLOPE], piece)
+        t, d = move[cable, 0, END_TENSION], move[cable, 0, DIRECTION]
+        _put(points, cable, j - 1, 1.0, x_total, t, u_near, d, 0)
+        span[cable, 0] = j - 1
+    if move[cable, 1, INDEX] >= 0.0:
+        j = int(move[cable, 1, INDEX])
+        x, piece = move[cable, 1, FRONT_X], last - int(move[cable, 1, FRONT_PIECE])
+        t, u = move[cable, 1, FRONT_TENSION], -move[cable, 1, FRONT_W]
+        _put(points, cable, j, x_total / x, x, t, u, -move[cable, 1, DIRECTION], piece)
+        t = move[cable, 1, END_TENSION]
+        _put(points, cable, j + 1, x_total, 1.0, t, u_far, 0.0, last)
+        span[cable, 1] = j + 1

@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
+from bowden.model.compiled import compiled
 from bowden.model.mesh_free_profile import (
     DISPLACEMENT,
     END,
@@ -26,7 +25,6 @@ from bowden.model.mesh_free_profile import (
     FRONT_W,
     FRONT_X,
     INDEX,
-    MOVE_FIELDS,
     NOT_MOVING,
     REACH_PULL,
     REACH_RELEASE,
@@ -34,7 +32,6 @@ from bowden.model.mesh_free_profile import (
     THROUGH,
     FloatArray,
     IntArray,
-    compiled,
     move_by_position,
     move_by_tension,
     neutral_point,
@@ -66,18 +63,23 @@ def _total_reach(path: FloatArray, d: int) -> float:
 
 @compiled
 def _move_far(
-    points: FloatArray, span: IntArray, path: FloatArray, u_far: float, move: FloatArray
+    points: FloatArray,
+    span: IntArray,
+    path: FloatArray,
+    move: FloatArray,
+    cable: int,
+    u_far: float,
 ) -> tuple[int, float]:
     """Move the far end alone; returns its direction (0 at rest) and the near coordinate of its
     front (the far end itself at rest, 1 when the front is through)."""
     x_total = float(path[0, path.shape[1] - 1, END])
-    old = points[span[1], DISPLACEMENT]
+    old = points[cable, span[cable, 1], DISPLACEMENT]
     if u_far == old:
-        move[INDEX] = NOT_MOVING
+        move[cable, 1, INDEX] = NOT_MOVING
         return 0, x_total
     d = -1 if u_far > old else 1
-    move_by_position(points, span, path, 1, -u_far, d, move)
-    return d, 1.0 if move[INDEX] == THROUGH else x_total / float(move[FRONT_X])
+    move_by_position(points, span, path, move, cable, 1, -u_far, d)
+    return d, 1.0 if move[cable, 1, INDEX] == THROUGH else x_total / float(move[cable, 1, FRONT_X])
 
 
 @compiled
@@ -85,54 +87,55 @@ def _try_tension(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
+    move: FloatArray,
+    plan: FloatArray,
+    cable: int,
     tension: float,
     u_far: float,
     d_far: int,
     x_far: float,
-    move: FloatArray,
-    plan: FloatArray,
 ) -> tuple[float, float]:
     """Near displacement (m) and compliance ``-du/dT`` (m/N) at a trial near tension (N)."""
-    plan[NEAR_TENSION] = tension
+    plan[cable, NEAR_TENSION] = tension
     if tension <= 0.0:
-        plan[REGIME] = SLACK
+        plan[cable, REGIME] = SLACK
         return u_far, _total_reach(path, 1)
-    old_tension = float(points[span[0], TENSION])
-    old_u = float(points[span[0], DISPLACEMENT])
-    far_is_through = move[1, INDEX] == THROUGH
+    old_tension = float(points[cable, span[cable, 0], TENSION])
+    old_u = float(points[cable, span[cable, 0], DISPLACEMENT])
+    far_is_through = move[cable, 1, INDEX] == THROUGH
     if far_is_through:
         d = -d_far
         arm = _total_reach(path, d)
         u = u_far - tension * arm
         if d * (u - old_u) >= 0.0:  # both ends move the same way
-            plan[REGIME] = SLIDING
-            plan[DIRECTION] = d
+            plan[cable, REGIME] = SLIDING
+            plan[cable, DIRECTION] = d
             return u, arm
         d = d_far
     elif tension == old_tension:
-        plan[REGIME] = PARTIAL
-        move[0, INDEX] = NOT_MOVING
+        plan[cable, REGIME] = PARTIAL
+        move[cable, 0, INDEX] = NOT_MOVING
         return old_u, 0.0
     else:
         d = -1 if tension > old_tension else 1
-    plan[DIRECTION] = d
-    move_by_tension(points, span, path, tension, d, move[0])
-    is_through = move[0, INDEX] == THROUGH
-    if not (far_is_through or is_through) and move[0, FRONT_X] <= x_far:
-        plan[REGIME] = PARTIAL
-        arm = reach(path, 0, int(move[0, FRONT_PIECE]), float(move[0, FRONT_X]), d)
-        return float(move[0, FRONT_W]) - tension * arm, arm
+    plan[cable, DIRECTION] = d
+    move_by_tension(points, span, path, move, cable, tension, d)
+    is_through = move[cable, 0, INDEX] == THROUGH
+    if not (far_is_through or is_through) and move[cable, 0, FRONT_X] <= x_far:
+        plan[cable, REGIME] = PARTIAL
+        arm = reach(path, 0, int(move[cable, 0, FRONT_PIECE]), float(move[cable, 0, FRONT_X]), d)
+        return float(move[cable, 0, FRONT_W]) - tension * arm, arm
     if d != d_far:
-        plan[REGIME] = SLIDING
+        plan[cable, REGIME] = SLIDING
         arm = _total_reach(path, d)
         return u_far - tension * arm, arm
-    plan[REGIME] = NEUTRAL
-    upper = float(path[0, path.shape[1] - 1, END] if is_through else move[0, FRONT_X])
+    plan[cable, REGIME] = NEUTRAL
+    upper = float(path[0, path.shape[1] - 1, END] if is_through else move[cable, 0, FRONT_X])
     x, piece, stretch, compliance = neutral_point(
-        points, span, path, d, tension, 0.0, u_far, x_far, upper
+        points, span, path, cable, d, tension, 0.0, u_far, x_far, upper
     )
-    plan[NEUTRAL_X] = x
-    plan[NEUTRAL_PIECE] = piece
+    plan[cable, NEUTRAL_X] = x
+    plan[cable, NEUTRAL_PIECE] = piece
     return u_far - tension * stretch, compliance
 
 
@@ -141,42 +144,43 @@ def _plan_positions(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
-    u_near: float,
-    u_far: float,
     move: FloatArray,
     plan: FloatArray,
+    cable: int,
+    u_near: float,
+    u_far: float,
 ) -> None:
     """Regime and near tension of a cable both of whose ends are given (m)."""
     stretch = u_far - u_near
     if stretch <= 0.0:
-        plan[REGIME] = SLACK
+        plan[cable, REGIME] = SLACK
         return
-    d_far, x_far = _move_far(points, span, path, u_far, move[1])
-    old = points[span[0], DISPLACEMENT]
+    d_far, x_far = _move_far(points, span, path, move, cable, u_far)
+    old = points[cable, span[cable, 0], DISPLACEMENT]
     d = 0
     x_near = 1.0
-    move[0, INDEX] = NOT_MOVING
+    move[cable, 0, INDEX] = NOT_MOVING
     if u_near != old:
         d = -1 if u_near < old else 1
-        move_by_position(points, span, path, 0, u_near, d, move[0])
-        is_through = move[0, INDEX] == THROUGH
-        x_near = float(path[0, path.shape[1] - 1, END] if is_through else move[0, FRONT_X])
-    if move[0, INDEX] != THROUGH and move[1, INDEX] != THROUGH and x_near <= x_far:
-        plan[REGIME] = PARTIAL
+        move_by_position(points, span, path, move, cable, 0, u_near, d)
+        is_through = move[cable, 0, INDEX] == THROUGH
+        x_near = float(path[0, path.shape[1] - 1, END] if is_through else move[cable, 0, FRONT_X])
+    if move[cable, 0, INDEX] != THROUGH and move[cable, 1, INDEX] != THROUGH and x_near <= x_far:
+        plan[cable, REGIME] = PARTIAL
         return
     if d != 0 and d == d_far:
         x, piece, per_n, _ = neutral_point(
-            points, span, path, d, -1.0, u_near, u_far, x_far, x_near
+            points, span, path, cable, d, -1.0, u_near, u_far, x_far, x_near
         )
-        plan[REGIME] = NEUTRAL
-        plan[NEUTRAL_X] = x
-        plan[NEUTRAL_PIECE] = piece
+        plan[cable, REGIME] = NEUTRAL
+        plan[cable, NEUTRAL_X] = x
+        plan[cable, NEUTRAL_PIECE] = piece
     else:
         d = d if d != 0 else -d_far
-        plan[REGIME] = SLIDING
+        plan[cable, REGIME] = SLIDING
         per_n = _total_reach(path, d)
-    plan[DIRECTION] = d
-    plan[NEAR_TENSION] = stretch / per_n
+    plan[cable, DIRECTION] = d
+    plan[cable, NEAR_TENSION] = stretch / per_n
 
 
 @compiled
@@ -184,25 +188,26 @@ def _commit(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
-    u_near: float,
-    u_far: float,
     move: FloatArray,
     plan: FloatArray,
+    cable: int,
+    u_near: float,
+    u_far: float,
 ) -> None:
     """Make the planned profile the cable's profile."""
-    regime = int(plan[REGIME])
-    d = int(plan[DIRECTION])
-    tension = float(plan[NEAR_TENSION])
+    regime = int(plan[cable, REGIME])
+    d = int(plan[cable, DIRECTION])
+    tension = float(plan[cable, NEAR_TENSION])
     if regime == PARTIAL:
-        set_partial(points, span, path, move, u_near, u_far)
+        set_partial(points, span, path, move, cable, u_near, u_far)
     elif regime == SLIDING:
-        set_whole(points, span, path, tension, u_near, u_far, d)
+        set_whole(points, span, path, cable, tension, u_near, u_far, d)
     elif regime == NEUTRAL:
-        x, piece = float(plan[NEUTRAL_X]), int(plan[NEUTRAL_PIECE])
-        set_neutral(points, span, path, tension, u_near, u_far, d, x, piece)
+        x, piece = float(plan[cable, NEUTRAL_X]), int(plan[cable, NEUTRAL_PIECE])
+        set_neutral(points, span, path, cable, tension, u_near, u_far, d, x, piece)
     else:  # slack: at 0 N, waiting midway between its ends
         middle = 0.5 * (u_near + u_far)
-        set_whole(points, span, path, 0.0, middle, middle, 0)
+        set_whole(points, span, path, cable, 0.0, middle, middle, 0)
 
 
 @compiled
@@ -226,6 +231,8 @@ def run_torque(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
+    move: FloatArray,
+    plan: FloatArray,
     near_travel_m: FloatArray,
     far_travel_m: FloatArray,
     force_n: FloatArray,
@@ -241,6 +248,8 @@ def run_torque(
         Profiles of cables a and b, updated in place; so is `span`, the first and last breakpoint
         in use of each.
     path : ndarray of shape (2, n_pieces + 2, PIECE_FIELDS)
+    move, plan : ndarray of shape (2, 2, MOVE_FIELDS) and (2, PLAN_FIELDS)
+        Scratch.
     near_travel_m : ndarray of shape (1,), m
         Inward travel of cable a at the near pulley, the last found; updated in place.
     far_travel_m : ndarray of shape (n,), m
@@ -253,8 +262,6 @@ def run_torque(
     out : ndarray of shape (OUTPUT_ROWS, n)
         FOUND_NEAR gets the travel of cable a's near end (m), FOUND_FAR the far force (N).
     """
-    move = np.zeros((2, 2, MOVE_FIELDS))
-    plan = np.zeros((2, PLAN_FIELDS))
     stretch = float(rest[0])
     mean = float(rest[1])
     travel = float(near_travel_m[0])
@@ -262,25 +269,21 @@ def run_torque(
     while i < force_n.shape[0] and not _is_full(points, span):
         half = 0.5 * force_n[i]
         far_a, far_b = stretch + far_travel_m[i], stretch - far_travel_m[i]
-        d_a, x_a = _move_far(points[0], span[0], path, far_a, move[0, 1])
-        d_b, x_b = _move_far(points[1], span[1], path, far_b, move[1, 1])
+        d_a, x_a = _move_far(points, span, path, move, 0, far_a)
+        d_b, x_b = _move_far(points, span, path, move, 1, far_b)
         lowest = abs(half)
         lower, upper = lowest, math.inf
         mean = max(mean, lowest)
         u_a, u_b = 0.0, 0.0
         a_slack, b_slack = False, False
         for _ in range(200):
-            u_a, w_a = _try_tension(
-                points[0], span[0], path, mean + half, far_a, d_a, x_a, move[0], plan[0]
-            )
-            u_b, w_b = _try_tension(
-                points[1], span[1], path, mean - half, far_b, d_b, x_b, move[1], plan[1]
-            )
+            u_a, w_a = _try_tension(points, span, path, move, plan, 0, mean + half, far_a, d_a, x_a)
+            u_b, w_b = _try_tension(points, span, path, move, plan, 1, mean - half, far_b, d_b, x_b)
             excess = u_a + u_b
             if mean == lowest and excess <= 0.0:
                 a_slack, b_slack = half <= 0.0, half >= 0.0
                 break
-            if abs(excess) <= _ROUNDING * (abs(u_a) + abs(u_b)):
+            if abs(excess) <= _ROUNDING * (abs(u_a) + abs(u_b) + stretch):
                 break
             if excess > 0.0:
                 lower = mean
@@ -302,8 +305,8 @@ def run_torque(
             travel = u_a
         else:
             travel = 0.5 * (u_a - u_b)
-        _commit(points[0], span[0], path, travel, far_a, move[0], plan[0])
-        _commit(points[1], span[1], path, -travel, far_b, move[1], plan[1])
+        _commit(points, span, path, move, plan, 0, travel, far_a)
+        _commit(points, span, path, move, plan, 1, -travel, far_b)
         _record(points, span, out, i)
         out[FOUND_NEAR, i] = travel
         out[FOUND_FAR, i] = out[FAR_A, i] - out[FAR_B, i]
@@ -318,6 +321,8 @@ def run_positions(
     points: FloatArray,
     span: IntArray,
     path: FloatArray,
+    move: FloatArray,
+    plan: FloatArray,
     near_travel_m: FloatArray,
     far_travel_m: FloatArray,
     rest: FloatArray,
@@ -328,16 +333,14 @@ def run_positions(
 
     As `run_torque`, with `near_travel_m` of shape (n,); FOUND_NEAR and FOUND_FAR get forces (N).
     """
-    move = np.zeros((2, 2, MOVE_FIELDS))
-    plan = np.zeros((2, PLAN_FIELDS))
     i = first
     while i < far_travel_m.shape[0] and not _is_full(points, span):
         for cable in range(2):
             sign = 1.0 - 2.0 * cable
             near = sign * near_travel_m[i]
             far = rest[0] + sign * far_travel_m[i]
-            _plan_positions(points[cable], span[cable], path, near, far, move[cable], plan[cable])
-            _commit(points[cable], span[cable], path, near, far, move[cable], plan[cable])
+            _plan_positions(points, span, path, move, plan, cable, near, far)
+            _commit(points, span, path, move, plan, cable, near, far)
         _record(points, span, out, i)
         out[FOUND_NEAR, i] = out[NEAR_A, i] - out[NEAR_B, i]
         out[FOUND_FAR, i] = out[FAR_A, i] - out[FAR_B, i]
