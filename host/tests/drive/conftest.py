@@ -18,7 +18,7 @@ from hil_tests.virtual_bus import VirtualBus
 
 
 def open_rig(drop: Loss | None = None, motion: str = "sine") -> tuple[Drive, VirtualBus]:
-    bench = Bench(SimulatedRig(Rig(hand=Hand(motion=motion))), make_target("native"))
+    bench = Bench(SimulatedRig(Rig(hand=Hand(motion=motion))), make_target("native"), trace=True)
     bus = VirtualBus(bench, drop)
     connection = Connection(
         bus, adapter={"interface": "virtual"}, clock=lambda: bus.time_s, threaded=False
@@ -39,7 +39,7 @@ def rig() -> Iterator[Callable[..., tuple[Drive, VirtualBus]]]:
     yield make
     for bus in buses:
         if bus.bench.actuators.bridge_enabled:
-            bus.advance(0.6)  # the drive needs its time-out to notice that the host is gone
+            bus.advance(1.2)  # the drive needs its time-out to notice that the host is gone
         assert not bus.bench.actuators.bridge_enabled
         bus.shutdown()
 

@@ -53,9 +53,9 @@ def test_a_host_that_dies_stops_the_drive(rig: MakeRig) -> None:
     drive, bus = rig()
     with pytest.raises(DriveFailed), powered(drive, TUNNEL):  # noqa: PT012
         drive.connection.stop_heartbeat()  # as if killed: nothing is sent any more
-        bus.advance(0.45)
+        bus.advance(0.9)
         assert bus.bench.actuators.bridge_enabled
-        bus.advance(0.1)
+        bus.advance(0.2)
         assert not bus.bench.actuators.bridge_enabled
         drive.connection.listen(0.1)
         assert drive.emergencies == [0x8130]
@@ -74,7 +74,7 @@ def test_a_fault_of_the_past_is_reset(rig: MakeRig) -> None:
     drive, bus = rig(motion="still")
     with pytest.raises(DriveFailed), powered(drive, TUNNEL):  # noqa: PT012
         drive.connection.stop_heartbeat()
-        drive.connection.listen(1.0)
+        drive.connection.listen(1.5)
         raise DriveFailed("the test is over")
     with powered(drive, TUNNEL):
         assert bus.bench.actuators.bridge_enabled
@@ -102,6 +102,19 @@ def test_a_drive_that_does_not_confirm_is_told(rig: MakeRig) -> None:
     # The drive hears us still: leaving operational has turned it off.
     bus.advance(0.01)
     assert not bus.bench.actuators.bridge_enabled
+
+
+def test_a_silent_drive_is_told_to_stop_before_anything_is_asked(rig: MakeRig) -> None:
+    dead: list[bool] = []
+    drive, bus = rig(drop=lambda _: bool(dead))
+    with pytest.raises(DriveFailed), powered(drive, TUNNEL):  # noqa: PT012
+        dead.append(True)
+        drive.connection.listen(0.4)
+        end = bus.time_s
+        raise DriveFailed("vanished")
+    truth = bus.bench.truth()
+    last_on_s = truth.time_s[truth.bridge_enabled][-1]
+    assert last_on_s < end + 0.1
 
 
 def test_stopping_a_drive_at_rest_is_fine(rig: MakeRig) -> None:

@@ -135,6 +135,11 @@ def wanted_configuration(model: Model, segments: int = DEFAULT_SEGMENTS) -> dict
     for number, curvature in enumerate(curvature_per_m.tolist(), 1):
         wanted[f"segment_length.{number}"] = length_m
         wanted[f"segment_curvature.{number}"] = curvature
+    rig = model.document.rig
+    if rig.motor_encoder_counts_per_turn is not None:
+        wanted["motor_encoder_resolution"] = rig.motor_encoder_counts_per_turn.value
+    if rig.load_encoder_counts_per_turn is not None:
+        wanted["load_encoder_resolution"] = rig.load_encoder_counts_per_turn.value
     return wanted
 
 

@@ -17,9 +17,10 @@ from bowden.drive.connection import HOST_NODE_ID
 from bowden.drive.faults import describe_address, describe_emergency
 from bowden.errors import DriveFailed
 
-HEARTBEAT_TIMEOUT_MS = 500
+HEARTBEAT_TIMEOUT_MS = 1000
 _STEP_TIMEOUT_S = 1.0
 _ANSWERS_OUT_S = 0.02
+_SILENT_S = 0.3
 _FAULT_BIT = 0x0008
 
 
@@ -141,6 +142,8 @@ def safe_stop(drive: Drive) -> None:
     """
     # After Ctrl-C, the answer to an interrupted transfer may still be on its way.
     drive.connection.listen(_ANSWERS_OUT_S)
+    if drive.connection.silence_s(drive.node_id) > _SILENT_S:
+        drive.nmt("PRE-OPERATIONAL")  # it may hear us still: do not wait for answers first
     try:
         if power_state(drive.read_raw("statusword")) in _BRIDGE_ON:
             drive.write_raw("controlword", _QUICK_STOP)

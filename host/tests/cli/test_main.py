@@ -1,0 +1,131 @@
+"""The frame of the command line: what is loaded, what is printed where, and the exit status."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from bowden.cli import main as frame
+from bowden.cli.output import print_json
+from bowden.errors import BadInput, DriveFailed
+from bowden.model.errors import ModelError
+
+THERE = [name for name in frame.COMMANDS if find_spec(f"bowden.cli.{name}")]
+
+
+def status_of(error: BaseException) -> int:
+    def run(_args: argparse.Namespace) -> int:
+        raise error
+
+    return frame.run_command("record", argparse.Namespace(), run)
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "line"),
+    [
+        (BadInput("a.csv, line 3", "x", "y"), 2, "a.csv, line 3: found x; accepted: y"),
+        (ModelError(["one:\n  two"]), 2, "one: two"),
+        (FileNotFoundError(2, "No such file or directory", "m.yaml"), 2, "m.yaml: No such file"),
+        (DriveFailed("node 16 is not there"), 3, "node 16 is not there"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (frame.Terminated(), 143, "terminated"),
+    ],
+)
+def test_each_failure_is_one_line_and_its_status(
+    error: BaseException, status: int, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of(error) == status
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("bowden record: ")
+    assert line in shown.err
+    assert shown.err.count("\n") == 1
+
+
+def test_a_bug_is_not_hidden() -> None:
+    with pytest.raises(ValueError, match="a bug"):
+        status_of(ValueError("a bug"))
+
+
+def test_sigterm_runs_the_clean_up() -> None:
+    cleaned: list[bool] = []
+
+    def run(_args: argparse.Namespace) -> int:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        finally:
+            cleaned.append(True)
+        return 0
+
+    before = signal.getsignal(signal.SIGTERM)
+    assert frame.run_command("record", argparse.Namespace(), run) == 143
+    assert cleaned
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_usage_errors_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["nonsense"], ["record", "out.blf"], ["record", "--duration", "soon"]):
+        with pytest.raises(SystemExit) as left:
+            frame.main(arguments)
+        assert left.value.code == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", THERE)
+def test_every_command_explains_itself(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        frame.main([name, "--help"])
+    assert left.value.code == 0
+    shown = capsys.readouterr().out
+    assert f"usage: bowden {name}" in shown
+    assert f"bowden {name} " in shown.partition("examples:")[2]
+
+
+def test_help_lists_all_commands_and_loads_none() -> None:
+    code = (
+        "import sys; from bowden.cli.main import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print([m for m in ('numpy', 'can', 'canopen', 'numba', 'rich') if m in sys.modules])"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+    assert all(name in shown for name in frame.COMMANDS)
+    assert shown.endswith("[]\n")
+
+
+def test_completion_knows_the_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame, "COMMANDS", {name: frame.COMMANDS[name] for name in THERE})
+    for shell in ("bash", "zsh"):
+        assert frame.main(["--print-completion", shell]) == 0
+
+
+def test_json_has_plain_numbers_and_null_for_what_json_cannot_say(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    print_json({"a": np.float64(1.5), "b": np.array([1.0, np.nan]), "c": (float("inf"), "µ")})
+    shown = capsys.readouterr().out
+    assert json.loads(shown) == {"a": 1.5, "b": [1.0, None], "c": [None, "µ"]}
+
+
+def test_a_reader_that_leaves_early_is_no_traceback() -> None:
+    code = (
+        "import argparse, sys; from bowden.cli.main import run_command\n"
+        "sys.exit(run_command('x', argparse.Namespace(), lambda a: print('x' * 100_000) or 0))"
+    )
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-c", code], stdout=write, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(write)
+    assert done.returncode == 141
+    assert done.stderr == ""
