@@ -20,7 +20,6 @@ dynamics that the quasi-static equations leave out, and the solver refuses.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowden.model.errors import ModelError
 from bowden.model.mesh_free_profile import (
@@ -34,13 +33,12 @@ from bowden.model.mesh_free_profile import (
     PIECE_FIELDS,
     REACH_PULL,
     REACH_RELEASE,
-    SLOPE,
     START,
     TENSION,
     X_FAR,
     X_NEAR,
     FloatArray,
-    IntArray,
+    Pair,
 )
 from bowden.model.mesh_free_steps import (
     FAR_A,
@@ -98,31 +96,23 @@ def simulate_mesh_free(
     seen_from_load = mode is Mode.POSITION_TORQUE
     path = path_tables(transmission, seen_from_load)
     profile = _initial_profile(transmission, path, seen_from_load)
-    rest = np.array([profile[-1, DISPLACEMENT], profile[0, TENSION]])
-    points = np.zeros((2, _FIRST_ROOM + 2 * len(profile), BREAKPOINT_FIELDS))
-    start = (points.shape[1] - len(profile)) // 2
-    points[:, start : start + len(profile)] = profile
-    span = np.array([[start, start + len(profile) - 1]] * 2, dtype=np.int64)
-    scratch = np.zeros((2, 2, MOVE_FIELDS)), np.zeros((2, PLAN_FIELDS))
+    pair = _pair_at_rest(path, profile)
+    stretch, carried = profile[-1, DISPLACEMENT], np.array([profile[0, TENSION], 0.0])
     out = np.zeros((OUTPUT_ROWS, len(time_s)))
-
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
-    near_travel = np.zeros(1)
-    if mode is Mode.TORQUE_POSITION:
-        force, far_travel = first / r_motor, -r_load * second
-    elif mode is Mode.POSITION_TORQUE:
-        force, far_travel = second / r_load, r_motor * first
-    else:
-        near_travel, far_travel = -r_motor * first, -r_load * second
     done = 0
     while done < len(time_s):
-        state = (points, span, path, *scratch, near_travel, far_travel)
-        if mode is Mode.POSITION_POSITION:
-            done = run_positions(*state, rest, done, out)
+        if mode is Mode.TORQUE_POSITION:
+            series = first / r_motor, -r_load * second
+            done = run_torque(pair, *series, stretch, carried, done, out)
+        elif mode is Mode.POSITION_TORQUE:
+            series = second / r_load, r_motor * first
+            done = run_torque(pair, *series, stretch, carried, done, out)
         else:
-            done = run_torque(*state, force, rest, done, out)
+            series = -r_motor * first, -r_load * second
+            done = run_positions(pair, *series, stretch, done, out)
         if done < len(time_s):
-            points, span = _with_more_room(points, span)
+            pair = _with_more_room(pair)
 
     slack = SLACK_A * ((out[NEAR_A] == 0) & (out[FAR_A] == 0))
     slack = slack | (SLACK_B * ((out[NEAR_B] == 0) & (out[FAR_B] == 0)))
@@ -133,15 +123,20 @@ def simulate_mesh_free(
         load_angle, motor_torque = out[FOUND_NEAR] / r_load, r_motor * out[FOUND_FAR]
     else:
         motor_torque, load_torque = r_motor * out[FOUND_NEAR], r_load * out[FOUND_FAR]
-    ends = (FAR_A, NEAR_A, FAR_B, NEAR_B) if seen_from_load else (NEAR_A, FAR_A, NEAR_B, FAR_B)
+    motor_a, load_a, motor_b, load_b = NEAR_A, FAR_A, NEAR_B, FAR_B
+    if seen_from_load:
+        motor_a, load_a, motor_b, load_b = FAR_A, NEAR_A, FAR_B, NEAR_B
     return Trajectory(
-        np.asarray(time_s),
-        motor_angle,
-        load_angle,
-        motor_torque,
-        load_torque,
-        *(out[row] for row in ends),
-        slack.astype(np.uint8),
+        time_s=time_s,
+        motor_angle_rad=motor_angle,
+        load_angle_rad=load_angle,
+        motor_torque_nm=motor_torque,
+        load_torque_nm=load_torque,
+        motor_tension_a_n=out[motor_a],
+        load_tension_a_n=out[load_a],
+        motor_tension_b_n=out[motor_b],
+        load_tension_b_n=out[load_b],
+        slack=slack.astype(np.uint8),
     )
 
 
@@ -208,8 +203,11 @@ def _one_side(wrap: FloatArray, compliance: FloatArray) -> FloatArray:
 def _initial_profile(
     transmission: Transmission, path: FloatArray, seen_from_load: bool
 ) -> FloatArray:
-    """Breakpoints of the initial profile: two at each path boundary, since straight path between
-    two curved pieces has one tension and two displacements."""
+    """Breakpoints of the initial profile.
+
+    Two at each path boundary: straight path between two curved pieces has one tension and two
+    displacements.
+    """
     if transmission.initial_tension_n is None and transmission.pretension_n == 0.0:
         ends = np.zeros((2, BREAKPOINT_FIELDS))
         ends[:, X_NEAR] = 1.0, path[0, -1, END]
@@ -259,8 +257,11 @@ def _initial_profile(
 
 
 def _stations(transmission: Transmission, edges: FloatArray) -> FloatArray:
-    """Positions of the breakpoints: path edges, points of the given profile, and enough between
-    them that exponentials follow its straight lines."""
+    """Positions of the breakpoints.
+
+    Path edges, points of the given profile, and enough between them that exponentials follow its
+    straight lines.
+    """
     at, given = transmission.initial_position_m, transmission.initial_tension_n
     if at is None or given is None:
         return edges
@@ -288,13 +289,22 @@ def _not_held(start_m: float, end_m: float) -> ModelError:
     )
 
 
-def _with_more_room(points: FloatArray, span: IntArray) -> tuple[FloatArray, IntArray]:
-    """Both profiles centred in twice the room; a step adds at most one breakpoint at an end."""
-    used = int(np.max(span[:, 1] - span[:, 0])) + 1
-    bigger = np.zeros((2, max(_FIRST_ROOM, 2 * used) + _FIRST_ROOM, BREAKPOINT_FIELDS))
-    moved: NDArray[np.int64] = np.empty_like(span)
-    for cable, (first, last) in enumerate(span):
-        start = (bigger.shape[1] - (last - first + 1)) // 2
-        bigger[cable, start : start + last - first + 1] = points[cable, first : last + 1]
-        moved[cable] = start, start + last - first
-    return bigger, moved
+def _pair_at_rest(path: FloatArray, profile: FloatArray) -> Pair:
+    room = _FIRST_ROOM + 2 * len(profile)
+    start = (room - len(profile)) // 2
+    points = np.zeros((2, room, BREAKPOINT_FIELDS))
+    points[:, start : start + len(profile)] = profile
+    span = np.array([[start, start + len(profile) - 1]] * 2, dtype=np.int64)
+    return Pair(points, span, path, np.zeros((2, 2, MOVE_FIELDS)), np.zeros((2, PLAN_FIELDS)))
+
+
+def _with_more_room(pair: Pair) -> Pair:
+    """Centre both profiles in more room; a step adds at most one breakpoint at an end."""
+    used = pair.span[:, 1] - pair.span[:, 0] + 1
+    points = np.zeros((2, _FIRST_ROOM + 2 * int(used.max()), BREAKPOINT_FIELDS))
+    span = np.empty_like(pair.span)
+    for cable, (first, last) in enumerate(pair.span):
+        start = (points.shape[1] - used[cable]) // 2
+        points[cable, start : start + used[cable]] = pair.points[cable, first : last + 1]
+        span[cable] = start, start + used[cable] - 1
+    return pair._replace(points=points, span=span)

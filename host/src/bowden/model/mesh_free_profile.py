@@ -23,9 +23,11 @@ coordinate counts wrap from that end, displacement ``w`` is positive inwards, ``
 ``T = T_end X^d``, and ``w_end = w_front - T_end * reach``.
 """
 
+# ruff: noqa: PLR0917  (kernels take plain numbers; numba knows no keyword-only arguments)
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,13 +59,36 @@ THROUGH = -2.0  # values of INDEX: the front has left the cable at the other end
 _MERGE = 1.0 - 1e-13  # a front this close to a breakpoint has reached it (rounding, not physics)
 
 
+class Pair(NamedTuple):
+    """The state of both cables, cable a first; kernels change it in place.
+
+    Parameters
+    ----------
+    points : ndarray of shape (2, capacity, BREAKPOINT_FIELDS)
+    span : ndarray of int64, shape (2, 2)
+        First and last breakpoint in use.
+    path : ndarray of shape (2, n_pieces + 2, PIECE_FIELDS)
+        Seen from the near and from the far end.
+    move : ndarray of shape (2, 2, MOVE_FIELDS)
+        The step's motion at the near and at the far end of each cable.
+    plan : ndarray of shape (2, PLAN_FIELDS)
+        What the step will make of each cable.
+    """
+
+    points: FloatArray
+    span: IntArray
+    path: FloatArray
+    move: FloatArray
+    plan: FloatArray
+
+
 @compiled
-def reach(path: FloatArray, side: int, piece: int, x: float, d: int) -> float:
+def reach(pair: Pair, side: int, piece: int, x: float, d: int) -> float:
     """Stretch (m/N) from the end to `x` per newton of end tension while that stretch slides."""
-    c, start = path[side, piece, COMPLIANCE], path[side, piece, START]
+    c, start = pair.path[side, piece, COMPLIANCE], pair.path[side, piece, START]
     if d < 0:
-        return float(path[side, piece, REACH_PULL] + c * (1.0 / start - 1.0 / x))
-    return float(path[side, piece, REACH_RELEASE] + c * (x - start))
+        return float(pair.path[side, piece, REACH_PULL] + c * (1.0 / start - 1.0 / x))
+    return float(pair.path[side, piece, REACH_RELEASE] + c * (x - start))
 
 
 @compiled
@@ -73,52 +98,42 @@ def _growth(slope: float, log_ratio: float) -> float:
 
 
 @compiled
-def _piece_of(points: FloatArray, path: FloatArray, cable: int, side: int, j: int) -> int:
+def _piece_of(pair: Pair, cable: int, side: int, j: int) -> int:
     """Path piece of breakpoint `j` as counted from `side`."""
-    piece = int(points[cable, j, PIECE])
-    return piece if side == 0 else path.shape[1] - 1 - piece
+    piece = int(pair.points[cable, j, PIECE])
+    return piece if side == 0 else pair.path.shape[1] - 1 - piece
 
 
 @compiled
-def _stretch_along(
-    points: FloatArray, path: FloatArray, cable: int, j: int, last: int, x: float, t: float
-) -> float:
+def stretch_along(pair: Pair, cable: int, j: int, last: int, x: float, t: float) -> float:
     """Stretch of frozen piece `j` from its start to near coordinate `x`, tension `t`."""
-    slope = points[cable, j, SLOPE]
-    x0, t0 = points[cable, j, X_NEAR], points[cable, j, TENSION]
-    piece = int(points[cable, j, PIECE])
+    slope = pair.points[cable, j, SLOPE]
+    x0, t0 = pair.points[cable, j, X_NEAR], pair.points[cable, j, TENSION]
+    piece = int(pair.points[cable, j, PIECE])
     if slope * slope != 1.0:  # initial profile: never crosses a path boundary
-        return float(path[0, piece, COMPLIANCE] * t0 * _growth(slope, math.log(x / x0)))
+        return float(pair.path[0, piece, COMPLIANCE] * t0 * _growth(slope, math.log(x / x0)))
     total = 0.0
     previous = t0
     while piece < last:
-        ratio = path[0, piece, END] / x0
+        ratio = pair.path[0, piece, END] / x0
         here = t0 * ratio if slope > 0.0 else t0 / ratio
-        total += path[0, piece, COMPLIANCE] * abs(here - previous)
-        total += path[0, piece + 1, LUMP] * here
+        total += pair.path[0, piece, COMPLIANCE] * abs(here - previous)
+        total += pair.path[0, piece + 1, LUMP] * here
         previous = here
         piece += 1
-    return float(total + path[0, piece, COMPLIANCE] * abs(t - previous))
+    return float(total + pair.path[0, piece, COMPLIANCE] * abs(t - previous))
 
 
 @compiled
-def move_by_tension(
-    points: FloatArray,
-    span: IntArray,
-    path: FloatArray,
-    move: FloatArray,
-    cable: int,
-    tension: float,
-    d: int,
-) -> None:
+def move_by_tension(pair: Pair, cable: int, tension: float, d: int) -> None:
     """Front of the near end at a new end tension (N); cost: the breakpoints it wipes out."""
-    move[cable, 0, DIRECTION] = d
-    move[cable, 0, END_TENSION] = tension
-    j, last = span[cable, 0], span[cable, 1]
+    pair.move[cable, 0, DIRECTION] = d
+    pair.move[cable, 0, END_TENSION] = tension
+    j, last = pair.span[cable, 0], pair.span[cable, 1]
     x1 = 1.0
     t1 = 0.0
     while j < last:
-        x1, t1 = points[cable, j + 1, X_NEAR], points[cable, j + 1, TENSION]
+        x1, t1 = pair.points[cable, j + 1, X_NEAR], pair.points[cable, j + 1, TENSION]
         if d < 0:
             if tension <= t1 * x1:
                 break
@@ -126,41 +141,63 @@ def move_by_tension(
             break
         j += 1
     if j == last:
-        move[cable, 0, INDEX] = THROUGH
+        pair.move[cable, 0, INDEX] = THROUGH
         return
-    slope, x0 = points[cable, j, SLOPE], points[cable, j, X_NEAR]
+    slope, x0 = pair.points[cable, j, SLOPE], pair.points[cable, j, X_NEAR]
     if slope == d:  # parallel: reached only by rounding
         x = x0
     elif slope == -d:
-        ratio = tension / points[cable, j, TENSION]
+        ratio = tension / pair.points[cable, j, TENSION]
         x = math.sqrt(x0 * (ratio if d < 0 else 1.0 / ratio))
     else:
-        x = x0 * (tension * x0**d / points[cable, j, TENSION]) ** (1.0 / (slope - d))
+        x = x0 * (tension * x0**d / pair.points[cable, j, TENSION]) ** (1.0 / (slope - d))
     x = max(x, x0)
     if x >= x1 * _MERGE:
         x = x1
         if j + 1 < last:
-            move[cable, 0, INDEX] = j + 1
-            move[cable, 0, FRONT_PIECE] = points[cable, j + 1, PIECE]
-            move[cable, 0, FRONT_X] = x1
-            move[cable, 0, FRONT_TENSION] = t1
-            move[cable, 0, FRONT_W] = points[cable, j + 1, DISPLACEMENT]
+            pair.move[cable, 0, INDEX] = j + 1
+            pair.move[cable, 0, FRONT_PIECE] = pair.points[cable, j + 1, PIECE]
+            pair.move[cable, 0, FRONT_X] = x1
+            pair.move[cable, 0, FRONT_TENSION] = t1
+            pair.move[cable, 0, FRONT_W] = pair.points[cable, j + 1, DISPLACEMENT]
             return
-    piece, end_piece = int(points[cable, j, PIECE]), int(points[cable, j + 1, PIECE])
-    while piece < end_piece and x > path[0, piece, END]:
+    piece, end_piece = int(pair.points[cable, j, PIECE]), int(pair.points[cable, j + 1, PIECE])
+    while piece < end_piece and x > pair.path[0, piece, END]:
         piece += 1
     front = tension / x if d < 0 else tension * x
-    stretch = _stretch_along(points, path, cable, j, piece, x, front)
-    move[cable, 0, INDEX] = j
-    move[cable, 0, FRONT_PIECE] = piece
-    move[cable, 0, FRONT_X] = x
-    move[cable, 0, FRONT_TENSION] = front
-    move[cable, 0, FRONT_W] = points[cable, j, DISPLACEMENT] + stretch
+    stretch = stretch_along(pair, cable, j, piece, x, front)
+    pair.move[cable, 0, INDEX] = j
+    pair.move[cable, 0, FRONT_PIECE] = piece
+    pair.move[cable, 0, FRONT_X] = x
+    pair.move[cable, 0, FRONT_TENSION] = front
+    pair.move[cable, 0, FRONT_W] = pair.points[cable, j, DISPLACEMENT] + stretch
+
+
+@compiled
+def _advance(
+    c: float, b: float, slope: float, d: int, h: float, x0: float, x1: float
+) -> tuple[float, float, float]:
+    """Front of an end that is moved on, from x0 where the tension is 1 N, before x1.
+
+    `c` is the compliance of the path piece, `b` that of what slides already, per newton at x0 (m/N);
+    `h` is how far the end moves on (m/N). Returns the coordinate of the front, the tension there
+    per newton at x0, and the stretch of the frozen piece from x0 to there (m/N).
+    """
+    if slope == d:  # parallel: reached only by rounding
+        return x0, 1.0, 0.0
+    if slope == -d:
+        root = b + math.sqrt(b * b + (c - d * b) * h)
+        share = h / root if root > 0.0 else 0.0
+        ratio = 1.0 + share if d < 0 else 1.0 / (1.0 - share)
+        front = ratio if slope > 0.0 else 1.0 / ratio
+        return x0 * ratio, front, c * abs(front - 1.0)
+    z = _advance_general(c, b, slope, d, h, math.log(x1 / x0))
+    return x0 * math.exp(z), math.exp(slope * z), c * _growth(slope, z)
 
 
 @compiled
 def _advance_general(c: float, b: float, slope: float, d: int, h: float, limit: float) -> float:
-    """ln(x/x0) of a front in a piece of any slope; Newton on a monotone function, bracketed."""
+    """ln(x/x0) for a piece of any slope: Newton on a monotone function, in a bracket."""
     lower, upper = 0.0, limit
     scaled = h / abs(slope - d)
     z = 2.0 * scaled / (b + math.sqrt(b * b + 2.0 * c * scaled)) if scaled > 0.0 else 0.0
@@ -183,166 +220,58 @@ def _advance_general(c: float, b: float, slope: float, d: int, h: float, limit: 
 
 
 @compiled
-def move_by_position(
-    points: FloatArray,
-    span: IntArray,
-    path: FloatArray,
-    move: FloatArray,
-    cable: int,
-    side: int,
-    w_end: float,
-    d: int,
-) -> None:
+def move_by_position(pair: Pair, cable: int, side: int, w_end: float, d: int) -> None:
     """Front and end tension of either end at a new inward displacement (m) of that end."""
-    move[cable, side, DIRECTION] = d
+    pair.move[cable, side, DIRECTION] = d
     inwards = 1 - 2 * side
-    j, last = span[cable, side], span[cable, 1 - side]
+    j, last = pair.span[cable, side], pair.span[cable, 1 - side]
     piece, x1, t1, w1 = 0, 1.0, 0.0, 0.0
     while j != last:
-        piece = _piece_of(points, path, cable, side, j + inwards)
-        x1, t1 = points[cable, j + inwards, side], points[cable, j + inwards, TENSION]
-        w1 = inwards * points[cable, j + inwards, DISPLACEMENT]
+        piece = _piece_of(pair, cable, side, j + inwards)
+        x1, t1 = pair.points[cable, j + inwards, side], pair.points[cable, j + inwards, TENSION]
+        w1 = inwards * pair.points[cable, j + inwards, DISPLACEMENT]
         end = t1 * (x1 if d < 0 else 1.0 / x1)
-        if d * (w_end - w1 + end * reach(path, side, piece, x1, d)) <= 0.0:
+        if d * (w_end - w1 + end * reach(pair, side, piece, x1, d)) <= 0.0:
             break
         j += inwards
     if j == last:
-        move[cable, side, INDEX] = THROUGH
+        pair.move[cable, side, INDEX] = THROUGH
         return
-    slope = inwards * points[cable, j - side, SLOPE]
-    x0, t0 = points[cable, j, side], points[cable, j, TENSION]
-    w0 = inwards * points[cable, j, DISPLACEMENT]
+    slope = inwards * pair.points[cable, j - side, SLOPE]
+    x0, t0 = pair.points[cable, j, side], pair.points[cable, j, TENSION]
+    w0 = inwards * pair.points[cable, j, DISPLACEMENT]
     end_piece = piece
-    piece = _piece_of(points, path, cable, side, j)
+    piece = _piece_of(pair, cable, side, j)
     while piece < end_piece:  # which path piece of this frozen piece holds the front
-        x = path[side, piece, END]
+        x = pair.path[side, piece, END]
         t = t0 * (x / x0) if slope > 0.0 else t0 * (x0 / x)
-        w = w0 + path[side, piece, COMPLIANCE] * abs(t - t0)
+        w = w0 + pair.path[side, piece, COMPLIANCE] * abs(t - t0)
         end = t * (x if d < 0 else 1.0 / x)
-        if d * (w_end - w + end * reach(path, side, piece, x, d)) <= 0.0:
+        if d * (w_end - w + end * reach(pair, side, piece, x, d)) <= 0.0:
             break
         piece += 1
-        x0, t0, w0 = x, t, w + path[side, piece, LUMP] * t
-    c = path[side, piece, COMPLIANCE]
-    b = reach(path, side, piece, x0, d) * (x0 if d < 0 else 1.0 / x0)
+        x0, t0, w0 = x, t, w + pair.path[side, piece, LUMP] * t
+    c = pair.path[side, piece, COMPLIANCE]
+    b = reach(pair, side, piece, x0, d) * (x0 if d < 0 else 1.0 / x0)
     h = max(d * (w_end - (w0 - t0 * b)) / t0, 0.0)
-    if slope == d:  # parallel: reached only by rounding
-        x, front, w = x0, t0, w0
-    elif slope == -d:
-        root = b + math.sqrt(b * b + (c - d * b) * h)
-        share = h / root if root > 0.0 else 0.0
-        ratio = 1.0 + share if d < 0 else 1.0 / (1.0 - share)
-        x = x0 * ratio
-        front = t0 * ratio if slope > 0.0 else t0 / ratio
-        w = w0 + c * abs(front - t0)
-    else:
-        z = _advance_general(c, b, slope, d, h, math.log(x1 / x0))
-        x = x0 * math.exp(z)
-        front = t0 * math.exp(slope * z)
-        w = w0 + c * t0 * _growth(slope, z)
+    x, front, w = _advance(c, b, slope, d, h, x0, x1)
+    front *= t0
+    w = w0 + t0 * w
     if x >= x1 * _MERGE:
         x = x1
         if j + inwards != last:
             j, piece, front, w = j + inwards, end_piece, t1, w1
-    move[cable, side, INDEX] = j
-    move[cable, side, FRONT_PIECE] = piece
-    move[cable, side, FRONT_X] = x
-    move[cable, side, FRONT_TENSION] = front
-    move[cable, side, FRONT_W] = w
-    move[cable, side, END_TENSION] = front * (x if d < 0 else 1.0 / x)
-
-
-@compiled
-def _frozen_at(
-    points: FloatArray, span: IntArray, path: FloatArray, cable: int, x: float
-) -> tuple[float, float, int]:
-    """Tension, displacement and path piece of the old profile at near coordinate `x`."""
-    j = span[cable, 0]
-    while j + 1 < span[cable, 1] and points[cable, j + 1, X_NEAR] < x:
-        j += 1
-    t0, u0 = points[cable, j, TENSION], points[cable, j, DISPLACEMENT]
-    piece, end_piece = int(points[cable, j, PIECE]), int(points[cable, j + 1, PIECE])
-    while piece < end_piece and x > path[0, piece, END]:
-        piece += 1
-    if t0 == 0.0:  # slack: at rest wherever it lies
-        return 0.0, u0, piece
-    ratio = x / points[cable, j, X_NEAR]
-    slope = points[cable, j, SLOPE]
-    if slope == 1.0:
-        t = t0 * ratio
-    elif slope == -1.0:
-        t = t0 / ratio
-    else:
-        t = t0 * ratio**slope
-    return t, u0 + _stretch_along(points, path, cable, j, piece, x, t), piece
-
-
-@compiled
-def neutral_point(
-    points: FloatArray,
-    span: IntArray,
-    path: FloatArray,
-    cable: int,
-    d: int,
-    tension: float,
-    w_near: float,
-    w_far: float,
-    lower: float,
-    upper: float,
-) -> tuple[float, int, float, float]:
-    """Where the two fronts meet when both ends pull (d = -1) or both release (d = +1).
-
-    The material at the neutral point keeps its displacement over the step, which fixes the point.
-    Give the near end's `tension` (N), or a negative one to have it follow from `w_near` (m).
-    The point lies between the two fronts that each end would reach alone, `lower` and `upper`.
-
-    Returns
-    -------
-    x : float
-        Near coordinate of the neutral point.
-    piece : int
-        Its path piece.
-    stretch_per_n : float
-        Stretch of the whole cable per newton of near tension (m/N).
-    compliance : float
-        ``-d w_near/d tension`` at fixed `w_far` (m/N).
-    """
-    back = path.shape[1] - 1
-    x_total = path[0, back, END]
-    x = math.sqrt(lower * upper)
-    piece, near, far, compliance = 0, 0.0, 0.0, 0.0
-    for _ in range(100):
-        x = min(max(x, lower), upper)
-        old_t, old_w, piece = _frozen_at(points, span, path, cable, x)
-        near = reach(path, 0, piece, x, d)
-        gain = x * x / x_total if d > 0 else x_total / (x * x)  # far tension over near tension
-        far = gain * reach(path, 1, back - piece, x_total / x, d)
-        t_near = tension
-        if tension < 0.0:
-            t_near = (old_w - w_near) / near if near > 0.0 else 0.0
-        residual = old_w + t_near * far - w_far
-        peak = t_near * (x if d > 0 else 1.0 / x)
-        pull = path[0, piece, COMPLIANCE] * (old_t - peak)
-        gradient = pull + 2.0 * d * t_near * far
-        compliance = near + pull * far / gradient if gradient != 0.0 else near
-        if tension < 0.0 and near > 0.0:
-            gradient += far * pull / near
-        if -d * residual > 0.0:
-            lower = x
-        else:
-            upper = x
-        step = residual / gradient if gradient != 0.0 else 0.0
-        if residual == 0.0 or upper <= lower * (1.0 + 4e-16) or abs(step) <= 4e-16:
-            break
-        x = x * math.exp(-step) if abs(step) < 1.0 else 0.0
-        if not lower < x < upper:
-            x = math.sqrt(lower * upper)
-    return x, piece, near + far, compliance
+    pair.move[cable, side, INDEX] = j
+    pair.move[cable, side, FRONT_PIECE] = piece
+    pair.move[cable, side, FRONT_X] = x
+    pair.move[cable, side, FRONT_TENSION] = front
+    pair.move[cable, side, FRONT_W] = w
+    pair.move[cable, side, END_TENSION] = front * (x if d < 0 else 1.0 / x)
 
 
 @compiled
 def _put(
-    points: FloatArray,
+    pair: Pair,
     cable: int,
     j: int,
     x: float,
@@ -352,19 +281,17 @@ def _put(
     slope: float,
     piece: int,
 ) -> None:
-    points[cable, j, X_NEAR] = x
-    points[cable, j, X_FAR] = x_far
-    points[cable, j, TENSION] = t
-    points[cable, j, DISPLACEMENT] = u
-    points[cable, j, SLOPE] = slope
-    points[cable, j, PIECE] = piece
+    pair.points[cable, j, X_NEAR] = x
+    pair.points[cable, j, X_FAR] = x_far
+    pair.points[cable, j, TENSION] = t
+    pair.points[cable, j, DISPLACEMENT] = u
+    pair.points[cable, j, SLOPE] = slope
+    pair.points[cable, j, PIECE] = piece
 
 
 @compiled
 def set_whole(
-    points: FloatArray,
-    span: IntArray,
-    path: FloatArray,
+    pair: Pair,
     cable: int,
     tension: float,
     u_near: float,
@@ -372,21 +299,19 @@ def set_whole(
     slope: int,
 ) -> None:
     """Set one piece from end to end: the cable that slides as a whole, or (0 N, slope 0) slack."""
-    last = path.shape[1] - 1
-    x_total = path[0, last, END]
-    j = points.shape[1] // 2
+    last = pair.path.shape[1] - 1
+    x_total = pair.path[0, last, END]
+    j = pair.points.shape[1] // 2
     far = tension * x_total if slope > 0 else tension / x_total
-    _put(points, cable, j, 1.0, x_total, tension, u_near, float(slope), 0)
-    _put(points, cable, j + 1, x_total, 1.0, far, u_far, 0.0, last)
-    span[cable, 0] = j
-    span[cable, 1] = j + 1
+    _put(pair, cable, j, 1.0, x_total, tension, u_near, float(slope), 0)
+    _put(pair, cable, j + 1, x_total, 1.0, far, u_far, 0.0, last)
+    pair.span[cable, 0] = j
+    pair.span[cable, 1] = j + 1
 
 
 @compiled
 def set_neutral(
-    points: FloatArray,
-    span: IntArray,
-    path: FloatArray,
+    pair: Pair,
     cable: int,
     tension: float,
     u_near: float,
@@ -396,46 +321,43 @@ def set_neutral(
     piece: int,
 ) -> None:
     """Set two pieces of opposite slope that meet at the neutral point."""
-    last = path.shape[1] - 1
-    x_total = path[0, last, END]
-    j = points.shape[1] // 2
+    last = pair.path.shape[1] - 1
+    x_total = pair.path[0, last, END]
+    j = pair.points.shape[1] // 2
     z = x_total / x
     peak = tension * (x if d > 0 else 1.0 / x)
     far = peak * (z if d < 0 else 1.0 / z)
-    u = u_near + tension * reach(path, 0, piece, x, d)
-    _put(points, cable, j - 1, 1.0, x_total, tension, u_near, float(d), 0)
-    _put(points, cable, j, x, z, peak, u, float(-d), piece)
-    _put(points, cable, j + 1, x_total, 1.0, far, u_far, 0.0, last)
-    span[cable, 0] = j - 1
-    span[cable, 1] = j + 1
+    u = u_near + tension * reach(pair, 0, piece, x, d)
+    _put(pair, cable, j - 1, 1.0, x_total, tension, u_near, float(d), 0)
+    _put(pair, cable, j, x, z, peak, u, float(-d), piece)
+    _put(pair, cable, j + 1, x_total, 1.0, far, u_far, 0.0, last)
+    pair.span[cable, 0] = j - 1
+    pair.span[cable, 1] = j + 1
 
 
 @compiled
 def set_partial(
-    points: FloatArray,
-    span: IntArray,
-    path: FloatArray,
-    move: FloatArray,
+    pair: Pair,
     cable: int,
     u_near: float,
     u_far: float,
 ) -> None:
     """Freeze what both fronts of a step left behind; adds at most one breakpoint at an end."""
-    last = path.shape[1] - 1
-    x_total = path[0, last, END]
-    if move[cable, 0, INDEX] >= 0.0:
-        j = int(move[cable, 0, INDEX])
-        x, piece = move[cable, 0, FRONT_X], int(move[cable, 0, FRONT_PIECE])
-        t, u = move[cable, 0, FRONT_TENSION], move[cable, 0, FRONT_W]
-        _put(points, cable, j, x, x_total / x, t, u, points[cable, j, SLOPE], piece)
-        t, d = move[cable, 0, END_TENSION], move[cable, 0, DIRECTION]
-        _put(points, cable, j - 1, 1.0, x_total, t, u_near, d, 0)
-        span[cable, 0] = j - 1
-    if move[cable, 1, INDEX] >= 0.0:
-        j = int(move[cable, 1, INDEX])
-        x, piece = move[cable, 1, FRONT_X], last - int(move[cable, 1, FRONT_PIECE])
-        t, u = move[cable, 1, FRONT_TENSION], -move[cable, 1, FRONT_W]
-        _put(points, cable, j, x_total / x, x, t, u, -move[cable, 1, DIRECTION], piece)
-        t = move[cable, 1, END_TENSION]
-        _put(points, cable, j + 1, x_total, 1.0, t, u_far, 0.0, last)
-        span[cable, 1] = j + 1
+    last = pair.path.shape[1] - 1
+    x_total = pair.path[0, last, END]
+    if pair.move[cable, 0, INDEX] >= 0.0:
+        j = int(pair.move[cable, 0, INDEX])
+        x, piece = pair.move[cable, 0, FRONT_X], int(pair.move[cable, 0, FRONT_PIECE])
+        t, u = pair.move[cable, 0, FRONT_TENSION], pair.move[cable, 0, FRONT_W]
+        _put(pair, cable, j, x, x_total / x, t, u, pair.points[cable, j, SLOPE], piece)
+        t, d = pair.move[cable, 0, END_TENSION], pair.move[cable, 0, DIRECTION]
+        _put(pair, cable, j - 1, 1.0, x_total, t, u_near, d, 0)
+        pair.span[cable, 0] = j - 1
+    if pair.move[cable, 1, INDEX] >= 0.0:
+        j = int(pair.move[cable, 1, INDEX])
+        x, piece = pair.move[cable, 1, FRONT_X], last - int(pair.move[cable, 1, FRONT_PIECE])
+        t, u = pair.move[cable, 1, FRONT_TENSION], -pair.move[cable, 1, FRONT_W]
+        _put(pair, cable, j, x_total / x, x, t, u, -pair.move[cable, 1, DIRECTION], piece)
+        t = pair.move[cable, 1, END_TENSION]
+        _put(pair, cable, j + 1, x_total, 1.0, t, u_far, 0.0, last)
+        pair.span[cable, 1] = j + 1
