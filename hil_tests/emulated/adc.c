@@ -20,7 +20,8 @@ static uint32_t clock_hz(const machine_t *m) {
 static uint32_t adc_cycles(const adc_t *a, unsigned channel) {
     static const uint16_t sampling[8] = {3, 15, 28, 56, 84, 112, 144, 480};
     static const uint8_t converting[4] = {12, 10, 8, 6};
-    uint32_t field = channel >= 10 ? a->smpr[0] >> (3 * (channel - 10)) : a->smpr[1] >> (3 * channel);
+    uint32_t field =
+        channel >= 10 ? a->smpr[0] >> (3 * (channel - 10)) : a->smpr[1] >> (3 * channel);
     return sampling[field & 7u] + converting[a->cr1 >> 24 & 3u];
 }
 
@@ -219,32 +220,43 @@ uint32_t adc_read(machine_t *m, uint32_t offset) {
         return 0;
     }
     switch (offset & 0xFFu) {
-    case 0x00: return a->sr;
-    case 0x04: return a->cr1;
-    case 0x08: return a->cr2;
+    case 0x00:
+        return a->sr;
+    case 0x04:
+        return a->cr1;
+    case 0x08:
+        return a->cr2;
     case 0x0C:
-    case 0x10: return a->smpr[((offset & 0xFFu) - 0x0C) / 4];
+    case 0x10:
+        return a->smpr[((offset & 0xFFu) - 0x0C) / 4];
     case 0x14:
     case 0x18:
     case 0x1C:
-    case 0x20: return a->jofr[((offset & 0xFFu) - 0x14) / 4];
-    case 0x24: return a->htr;
-    case 0x28: return a->ltr;
+    case 0x20:
+        return a->jofr[((offset & 0xFFu) - 0x14) / 4];
+    case 0x24:
+        return a->htr;
+    case 0x28:
+        return a->ltr;
     case 0x2C:
     case 0x30:
-    case 0x34: return a->sqr[((offset & 0xFFu) - 0x2C) / 4];
-    case 0x38: return a->jsqr;
+    case 0x34:
+        return a->sqr[((offset & 0xFFu) - 0x2C) / 4];
+    case 0x38:
+        return a->jsqr;
     case 0x3C:
     case 0x40:
     case 0x44:
-    case 0x48: return (uint32_t)a->jdr[((offset & 0xFFu) - 0x3C) / 4];
+    case 0x48:
+        return (uint32_t)a->jdr[((offset & 0xFFu) - 0x3C) / 4];
     case 0x4C:
         if (!m->peeking) {
             a->sr &= ~(uint32_t)SR_EOC;
             update_irq(m);
         }
         return a->dr;
-    default: return 0;
+    default:
+        return 0;
     }
 }
 
@@ -286,27 +298,44 @@ void adc_write(machine_t *m, uint32_t offset, uint32_t value) {
     }
     uint32_t reg = offset & 0xFFu;
     switch (reg) {
-    case 0x00: a->sr &= value; break; /* cleared by writing 0 */
+    case 0x00:
+        a->sr &= value;
+        break; /* cleared by writing 0 */
     case 0x04:
         a->cr1 = value & 0x07C0FFFFu;
         if (value & 7u << 10) {
             note(m, "ADC%d: JAUTO and discontinuous mode are not modelled", n + 1);
         }
         break;
-    case 0x08: write_cr2(m, n, value); break;
+    case 0x08:
+        write_cr2(m, n, value);
+        break;
     case 0x0C:
-    case 0x10: a->smpr[(reg - 0x0C) / 4] = value; break;
+    case 0x10:
+        a->smpr[(reg - 0x0C) / 4] = value;
+        break;
     case 0x14:
     case 0x18:
     case 0x1C:
-    case 0x20: a->jofr[(reg - 0x14) / 4] = value & 0xFFFu; break;
-    case 0x24: a->htr = value & 0xFFFu; break;
-    case 0x28: a->ltr = value & 0xFFFu; break;
+    case 0x20:
+        a->jofr[(reg - 0x14) / 4] = value & 0xFFFu;
+        break;
+    case 0x24:
+        a->htr = value & 0xFFFu;
+        break;
+    case 0x28:
+        a->ltr = value & 0xFFFu;
+        break;
     case 0x2C:
     case 0x30:
-    case 0x34: a->sqr[(reg - 0x2C) / 4] = value; break;
-    case 0x38: a->jsqr = value & 0x3FFFFFu; break;
-    default: break;
+    case 0x34:
+        a->sqr[(reg - 0x2C) / 4] = value;
+        break;
+    case 0x38:
+        a->jsqr = value & 0x3FFFFFu;
+        break;
+    default:
+        break;
     }
     update_irq(m);
 }

@@ -15,8 +15,8 @@ typedef struct machine machine_t;
 
 /* Fixed properties of one board and its chip. */
 typedef struct {
-    uint32_t hse_hz;                       /* crystal on OSC_IN/OSC_OUT; 8 MHz */
-    uint32_t lsi_hz;                       /* the watchdog's oscillator; 32 kHz, silicon 17..47 kHz */
+    uint32_t hse_hz; /* crystal on OSC_IN/OSC_OUT; 8 MHz */
+    uint32_t lsi_hz; /* the watchdog's oscillator; 32 kHz, silicon 17..47 kHz */
     uint32_t cycles_per_instruction_x1000; /* 1000: one core cycle an instruction */
     uint32_t can_bitrate;                  /* of the other nodes on the bus */
     uint32_t unique_id[3];                 /* 0x1FFF7A10 */
@@ -47,11 +47,11 @@ typedef struct {
 
 /* The H-bridge on TIM1 channels 1 and 2 as the motor sees it. */
 typedef struct {
-    bool enabled;       /* MOE set and both legs switched by their timer channel */
-    double duty_a;      /* fraction of the period that leg A (CH1) is high */
-    double duty_b;      /* leg B (CH2) */
-    double current_a;   /* motor current at this moment, ampere, + drives theta_m > 0 */
-    double mean_a;      /* its mean since the last call */
+    bool enabled;        /* MOE set and both legs switched by their timer channel */
+    double duty_a;       /* fraction of the period that leg A (CH1) is high */
+    double duty_b;       /* leg B (CH2) */
+    double current_a;    /* motor current at this moment, ampere, + drives theta_m > 0 */
+    double mean_a;       /* its mean since the last call */
     double frequency_hz; /* of the switching */
     double dead_time_s;
 } bridge_state_t;
@@ -85,12 +85,14 @@ typedef struct {
 
 enum {
     FAULT_CAN_NONE = 0,
-    FAULT_CAN_NO_ACK,      /* nobody else on the bus: every frame lacks its acknowledge */
-    FAULT_CAN_CORRUPT_TX,  /* each frame of the node is destroyed by a bit error */
-    FAULT_CAN_CORRUPT_RX,  /* each frame to the node arrives with a CRC error */
-    FAULT_CAN_DOMINANT,    /* CAN_H and CAN_L shorted so that the bus stays dominant */
+    FAULT_CAN_NO_ACK,     /* nobody else on the bus: every frame lacks its acknowledge */
+    FAULT_CAN_CORRUPT_TX, /* each frame of the node is destroyed by a bit error */
+    FAULT_CAN_CORRUPT_RX, /* each frame to the node arrives with a CRC error */
+    FAULT_CAN_DOMINANT,   /* CAN_H and CAN_L shorted so that the bus stays dominant */
 };
 
+/* Only these are visible: unicorn has symbols of the same short names as ours. */
+#pragma GCC visibility push(default)
 machine_t *machine_new(const machine_options_t *options);
 void machine_free(machine_t *m);
 /* Puts bytes into the flash before power-on (what a programmer does). False: not in the flash. */
@@ -122,14 +124,15 @@ reset_record_t machine_reset_record(const machine_t *m, int index); /* the last 
 account_t machine_account(const machine_t *m, uint32_t exception); /* 0 .. 97 */
 void machine_account_reset(machine_t *m);
 
-/* Pins. An encoder is wired once: A and B to two pins, an index pulse (port -1: none) to a third. */
+/* Pins. An encoder is wired once: A and B to two pins, an index pulse (port -1: none) to a third.
+ */
 void machine_wire_encoder(machine_t *m, int timer, int port_a, int pin_a, int port_b, int pin_b,
                           int index_port, int index_pin, int counts_per_turn);
 void machine_set_encoder(machine_t *m, int timer, int64_t counts);
 /* line 0 A, 1 B, 2 index; level 0 or 1: broken and stuck there, -1: whole. */
 void machine_break_encoder_wire(machine_t *m, int timer, int line, int level);
 void machine_set_pin(machine_t *m, int port, int pin, int level); /* -1: not driven */
-int machine_pin(const machine_t *m, int port, int pin); /* level that the pin shows */
+int machine_pin(const machine_t *m, int port, int pin);           /* level that the pin shows */
 
 /* Analogue inputs in 12-bit codes of full scale, fractions allowed; channels 0 .. 18. */
 void machine_set_analog(machine_t *m, int channel, double code, double noise_codes);
@@ -149,5 +152,7 @@ void machine_can_babble(machine_t *m, const wire_frame_t *frame, uint32_t idle_b
 
 void machine_hse_works(machine_t *m, bool works);
 void machine_supply_mv(machine_t *m, uint32_t millivolt); /* of the chip; 3300 */
+
+#pragma GCC visibility pop
 
 #endif

@@ -44,8 +44,9 @@ static void freewheel(bridge_t *b, double duration_s) {
     integrate(b, before > 0 ? -against : against, duration_s);
     if (before * b->current_a <= 0) { /* stopped on the way: the tail's charge is negligible */
         b->current_a = 0;
-        b->charge_c = charge + before * 0.5 * fmin(duration_s, fabs(before) *
-                      b->parameters.inductance_h / against);
+        b->charge_c =
+            charge +
+            before * 0.5 * fmin(duration_s, fabs(before) * b->parameters.inductance_h / against);
     }
 }
 
@@ -105,5 +106,5 @@ bridge_state_t machine_bridge(machine_t *m) {
 }
 
 uint64_t machine_bridge_off_ns(const machine_t *m) {
-    return m->bridge.off_at / (TICKS_PER_US / 1000);
+    return ticks_to_ns(m->bridge.off_at);
 }

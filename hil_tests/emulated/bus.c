@@ -129,39 +129,75 @@ static bool clocked(const machine_t *m, const block_t *block) {
 static uint32_t read_block(machine_t *m, const block_t *block, uint32_t offset) {
     uint32_t value = 0;
     switch (block->kind) {
-    case TIM: return tim_read(m, block->instance, offset);
-    case ADC: return adc_read(m, offset);
-    case CAN: return bxcan_read(m, offset);
-    case GPIO: return gpio_read(m, block->instance, offset);
-    case RCC: return rcc_read(m, offset);
-    case FLASH: return flash_read(m, offset);
-    case PWR: return pwr_read(m, offset);
-    case IWDG: return iwdg_read(m, offset);
-    case EXTI: return exti_read(m, offset);
-    case SYSCFG: return syscfg_read(m, offset);
-    case BACKUP: memcpy(&value, m->pwr.backup + (offset & 0xFFCu), 4); return value;
-    default: note(m, "%s is not modelled", block->name); return 0;
+    case TIM:
+        return tim_read(m, block->instance, offset);
+    case ADC:
+        return adc_read(m, offset);
+    case CAN:
+        return bxcan_read(m, offset);
+    case GPIO:
+        return gpio_read(m, block->instance, offset);
+    case RCC:
+        return rcc_read(m, offset);
+    case FLASH:
+        return flash_read(m, offset);
+    case PWR:
+        return pwr_read(m, offset);
+    case IWDG:
+        return iwdg_read(m, offset);
+    case EXTI:
+        return exti_read(m, offset);
+    case SYSCFG:
+        return syscfg_read(m, offset);
+    case BACKUP:
+        memcpy(&value, m->pwr.backup + (offset & 0xFFCu), 4);
+        return value;
+    default:
+        note(m, "%s is not modelled", block->name);
+        return 0;
     }
 }
 
 static void write_block(machine_t *m, const block_t *block, uint32_t offset, uint32_t value) {
     switch (block->kind) {
-    case TIM: tim_write(m, block->instance, offset, value); break;
-    case ADC: adc_write(m, offset, value); break;
-    case CAN: bxcan_write(m, offset, value); break;
-    case GPIO: gpio_write(m, block->instance, offset, value); break;
-    case RCC: rcc_write(m, offset, value); break;
-    case FLASH: flash_write(m, offset, value); break;
-    case PWR: pwr_write(m, offset, value); break;
-    case IWDG: iwdg_write(m, offset, value); break;
-    case EXTI: exti_write(m, offset, value); break;
-    case SYSCFG: syscfg_write(m, offset, value); break;
+    case TIM:
+        tim_write(m, block->instance, offset, value);
+        break;
+    case ADC:
+        adc_write(m, offset, value);
+        break;
+    case CAN:
+        bxcan_write(m, offset, value);
+        break;
+    case GPIO:
+        gpio_write(m, block->instance, offset, value);
+        break;
+    case RCC:
+        rcc_write(m, offset, value);
+        break;
+    case FLASH:
+        flash_write(m, offset, value);
+        break;
+    case PWR:
+        pwr_write(m, offset, value);
+        break;
+    case IWDG:
+        iwdg_write(m, offset, value);
+        break;
+    case EXTI:
+        exti_write(m, offset, value);
+        break;
+    case SYSCFG:
+        syscfg_write(m, offset, value);
+        break;
     case BACKUP:
         if (m->pwr.cr & 1u << 8) { /* DBP */
             memcpy(m->pwr.backup + (offset & 0xFFCu), &value, 4);
         }
         break;
-    default: note(m, "%s is not modelled", block->name); break;
+    default:
+        note(m, "%s is not modelled", block->name);
+        break;
     }
 }
 

@@ -98,7 +98,8 @@ static bool on_forbidden(uc_engine *uc, uc_mem_type type, uint64_t address64, in
     int access = fetch ? ACCESS_FETCH : write ? ACCESS_WRITE : ACCESS_READ;
     (void)uc;
     if (!mpu_permits(m, address, access)) {
-        set_fault(m, MEM_MANAGE, fetch ? 1u << 0 : 1u << 1, address, !fetch); /* IACCVIOL DACCVIOL */
+        set_fault(m, MEM_MANAGE, fetch ? 1u << 0 : 1u << 1, address,
+                  !fetch); /* IACCVIOL DACCVIOL */
         return false;
     }
     uint8_t *memory = memory_at(m, address, (uint32_t)size);
@@ -159,7 +160,9 @@ void cpu_reset(machine_t *m) {
 
 void cpu_forget_code(machine_t *m) {
     memset(m->cpu.block, 0, sizeof m->cpu.block);
-    uc_ctl_flush_tb(m->cpu.uc);
+    if (m->cpu.instructions > 0) { /* unicorn makes its buffer on the first run */
+        uc_ctl_flush_tb(m->cpu.uc);
+    }
 }
 
 static uint16_t halfword_at(machine_t *m, uint32_t address) {

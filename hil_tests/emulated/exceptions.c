@@ -52,7 +52,8 @@ void exception_pend(machine_t *m, int exception) {
     m->attention |= ATTENTION_EXCEPTION;
 }
 
-/* A peripheral's request line. It pends on its rising edge, and again at return while it is high. */
+/* A peripheral's request line. It pends on its rising edge, and again at return while it is high.
+ */
 void irq_level(machine_t *m, int irq, bool asserted) {
     int exception = 16 + irq;
     uint64_t *line = &m->nvic.line[exception >> 6];

@@ -29,25 +29,44 @@ void exti_pin_edge(machine_t *m, int port, int pin, bool rising) {
 
 uint32_t exti_read(machine_t *m, uint32_t offset) {
     switch (offset) {
-    case 0x00: return m->exti.imr;
-    case 0x04: return m->exti.emr;
-    case 0x08: return m->exti.rtsr;
-    case 0x0C: return m->exti.ftsr;
-    case 0x14: return m->exti.pr;
-    default: return 0;
+    case 0x00:
+        return m->exti.imr;
+    case 0x04:
+        return m->exti.emr;
+    case 0x08:
+        return m->exti.rtsr;
+    case 0x0C:
+        return m->exti.ftsr;
+    case 0x14:
+        return m->exti.pr;
+    default:
+        return 0;
     }
 }
 
 void exti_write(machine_t *m, uint32_t offset, uint32_t value) {
     value &= 0x7FFFFFu;
     switch (offset) {
-    case 0x00: m->exti.imr = value; break;
-    case 0x04: m->exti.emr = value; break;
-    case 0x08: m->exti.rtsr = value; break;
-    case 0x0C: m->exti.ftsr = value; break;
-    case 0x10: m->exti.pr |= value; break; /* SWIER */
-    case 0x14: m->exti.pr &= ~value; break;
-    default: break;
+    case 0x00:
+        m->exti.imr = value;
+        break;
+    case 0x04:
+        m->exti.emr = value;
+        break;
+    case 0x08:
+        m->exti.rtsr = value;
+        break;
+    case 0x0C:
+        m->exti.ftsr = value;
+        break;
+    case 0x10:
+        m->exti.pr |= value;
+        break; /* SWIER */
+    case 0x14:
+        m->exti.pr &= ~value;
+        break;
+    default:
+        break;
     }
     update_irqs(m);
 }

@@ -9,10 +9,23 @@
 
 #include <string.h>
 
-enum { SR_EOP = 1u << 0, SR_OPERR = 1u << 1, SR_WRPERR = 1u << 4, SR_PGAERR = 1u << 5,
-       SR_PGPERR = 1u << 6, SR_PGSERR = 1u << 7, SR_BSY = 1u << 16 };
-enum { CR_PG = 1u << 0, CR_SER = 1u << 1, CR_MER = 1u << 2, CR_STRT = 1u << 16,
-       CR_EOPIE = 1u << 24, CR_ERRIE = 1u << 25 };
+enum {
+    SR_EOP = 1u << 0,
+    SR_OPERR = 1u << 1,
+    SR_WRPERR = 1u << 4,
+    SR_PGAERR = 1u << 5,
+    SR_PGPERR = 1u << 6,
+    SR_PGSERR = 1u << 7,
+    SR_BSY = 1u << 16
+};
+enum {
+    CR_PG = 1u << 0,
+    CR_SER = 1u << 1,
+    CR_MER = 1u << 2,
+    CR_STRT = 1u << 16,
+    CR_EOPIE = 1u << 24,
+    CR_ERRIE = 1u << 25
+};
 #define CR_LOCK (1u << 31)
 enum { IRQ_FLASH = 4, SECTORS = 12 };
 
@@ -158,11 +171,16 @@ void flash_check_latency(machine_t *m) {
 
 uint32_t flash_read(machine_t *m, uint32_t offset) {
     switch (offset) {
-    case 0x00: return m->flash.acr;
-    case 0x0C: return m->flash.sr;
-    case 0x10: return m->flash.cr;
-    case 0x14: return m->flash.optcr;
-    default: return 0;
+    case 0x00:
+        return m->flash.acr;
+    case 0x0C:
+        return m->flash.sr;
+    case 0x10:
+        return m->flash.cr;
+    case 0x14:
+        return m->flash.optcr;
+    default:
+        return 0;
     }
 }
 
@@ -205,15 +223,22 @@ void flash_write(machine_t *m, uint32_t offset, uint32_t value) {
         f->acr = value & 0x1F07u;
         flash_check_latency(m);
         break;
-    case 0x04: write_key(m, value); break;
+    case 0x04:
+        write_key(m, value);
+        break;
     case 0x0C:
         f->sr &= ~(value & 0xF3u); /* write 1 to clear */
         update_irq(m);
         break;
-    case 0x10: write_cr(m, value); break;
+    case 0x10:
+        write_cr(m, value);
+        break;
     case 0x08:
-    case 0x14: note(m, "FLASH: changing the option bytes is not modelled"); break;
-    default: break;
+    case 0x14:
+        note(m, "FLASH: changing the option bytes is not modelled");
+        break;
+    default:
+        break;
     }
 }
 

@@ -69,16 +69,26 @@ void gpio_drive(machine_t *m, int port, int pin, int level) {
 uint32_t gpio_read(machine_t *m, int port, uint32_t offset) {
     const gpio_t *g = &m->gpio[port];
     switch (offset) {
-    case 0x00: return g->moder;
-    case 0x04: return g->otyper;
-    case 0x08: return g->ospeedr;
-    case 0x0C: return g->pupdr;
-    case 0x10: return levels(m, port);
-    case 0x14: return g->odr;
-    case 0x1C: return g->lckr;
-    case 0x20: return g->afr[0];
-    case 0x24: return g->afr[1];
-    default: return 0;
+    case 0x00:
+        return g->moder;
+    case 0x04:
+        return g->otyper;
+    case 0x08:
+        return g->ospeedr;
+    case 0x0C:
+        return g->pupdr;
+    case 0x10:
+        return levels(m, port);
+    case 0x14:
+        return g->odr;
+    case 0x1C:
+        return g->lckr;
+    case 0x20:
+        return g->afr[0];
+    case 0x24:
+        return g->afr[1];
+    default:
+        return 0;
     }
 }
 
@@ -87,16 +97,35 @@ void gpio_write(machine_t *m, int port, uint32_t offset, uint32_t value) {
     uint32_t before = levels(m, port);
     bridge_advance(m, m->now); /* a pin may cut the bridge off */
     switch (offset) {
-    case 0x00: g->moder = value; break;
-    case 0x04: g->otyper = value & 0xFFFFu; break;
-    case 0x08: g->ospeedr = value; break;
-    case 0x0C: g->pupdr = value; break;
-    case 0x14: g->odr = value & 0xFFFFu; break;
-    case 0x18: g->odr = (g->odr & ~(value >> 16)) | (value & 0xFFFFu); break; /* set wins */
-    case 0x1C: note(m, "GPIO: the configuration lock is not modelled"); break;
-    case 0x20: g->afr[0] = value; break;
-    case 0x24: g->afr[1] = value; break;
-    default: break;
+    case 0x00:
+        g->moder = value;
+        break;
+    case 0x04:
+        g->otyper = value & 0xFFFFu;
+        break;
+    case 0x08:
+        g->ospeedr = value;
+        break;
+    case 0x0C:
+        g->pupdr = value;
+        break;
+    case 0x14:
+        g->odr = value & 0xFFFFu;
+        break;
+    case 0x18:
+        g->odr = (g->odr & ~(value >> 16)) | (value & 0xFFFFu);
+        break; /* set wins */
+    case 0x1C:
+        note(m, "GPIO: the configuration lock is not modelled");
+        break;
+    case 0x20:
+        g->afr[0] = value;
+        break;
+    case 0x24:
+        g->afr[1] = value;
+        break;
+    default:
+        break;
     }
     bridge_check_enabled(m);
     levels_changed(m, port, before);

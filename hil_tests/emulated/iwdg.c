@@ -24,10 +24,14 @@ void iwdg_event(machine_t *m, tick_t at) {
 
 uint32_t iwdg_read(machine_t *m, uint32_t offset) {
     switch (offset) {
-    case 0x04: return m->iwdg.pr;
-    case 0x08: return m->iwdg.rlr;
-    case 0x0C: return m->now < m->iwdg.update_done ? 3u : 0u; /* PVU, RVU */
-    default: return 0;
+    case 0x04:
+        return m->iwdg.pr;
+    case 0x08:
+        return m->iwdg.rlr;
+    case 0x0C:
+        return m->now < m->iwdg.update_done ? 3u : 0u; /* PVU, RVU */
+    default:
+        return 0;
     }
 }
 

@@ -40,8 +40,8 @@ enum {
     EVENT_SYSTICK,
     EVENT_IWDG,
     EVENT_CAN,
-    EVENT_ADC,                    /* three of them */
-    EVENT_TIM = EVENT_ADC + 3,    /* nine: TIM1 .. TIM8 and one spare so that TIMn is + n */
+    EVENT_ADC,                     /* three of them */
+    EVENT_TIM = EVENT_ADC + 3,     /* nine: TIM1 .. TIM8 and one spare so that TIMn is + n */
     EVENT_TRIGGER = EVENT_TIM + 9, /* TIM1 channel 4 reference goes high */
     EVENT_COUNT
 };
@@ -129,8 +129,13 @@ typedef struct {
     uint32_t hclk_hz, pclk1_hz, pclk2_hz, tim1_hz, tim2_hz; /* timers on APB1 and on APB2 */
     bool hse_works;
 } rcc_t;
-enum { RESET_PIN = 1u << 26, RESET_POWER = 1u << 27, RESET_SOFTWARE = 1u << 28,
-       RESET_IWDG = 1u << 29, RESET_BROWN_OUT = 1u << 25 };
+enum {
+    RESET_PIN = 1u << 26,
+    RESET_POWER = 1u << 27,
+    RESET_SOFTWARE = 1u << 28,
+    RESET_IWDG = 1u << 29,
+    RESET_BROWN_OUT = 1u << 25
+};
 uint32_t rcc_read(machine_t *m, uint32_t offset);
 void rcc_write(machine_t *m, uint32_t offset, uint32_t value);
 void rcc_event(machine_t *m, tick_t at);
@@ -247,7 +252,8 @@ typedef struct {
 } encoder_t;
 void encoder_lines(machine_t *m, int timer); /* drives the pins for the present position */
 
-/* ---- adc.c, bridge.c --------------------------------------------------------------------------- */
+/* ---- adc.c, bridge.c ---------------------------------------------------------------------------
+ */
 typedef struct {
     uint32_t sr, cr1, cr2, smpr[2], jofr[4], htr, ltr, sqr[3], jsqr, dr;
     int32_t jdr[4];
@@ -279,7 +285,8 @@ typedef struct {
 void bridge_advance(machine_t *m, tick_t at); /* call before anything that changes its voltage */
 void bridge_check_enabled(machine_t *m);      /* and this after it */
 
-/* ---- bxcan.c, can_bus.c -------------------------------------------------------------------------- */
+/* ---- bxcan.c, can_bus.c
+ * -------------------------------------------------------------------------- */
 typedef struct {
     uint32_t tir, tdtr, tdlr, tdhr;
 } mailbox_t;
@@ -295,6 +302,10 @@ typedef struct {
 uint32_t bxcan_read(machine_t *m, uint32_t offset);
 void bxcan_write(machine_t *m, uint32_t offset, uint32_t value);
 void bxcan_reset(machine_t *m);
+int can_filter_find(const bxcan_t *c, const wire_frame_t *f, int *fifo); /* -1: refused */
+uint32_t can_filter_word(const wire_frame_t *f);                         /* as RIxR holds it */
+void can_filter_write(machine_t *m, uint32_t offset, uint32_t value);
+uint32_t can_filter_read(const bxcan_t *c, uint32_t offset);
 void bxcan_update(machine_t *m);
 bool bxcan_on_bus(machine_t *m);
 int bxcan_best_mailbox(const machine_t *m); /* -1: none */
@@ -315,7 +326,8 @@ typedef struct {
     wire_frame_t babble;
     uint32_t babble_idle_bits;
     tick_t babble_ready;
-    bool busy;         /* a frame is on the wire until EVENT_CAN */
+    bool busy; /* a frame is on the wire until EVENT_CAN */
+    tick_t frame_end;
     tick_t idle_since; /* the bus may be claimed from here on */
     int sender;        /* mailbox 0..2, or below */
     wire_frame_t frame;
@@ -328,12 +340,14 @@ void can_bus_drop_node(machine_t *m); /* the node left the bus in mid-frame (res
 uint32_t frame_bits(const wire_frame_t *frame);
 tick_t can_bit_ticks(const machine_t *m);
 
-/* ---- bus.c: which register model answers an address ------------------------------------------------ */
+/* ---- bus.c: which register model answers an address
+ * ------------------------------------------------ */
 void bus_map(machine_t *m);
 void note(machine_t *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void bus_fault(machine_t *m, uint32_t address); /* of the running access */
 
-/* ---- cpu.c ------------------------------------------------------------------------------------------ */
+/* ---- cpu.c
+ * ------------------------------------------------------------------------------------------ */
 #define BLOCK_CACHE 65536
 typedef struct {
     uc_engine *uc;
@@ -357,9 +371,11 @@ uint8_t *memory_at(machine_t *m, uint32_t address, uint32_t length);
 uint32_t cpu_get(machine_t *m, int reg);
 void cpu_set(machine_t *m, int reg, uint32_t value);
 
-/* ---- machine.c ---------------------------------------------------------------------------------------- */
+/* ---- machine.c
+ * ---------------------------------------------------------------------------------------- */
 void request_reset(machine_t *m, uint32_t cause); /* RCC_CSR flag; performed between blocks */
 void perform_reset(machine_t *m);
+uint64_t ticks_to_ns(tick_t ticks);
 
 struct machine {
     tick_t now, until, wake_at, next_event;

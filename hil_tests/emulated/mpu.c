@@ -100,10 +100,14 @@ uint32_t mpu_read(machine_t *m, uint32_t offset) {
     uint32_t alias = offset >= 0xDA4 ? (offset - 0xD9C) / 8 : 0;
     uint32_t region = alias != 0 ? (mpu->rnr & ~3u) + alias : mpu->rnr;
     switch (offset) {
-    case 0xD90: return MPU_REGIONS << 8;
-    case 0xD94: return mpu->ctrl;
-    case 0xD98: return mpu->rnr;
-    default: break;
+    case 0xD90:
+        return MPU_REGIONS << 8;
+    case 0xD94:
+        return mpu->ctrl;
+    case 0xD98:
+        return mpu->rnr;
+    default:
+        break;
     }
     bool is_base = ((offset - 0xD9C) & 7u) == 0;
     region &= MPU_REGIONS - 1;
@@ -115,7 +119,8 @@ static void check_region(machine_t *m, uint32_t region) {
     uint32_t base = m->mpu.rbar[region] & ~0x1Fu;
     bool on = m->mpu.rasr[region] & 1u;
     if (on && (size_bits < 5 || (size_bits < 32 && (base & ((1u << size_bits) - 1)) != 0))) {
-        note(m, "MPU region %u: base %08x is not aligned to its size 2^%u", region, base, size_bits);
+        note(m, "MPU region %u: base %08x is not aligned to its size 2^%u", region, base,
+             size_bits);
     }
 }
 

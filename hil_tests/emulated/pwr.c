@@ -37,9 +37,12 @@ void pwr_supply_changed(machine_t *m) {
 
 uint32_t pwr_read(machine_t *m, uint32_t offset) {
     switch (offset) {
-    case 0x00: return m->pwr.cr;
-    case 0x04: return m->pwr.csr | (m->pwr.csr & 1u << 9 ? 1u << 3 : 0u) | 1u << 14; /* ready */
-    default: return 0;
+    case 0x00:
+        return m->pwr.cr;
+    case 0x04:
+        return m->pwr.csr | (m->pwr.csr & 1u << 9 ? 1u << 3 : 0u) | 1u << 14; /* ready */
+    default:
+        return 0;
     }
 }
 

@@ -103,9 +103,7 @@ static void update(machine_t *m) {
         r->cfgr = (r->cfgr & ~0xCu) | wanted << 2;
     }
     uint32_t used = r->cfgr >> 2 & 3u;
-    uint32_t sysclk = used == 0   ? HSI_HZ
-                      : used == 1 ? m->options.hse_hz
-                                  : (uint32_t)pll_hz(m);
+    uint32_t sysclk = used == 0 ? HSI_HZ : used == 1 ? m->options.hse_hz : (uint32_t)pll_hz(m);
     set_frequencies(m, sysclk);
     tick_t next = NEVER;
     const tick_t ready_at[3] = {r->hsi_ready_at, r->hse_ready_at, r->pll_ready_at};
@@ -163,26 +161,46 @@ uint32_t rcc_read(machine_t *m, uint32_t offset) {
     uint32_t ready = (hsi_ready(m) ? 1u << 1 : 0u) | (hse_ready(m) ? 1u << 17 : 0u) |
                      (pll_ready(m) ? 1u << 25 : 0u);
     switch (offset) {
-    case 0x00: return r->cr | ready;
-    case 0x04: return r->pllcfgr;
-    case 0x08: return r->cfgr;
-    case 0x0C: return r->cir;
-    case 0x10: return r->reset[0];
-    case 0x14: return r->reset[1];
-    case 0x18: return r->reset[2];
-    case 0x20: return r->reset[3];
-    case 0x24: return r->reset[4];
-    case 0x30: return r->enable[0];
-    case 0x34: return r->enable[1];
-    case 0x38: return r->enable[2];
-    case 0x40: return r->enable[3];
-    case 0x44: return r->enable[4];
-    case 0x50: return r->low_power[0];
-    case 0x60: return r->low_power[3];
-    case 0x64: return r->low_power[4];
-    case 0x70: return r->bdcr;
-    case 0x74: return r->csr | ((r->csr & 1u) && m->now >= r->lsi_ready_at ? 2u : 0u);
-    default: return 0;
+    case 0x00:
+        return r->cr | ready;
+    case 0x04:
+        return r->pllcfgr;
+    case 0x08:
+        return r->cfgr;
+    case 0x0C:
+        return r->cir;
+    case 0x10:
+        return r->reset[0];
+    case 0x14:
+        return r->reset[1];
+    case 0x18:
+        return r->reset[2];
+    case 0x20:
+        return r->reset[3];
+    case 0x24:
+        return r->reset[4];
+    case 0x30:
+        return r->enable[0];
+    case 0x34:
+        return r->enable[1];
+    case 0x38:
+        return r->enable[2];
+    case 0x40:
+        return r->enable[3];
+    case 0x44:
+        return r->enable[4];
+    case 0x50:
+        return r->low_power[0];
+    case 0x60:
+        return r->low_power[3];
+    case 0x64:
+        return r->low_power[4];
+    case 0x70:
+        return r->bdcr;
+    case 0x74:
+        return r->csr | ((r->csr & 1u) && m->now >= r->lsi_ready_at ? 2u : 0u);
+    default:
+        return 0;
     }
 }
 
@@ -240,7 +258,9 @@ void rcc_write(machine_t *m, uint32_t offset, uint32_t value) {
         return;
     }
     switch (offset) {
-    case 0x00: write_cr(m, value); break;
+    case 0x00:
+        write_cr(m, value);
+        break;
     case 0x04:
         if (r->cr & CR_PLLON) {
             note(m, "RCC: PLLCFGR written while the PLL is on");
@@ -248,7 +268,9 @@ void rcc_write(machine_t *m, uint32_t offset, uint32_t value) {
             r->pllcfgr = value & 0x0F437FFFu;
         }
         break;
-    case 0x08: r->cfgr = (value & 0xFFFFFCF3u & ~0xCu) | (r->cfgr & 0xCu); break;
+    case 0x08:
+        r->cfgr = (value & 0xFFFFFCF3u & ~0xCu) | (r->cfgr & 0xCu);
+        break;
     case 0x0C:
         r->cir = (r->cir & 0x80u) | (value & 0x3F00u);
         if (value & 1u << 23) { /* CSSC */
@@ -256,15 +278,33 @@ void rcc_write(machine_t *m, uint32_t offset, uint32_t value) {
             m->nvic.line[0] &= ~(1ull << NMI);
         }
         break;
-    case 0x30: r->enable[0] = value; break;
-    case 0x34: r->enable[1] = value; break;
-    case 0x38: r->enable[2] = value; break;
-    case 0x40: r->enable[3] = value; break;
-    case 0x44: r->enable[4] = value; break;
-    case 0x50: r->low_power[0] = value; break;
-    case 0x60: r->low_power[3] = value; break;
-    case 0x64: r->low_power[4] = value; break;
-    case 0x70: r->bdcr = m->pwr.cr & 1u << 8 ? value : r->bdcr; break;
+    case 0x30:
+        r->enable[0] = value;
+        break;
+    case 0x34:
+        r->enable[1] = value;
+        break;
+    case 0x38:
+        r->enable[2] = value;
+        break;
+    case 0x40:
+        r->enable[3] = value;
+        break;
+    case 0x44:
+        r->enable[4] = value;
+        break;
+    case 0x50:
+        r->low_power[0] = value;
+        break;
+    case 0x60:
+        r->low_power[3] = value;
+        break;
+    case 0x64:
+        r->low_power[4] = value;
+        break;
+    case 0x70:
+        r->bdcr = m->pwr.cr & 1u << 8 ? value : r->bdcr;
+        break;
     case 0x74:
         if (value & 1u) {
             rcc_start_lsi(m);
@@ -273,7 +313,8 @@ void rcc_write(machine_t *m, uint32_t offset, uint32_t value) {
         }
         r->csr &= value & 1u << 24 ? 0x00FFFFFFu : ~0u; /* RMVF */
         break;
-    default: break;
+    default:
+        break;
     }
     update(m);
 }

@@ -86,23 +86,38 @@ static uint32_t read_shcsr(const machine_t *m) {
 static uint32_t read_scb(machine_t *m, uint32_t offset) {
     const nvic_t *n = &m->nvic;
     switch (offset) {
-    case 0xD00: return 0x410FC241u; /* CPUID: Cortex-M4 r0p1 */
-    case 0xD04: return read_icsr(m);
-    case 0xD08: return n->vtor;
-    case 0xD0C: return 0xFA050000u | n->aircr_prigroup << 8;
-    case 0xD10: return n->scr;
-    case 0xD14: return n->ccr;
+    case 0xD00:
+        return 0x410FC241u; /* CPUID: Cortex-M4 r0p1 */
+    case 0xD04:
+        return read_icsr(m);
+    case 0xD08:
+        return n->vtor;
+    case 0xD0C:
+        return 0xFA050000u | n->aircr_prigroup << 8;
+    case 0xD10:
+        return n->scr;
+    case 0xD14:
+        return n->ccr;
     case 0xD18:
     case 0xD1C:
-    case 0xD20: return priorities(m, offset - 0xD18 + 4);
-    case 0xD24: return read_shcsr(m);
-    case 0xD28: return n->cfsr;
-    case 0xD2C: return n->hfsr;
-    case 0xD34: return n->mmfar;
-    case 0xD38: return n->bfar;
-    case 0xD88: return n->cpacr;
-    case 0xDFC: return n->demcr;
-    default: return 0;
+    case 0xD20:
+        return priorities(m, offset - 0xD18 + 4);
+    case 0xD24:
+        return read_shcsr(m);
+    case 0xD28:
+        return n->cfsr;
+    case 0xD2C:
+        return n->hfsr;
+    case 0xD34:
+        return n->mmfar;
+    case 0xD38:
+        return n->bfar;
+    case 0xD88:
+        return n->cpacr;
+    case 0xDFC:
+        return n->demcr;
+    default:
+        return 0;
     }
 }
 
@@ -117,11 +132,15 @@ uint32_t scs_read(machine_t *m, uint32_t offset) {
         uint32_t word = (offset & 0x7Fu) / 4;
         switch (offset >> 7) {
         case 2:
-        case 3: return window(m->nvic.enabled, word);
+        case 3:
+            return window(m->nvic.enabled, word);
         case 4:
-        case 5: return window(m->nvic.pending, word);
-        case 6: return active_window(m, word);
-        default: return 0;
+        case 5:
+            return window(m->nvic.pending, word);
+        case 6:
+            return active_window(m, word);
+        default:
+            return 0;
         }
     }
     if (offset >= 0x400 && offset < 0x4F0) {
@@ -154,37 +173,67 @@ static void write_aircr(machine_t *m, uint32_t value) {
 static void write_scb(machine_t *m, uint32_t offset, uint32_t value) {
     nvic_t *n = &m->nvic;
     switch (offset) {
-    case 0xD04: write_icsr(m, value); break;
-    case 0xD08: n->vtor = value & 0x3FFFFE00u; break; /* 98 vectors: aligned to 512 bytes */
-    case 0xD0C: write_aircr(m, value); break;
-    case 0xD10: n->scr = value & 0x16u; break;
+    case 0xD04:
+        write_icsr(m, value);
+        break;
+    case 0xD08:
+        n->vtor = value & 0x3FFFFE00u;
+        break; /* 98 vectors: aligned to 512 bytes */
+    case 0xD0C:
+        write_aircr(m, value);
+        break;
+    case 0xD10:
+        n->scr = value & 0x16u;
+        break;
     case 0xD14:
         n->ccr = value & 0x31Bu;
         if (value & 0x18u) {
             note(m, "CCR: traps on division by zero and unaligned access are not modelled");
         }
         break;
-    case 0xD24: n->shcsr = value & 0x70000u; break;
-    case 0xD28: n->cfsr &= ~value; break;
-    case 0xD2C: n->hfsr &= ~value; break;
-    case 0xD34: n->mmfar = value; break;
-    case 0xD38: n->bfar = value; break;
-    case 0xD88: n->cpacr = value & 0x00F00000u; break;
-    case 0xDFC: n->demcr = value; break;
-    default: break;
+    case 0xD24:
+        n->shcsr = value & 0x70000u;
+        break;
+    case 0xD28:
+        n->cfsr &= ~value;
+        break;
+    case 0xD2C:
+        n->hfsr &= ~value;
+        break;
+    case 0xD34:
+        n->mmfar = value;
+        break;
+    case 0xD38:
+        n->bfar = value;
+        break;
+    case 0xD88:
+        n->cpacr = value & 0x00F00000u;
+        break;
+    case 0xDFC:
+        n->demcr = value;
+        break;
+    default:
+        break;
     }
 }
 
 static void write_nvic(machine_t *m, uint32_t offset, uint32_t value) {
     uint32_t word = (offset & 0x7Fu) / 4;
     switch (offset >> 7) {
-    case 2: change_window(m->nvic.enabled, word, value, true); break;
-    case 3: change_window(m->nvic.enabled, word, value, false); break;
-    case 4: change_window(m->nvic.pending, word, value, true); break;
+    case 2:
+        change_window(m->nvic.enabled, word, value, true);
+        break;
+    case 3:
+        change_window(m->nvic.enabled, word, value, false);
+        break;
+    case 4:
+        change_window(m->nvic.pending, word, value, true);
+        break;
     case 5: /* a request that is still high stays pending */
         change_window(m->nvic.pending, word, value & ~window(m->nvic.line, word), false);
         break;
-    default: break;
+    default:
+        break;
     }
 }
 

@@ -65,12 +65,18 @@ uint32_t systick_read(machine_t *m, uint32_t offset) {
     case 0x10:
         s->csr &= m->peeking ? ~0u : ~(1u << 16);
         return value;
-    case 0x14: return s->rvr;
-    case 0x18: return counts_left(m);
-    case 0x1C: return 0x4000493Eu; /* CALIB: 18750 in 1 ms at HCLK/8 = 18.75 MHz */
-    case 0x1000: return s->dwt_ctrl;
-    case 0x1004: return s->dwt_ctrl & 1u ? cycle_counter(m) : 0;
-    default: return 0;
+    case 0x14:
+        return s->rvr;
+    case 0x18:
+        return counts_left(m);
+    case 0x1C:
+        return 0x4000493Eu; /* CALIB: 18750 in 1 ms at HCLK/8 = 18.75 MHz */
+    case 0x1000:
+        return s->dwt_ctrl;
+    case 0x1004:
+        return s->dwt_ctrl & 1u ? cycle_counter(m) : 0;
+    default:
+        return 0;
     }
 }
 
@@ -90,9 +96,14 @@ void systick_write(machine_t *m, uint32_t offset, uint32_t value) {
         s->csr &= ~(1u << 16);
         plan(m, 0, m->now);
         break;
-    case 0x1000: s->dwt_ctrl = value; break;
-    case 0x1004: s->cycles_base += (uint64_t)value - cycle_counter(m); break;
-    default: break;
+    case 0x1000:
+        s->dwt_ctrl = value;
+        break;
+    case 0x1004:
+        s->cycles_base += (uint64_t)value - cycle_counter(m);
+        break;
+    default:
+        break;
     }
 }
 

@@ -51,8 +51,8 @@ uint32_t tim_count(const machine_t *m, int n) {
 /* Counts from base_count to the next overflow or underflow. */
 static uint64_t counts_to_event(const tim_t *t, int n) {
     if (t->cr1 & CMS) { /* centre-aligned: turns round on reaching ARR and 0 */
-        uint64_t left = t->down ? t->base_count
-                                : (t->base_count < t->arr_now ? t->arr_now - t->base_count : 0);
+        uint64_t left =
+            t->down ? t->base_count : (t->base_count < t->arr_now ? t->arr_now - t->base_count : 0);
         return left != 0 ? left : 1;
     }
     if (t->down) {
@@ -64,8 +64,8 @@ static uint64_t counts_to_event(const tim_t *t, int n) {
 
 static void plan(machine_t *m, int n) {
     const tim_t *t = &m->tim[n];
-    tick_t at = counts_time(t) ? t->base_time + counts_to_event(t, n) * tim_ticks_per_count(m, n)
-                               : NEVER;
+    tick_t at =
+        counts_time(t) ? t->base_time + counts_to_event(t, n) * tim_ticks_per_count(m, n) : NEVER;
     schedule(m, EVENT_TIM + n, at);
     if (n == 1) {
         tim_schedule_trigger(m);
@@ -237,24 +237,39 @@ static void note_unmodelled(machine_t *m, int n, uint32_t offset, uint32_t value
 uint32_t tim_read(machine_t *m, int n, uint32_t offset) {
     const tim_t *t = &m->tim[n];
     switch (offset) {
-    case 0x00: return (t->cr1 & ~(uint32_t)DIR) | (t->down ? DIR : 0u);
-    case 0x04: return t->cr2;
-    case 0x08: return t->smcr;
-    case 0x0C: return t->dier;
-    case 0x10: return t->sr;
-    case 0x18: return t->ccmr[0];
-    case 0x1C: return t->ccmr[1];
-    case 0x20: return t->ccer;
-    case 0x24: return tim_count(m, n);
-    case 0x28: return t->psc;
-    case 0x2C: return t->arr;
-    case 0x30: return t->rcr;
+    case 0x00:
+        return (t->cr1 & ~(uint32_t)DIR) | (t->down ? DIR : 0u);
+    case 0x04:
+        return t->cr2;
+    case 0x08:
+        return t->smcr;
+    case 0x0C:
+        return t->dier;
+    case 0x10:
+        return t->sr;
+    case 0x18:
+        return t->ccmr[0];
+    case 0x1C:
+        return t->ccmr[1];
+    case 0x20:
+        return t->ccer;
+    case 0x24:
+        return tim_count(m, n);
+    case 0x28:
+        return t->psc;
+    case 0x2C:
+        return t->arr;
+    case 0x30:
+        return t->rcr;
     case 0x34:
     case 0x38:
     case 0x3C:
-    case 0x40: return t->ccr[(offset - 0x34) / 4];
-    case 0x44: return t->bdtr;
-    default: return 0;
+    case 0x40:
+        return t->ccr[(offset - 0x34) / 4];
+    case 0x44:
+        return t->bdtr;
+    default:
+        return 0;
     }
 }
 
@@ -266,30 +281,57 @@ void tim_write(machine_t *m, int n, uint32_t offset, uint32_t value) {
         bridge_advance(m, m->now);
     }
     switch (offset) {
-    case 0x00: write_cr1(m, n, value); break;
-    case 0x04: t->cr2 = value; break;
-    case 0x08: t->smcr = value & 0xFFFFu; break;
-    case 0x0C: t->dier = value & 0x7FFFu; break;
+    case 0x00:
+        write_cr1(m, n, value);
+        break;
+    case 0x04:
+        t->cr2 = value;
+        break;
+    case 0x08:
+        t->smcr = value & 0xFFFFu;
+        break;
+    case 0x0C:
+        t->dier = value & 0x7FFFu;
+        break;
     case 0x10: /* cleared by writing 0; BIF stays while the break input is active */
         t->sr &= value | (n == 1 && pwm_break_active(m) ? (uint32_t)BIF : 0u);
         break;
-    case 0x14: generate(m, n, value); break;
-    case 0x18: t->ccmr[0] = value & 0xFFFFu; break;
-    case 0x1C: t->ccmr[1] = value & 0xFFFFu; break;
-    case 0x20: pwm_write_ccer(m, n, value); break;
-    case 0x24: t->base_count = value & width_mask(n); break;
-    case 0x28: t->psc = value & 0xFFFFu; break;
+    case 0x14:
+        generate(m, n, value);
+        break;
+    case 0x18:
+        t->ccmr[0] = value & 0xFFFFu;
+        break;
+    case 0x1C:
+        t->ccmr[1] = value & 0xFFFFu;
+        break;
+    case 0x20:
+        pwm_write_ccer(m, n, value);
+        break;
+    case 0x24:
+        t->base_count = value & width_mask(n);
+        break;
+    case 0x28:
+        t->psc = value & 0xFFFFu;
+        break;
     case 0x2C:
         t->arr = value & width_mask(n);
         t->arr_now = t->cr1 & ARPE ? t->arr_now : t->arr;
         break;
-    case 0x30: t->rcr = value & 0xFFu; break;
+    case 0x30:
+        t->rcr = value & 0xFFu;
+        break;
     case 0x34:
     case 0x38:
     case 0x3C:
-    case 0x40: write_ccr(m, n, (int)(offset - 0x34) / 4, value); break;
-    case 0x44: pwm_write_bdtr(m, n, value); break;
-    default: break;
+    case 0x40:
+        write_ccr(m, n, (int)(offset - 0x34) / 4, value);
+        break;
+    case 0x44:
+        pwm_write_bdtr(m, n, value);
+        break;
+    default:
+        break;
     }
     if (n == 1) {
         bridge_check_enabled(m);
