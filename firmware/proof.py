@@ -22,12 +22,13 @@ from typing import Final
 
 TOOLS: Final = "arm-none-eabi-"
 FLAGS: Final = (
-    "-std=c11 -O2 -mcpu=cortex-m4 -mthumb -mfloat-abi=soft -ffreestanding -fstack-usage "
-    "-Wall -Wextra -Wconversion -Wsign-conversion -Werror"
-).split()
+    *("-std=c11", "-O2", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=soft", "-ffreestanding"),
+    *("-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion", "-Werror", "-fstack-usage"),
+)
 
 STANDARD: Final = ("stdint.h", "stdbool.h", "stddef.h")
-ALLOWED_INCLUDES: Final = {
+ALLOWED_INCLUDES: Final[dict[str, tuple[str, ...]]] = {
+    "board": (),
     "core": ("core/",),
     "canopen": ("canopen/", "board/board.h"),
     "drive": ("drive/", "core/", "canopen/", "board/board.h"),
@@ -38,8 +39,12 @@ CROSS_COMPILED: Final = ("core", "canopen", "drive")
 
 # What gcc may call for 64-bit division and shifts, and to copy and clear structs.
 ALLOWED_SYMBOLS: Final = frozenset(
-    "__aeabi_uldivmod __aeabi_ldivmod __aeabi_lmul __aeabi_llsl __aeabi_llsr __aeabi_lasr "
-    "memcpy memset memmove memcmp __aeabi_memcpy __aeabi_memset __aeabi_memclr".split()
+    {
+        *("__aeabi_uldivmod", "__aeabi_ldivmod", "__aeabi_lmul"),
+        *("__aeabi_llsl", "__aeabi_llsr", "__aeabi_lasr"),
+        *("memcpy", "memset", "memmove", "memcmp"),
+        *("__aeabi_memcpy", "__aeabi_memset", "__aeabi_memclr"),
+    }
 )
 
 COMMENT: Final = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\])*\"", re.DOTALL)
@@ -132,8 +137,10 @@ def main() -> int:
         if path.relative_to(firmware).parts[0] in {*CROSS_COMPILED, "board"}
     )
     violations = [text for file in files for text in source_violations(file, firmware)]
-    objects = compile_all(firmware, arguments.output)
-    violations += object_violations(objects)
+    objects: list[Path] = []
+    if not violations:  # the compiler would only repeat them in its own words
+        objects = compile_all(firmware, arguments.output)
+        violations += object_violations(objects)
     for violation in violations:
         sys.stderr.write(f"{violation}\n")
     if not violations:

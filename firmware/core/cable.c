@@ -1,8 +1,7 @@
 /* cable.c: see cable.h. The configuration first, then the step. */
 #include "cable.h"
 
-/* ---- configuration -----------------------------------------------------------------------------
- */
+/* ---- configuration ---- */
 
 /* What one segment contributes. */
 typedef struct {
@@ -176,8 +175,7 @@ void cable_start(cable_t *cable, const cable_path_t *path) {
     }
 }
 
-/* ---- the memory, seen from an end
- * ------------------------------------------------------------------- */
+/* ---- the memory, seen from an end ---- */
 
 static cable_side_t other_side(cable_side_t side) {
     return side == CABLE_PROXIMAL ? CABLE_DISTAL : CABLE_PROXIMAL;
@@ -256,8 +254,7 @@ static void remember(cable_t *cable, const cable_path_t *path, cable_side_t side
     cable->end[side].moving_nodes = 0;
 }
 
-/* ---- the step
- * ------------------------------------------------------------------------------------------ */
+/* ---- the step ---- */
 
 static void slide_as_a_whole(cable_t *cable, cable_side_t side) {
     const cable_side_t other = other_side(side);

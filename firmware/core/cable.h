@@ -123,8 +123,7 @@ void cable_start(cable_t *cable, const cable_path_t *path);
 /* Moves one end to `inward_nm`; the other stays where it is. */
 void cable_move(cable_t *cable, const cable_path_t *path, cable_side_t side, int32_t inward_nm);
 
-/* ---- The same step in pieces, for a motor end whose torque is given and position sought -------
- */
+/* ---- The same step in pieces, for a motor end whose torque is given and position sought ---- */
 
 /* Makes an end ready to move in a direction: a reversal writes the memory. */
 void cable_turn(cable_t *cable, const cable_path_t *path, cable_side_t side,

@@ -11,6 +11,13 @@ bool transmission_configure(transmission_t *transmission, const transmission_set
     if (!cable_configure(&transmission->path, &settings->cable)) {
         return false;
     }
+    /* Positions are whole nanometres; the answer to a torque is off by the force of one or two. */
+    uint32_t saturations = 0;
+    const ratio_t stiffest = transmission->path.front[CABLE_PROXIMAL][CABLE_PULL][0].stiffness;
+    const int32_t rounding_un = fixed_scale(4, stiffest, &saturations);
+    const int32_t dead_band_un = fixed_scale(settings->motor_dead_band_unm,
+                                             transmission->force_per_motor_torque, &saturations);
+    transmission->dead_band_un = dead_band_un > rounding_un ? dead_band_un : rounding_un;
     transmission_start(transmission);
     return true;
 }
@@ -101,7 +108,7 @@ static int32_t force_un(transmission_t *transmission, const cable_piece_t *a,
 /* Winds the motor until the pair carries `force`. In the direction in which it must wind,
  * T_motor_a - T_motor_b changes monotonically, linear piece after piece (at a breakaway it may fall
  * back, never forth). So: walk from limit to limit until the piece that holds the answer, then
- * divide once. Each round passes one piece of one cable, hence the bound. */
+ * divide once. Each round passes a piece of a cable, hence the bound. */
 static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign) {
     cable_t *a = &transmission->a;
     cable_t *b = &transmission->b;
@@ -116,7 +123,7 @@ static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign
     for (uint32_t pieces = 0; pieces < 2 * CABLE_PIECES_MAX; pieces++) {
         const int32_t limit_a_nm = -piece_a.limit_nm;
         const int32_t limit_b_nm = piece_b.limit_nm;
-        const bool a_first = sign > 0 ? limit_a_nm <= limit_b_nm : limit_a_nm >= limit_b_nm;
+        const bool a_first = sign > 0 ? limit_a_nm < limit_b_nm : limit_a_nm > limit_b_nm;
         end_nm = a_first ? limit_a_nm : limit_b_nm;
         if (sign > 0 ? end_nm < arc_nm : end_nm > arc_nm) { /* passed already */
             end_nm = arc_nm;
@@ -129,10 +136,11 @@ static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign
             break;
         }
         arc_nm = end_nm;
-        if (a_first) {
+        if (a_first || limit_a_nm == limit_b_nm) { /* both at once: neither comes first */
             cable_pass(a, path, CABLE_PROXIMAL);
             piece_a = cable_piece(a, path, CABLE_PROXIMAL);
-        } else {
+        }
+        if (!a_first) {
             cable_pass(b, path, CABLE_PROXIMAL);
             piece_b = cable_piece(b, path, CABLE_PROXIMAL);
         }
@@ -156,14 +164,13 @@ void transmission_step_torque(transmission_t *transmission, int32_t motor_torque
     uint32_t *saturations = &transmission->saturations;
     const int32_t force =
         fixed_scale(motor_torque_unm, transmission->force_per_motor_torque, saturations);
-    const int32_t dead_band = fixed_scale(transmission->settings.motor_dead_band_unm,
-                                          transmission->force_per_motor_torque, saturations);
     const int32_t carried =
         fixed_subtract(transmission->a.end[CABLE_PROXIMAL].tension_un,
                        transmission->b.end[CABLE_PROXIMAL].tension_un, saturations);
     const int32_t missing = fixed_subtract(force, carried, saturations);
     const int32_t sign = missing > 0 ? 1 : -1;
-    const bool shaking = sign == -transmission->motor.sign && missing * sign <= dead_band;
+    const bool shaking =
+        sign == -transmission->motor.sign && missing * sign <= transmission->dead_band_un;
     if (missing != 0 && !shaking) {
         wind_motor(transmission, force, sign);
     }

@@ -51,6 +51,7 @@ typedef struct {
     ratio_t motor_torque_per_force;
     ratio_t load_torque_per_force;
     ratio_t motor_angle_per_arc; /* urad per nm */
+    int32_t dead_band_un;        /* of T_motor_a - T_motor_b; at least what rounding makes */
     cable_path_t path;
     cable_t a;
     cable_t b;

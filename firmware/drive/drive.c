@@ -26,8 +26,7 @@ bool drive_transmit(drive_t *drive, can_frame_t *frame) {
     return node_transmit(&drive->node, frame);
 }
 
-/* ---- configuration
- * ---------------------------------------------------------------------------------- */
+/* ---- configuration ---- */
 
 /* Takes the dictionary's configuration; the model starts from a virgin rig at the present angles.
  */
@@ -63,8 +62,7 @@ static void follow_configuration(drive_t *drive, const board_sensors_t *sensors,
     }
 }
 
-/* ---- measured quantities
- * ------------------------------------------------------------------------------- */
+/* ---- measured quantities ---- */
 
 /* later - earlier of counters that may wrap; the compilers used define the cast as modulo 2^32. */
 static int32_t counts_since(int32_t later, int32_t earlier) {
@@ -94,9 +92,7 @@ static void publish_sensors(drive_t *drive, const board_sensors_t *sensors) {
     dictionary->conduit_temperature_mdegc = sensors->conduit_temperature_mdegc;
 }
 
-/* ---- state
- * --------------------------------------------------------------------------------------------------
- */
+/* ---- state ---- */
 
 static bool is_powered(drive_state_t state) {
     return state == STATE_SWITCHED_ON || state_bridge_on(state);
@@ -158,8 +154,7 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors) {
     drive->node.od.config_locked = state_bridge_on(drive->state);
 }
 
-/* ---- torque command
- * ------------------------------------------------------------------------------------------ */
+/* ---- torque command ---- */
 
 static int32_t tunnel_angle_urad(drive_t *drive) {
     dictionary_t *dictionary = &drive->dictionary;
@@ -207,9 +202,7 @@ static void step_command(drive_t *drive) {
     command->limited = target != wanted;
 }
 
-/* ---- the model
- * -------------------------------------------------------------------------------------------------
- */
+/* ---- the model ---- */
 
 static void step_model(drive_t *drive) {
     dictionary_t *dictionary = &drive->dictionary;
@@ -234,9 +227,7 @@ static void step_model(drive_t *drive) {
     dictionary->model_tension_load_b_un = (uint32_t)transmission->b.end[CABLE_DISTAL].tension_un;
 }
 
-/* ---- the tick
- * ----------------------------------------------------------------------------------------------------
- */
+/* ---- the tick ---- */
 
 static void publish_state(drive_t *drive, const board_sensors_t *sensors) {
     dictionary_t *dictionary = &drive->dictionary;

@@ -50,6 +50,7 @@ class Drive:
         self._actuators = ffi.new("board_actuators_t *")
         self.node_id = node_id
         self.values = self.raw.dictionary
+        self._sent: list[Frame] = []
         lib.drive_init(self.raw, ffi.new("board_identity_t *", {"node_id": node_id}))
 
     def send(self, cob_id: int, data: bytes) -> None:
@@ -59,8 +60,10 @@ class Drive:
         lib.drive_receive(self.raw, frame)
 
     def frames(self) -> list[Frame]:
-        """Every frame that waits to be sent."""
-        return list(self._pop())
+        """Every frame that the drive has sent since the last call."""
+        self._sent += self._pop()
+        found, self._sent = self._sent, []
+        return found
 
     def _pop(self) -> Iterator[Frame]:
         frame = ffi.new("can_frame_t *")
@@ -72,6 +75,7 @@ class Drive:
         for _ in range(ticks):
             lib.drive_tick(self.raw, self.sensors, self._actuators)
             self.sensors.time_us = (self.sensors.time_us + TICK_US) & 0xFFFFFFFF
+            self._sent += self._pop()
         found = self._actuators
         return Actuators(
             found.motor_current_ua, bool(found.bridge_enabled), bool(found.reset_requested)
@@ -83,11 +87,10 @@ class Drive:
 
     def write(self, index: int, sub: int, value: int, size: int) -> bytes:
         """Expedited SDO download; the answer's eight bytes."""
-        self.frames()
         command = 0x23 | (4 - size) << 2
         data = value.to_bytes(4, "little", signed=value < 0)[:size].ljust(4, b"\0")
         self.send(0x600 + self.node_id, struct.pack("<BHB", command, index, sub) + data)
-        return next(f.data for f in self.frames() if f.cob_id == 0x580 + self.node_id)
+        return next(f.data for f in self._pop() if f.cob_id == 0x580 + self.node_id)
 
     def control(self, controlword: int, ticks: int = 1) -> Actuators:
         """Set the controlword and run ticks."""
