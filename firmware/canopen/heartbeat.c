@@ -26,11 +26,9 @@ void heartbeat_receive(heartbeat_t *heartbeat, const can_frame_t *frame, uint32_
 
 void heartbeat_tick(heartbeat_t *heartbeat, uint8_t node_id, uint8_t state, uint32_t now_us,
                     frame_queue_t *tx) {
-    /* Once lost it stays so until it is heard again, whatever the clock's wrap makes of the time.
-     */
+    /* Only hearing it again takes `lost` back: the wrap of the clock must not. */
     if (heartbeat->watching && now_us - heartbeat->heard_us > heartbeat->timeout_us) {
         heartbeat->lost = true;
-        heartbeat->watching = false;
     }
     if (heartbeat->period_us != 0 && now_us - heartbeat->sent_us >= heartbeat->period_us) {
         heartbeat->sent_us = now_us;

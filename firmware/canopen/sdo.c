@@ -70,7 +70,7 @@ static sdo_request_t begin_write(sdo_t *sdo, const can_frame_t *frame) {
     sdo->size_given = (command & SIZE_GIVEN) != 0;
     sdo->answer = DOWNLOAD_OK;
     if ((command & EXPEDITED) != 0) {
-        sdo->size = sdo->size_given ? 4u - (command >> 2 & 3u) : 4u;
+        sdo->size = sdo->size_given ? 4u - (command >> 2 & 3u) : 0u;
         for (uint32_t i = 0; i < 4; i++) {
             sdo->buffer[i] = frame->data[4 + i];
         }

@@ -61,6 +61,10 @@ def test_rate_holds_over_the_wrap_of_the_clock(make_node: Any) -> None:
     assert [t for t, _ in of(node.run(10_000), 0x190)] == [250 + 1000 * i for i in range(10)]
 
 
+def test_rate_does_not_depend_on_how_coarse_the_ticks_are(operational: Any) -> None:
+    assert len(of(operational.run(60_000, step_us=300), 0x190)) == 60
+
+
 def test_late_ticks_do_not_cause_a_burst(operational: Any) -> None:
     operational.run(1_000)
     operational.tick(50_000)
@@ -120,6 +124,21 @@ def test_event_timer_and_inhibit_time(node: Any) -> None:
     assert times == [250 + 2500 * i for i in range(8)]
 
 
+def test_inhibit_time_is_not_revived_by_the_wrap_of_the_clock(node: Any) -> None:
+    node.write_u(0x1800, 1, NOT_VALID | 0x190, 4)
+    node.write_u(0x1800, 2, 1, 1)
+    node.write_u(0x1800, 3, 1000, 2)  # 100 ms
+    node.write_u(0x1800, 1, 0x190, 4)
+    node.nmt(1)
+    node.send(0x80, b"")
+    assert len(of(node.run(250), 0x190)) == 1
+    for _ in range(4):
+        node.tick(2**30)
+    node.frames()
+    node.send(0x80, b"")
+    assert len(of(node.run(250), 0x190)) == 1
+
+
 def test_event_timer_off_sends_once_at_the_start(node: Any) -> None:
     assert node.write_u(0x1800, 5, 0, 2) == 0
     node.nmt(1)
@@ -144,6 +163,9 @@ def test_synchronous_rpdo_waits_for_sync(node: Any) -> None:
     assert node.values.controlword == 0
     node.send(0x80, b"")
     assert node.values.controlword == 6
+    node.values.controlword = 7
+    node.send(0x80, b"")  # a frame counts once
+    assert node.values.controlword == 7
 
 
 def test_remapping_by_the_procedure(node: Any) -> None:

@@ -70,6 +70,23 @@ def test_what_nobody_may_write_nobody_can(node: Any, access: str) -> None:
             assert node.write(index, sub, bytes(SIZE[entry["type"]])) == 0x06010002, entry["name"]
 
 
+def test_values_of_an_array_lie_side_by_side_for_every_type(node: Any) -> None:
+    """A table of its own: the drive's has no array of each type."""
+    ffi, lib = node.ffi, node.lib
+    types = (("int32_t", lib.OD_I24, 3), ("int16_t", lib.OD_I16, 2), ("int8_t", lib.OD_I8, 1))
+    for name, kind, size in types:
+        values = ffi.new(f"{name}[4]", [-1, -2, -3, -4])
+        entry = ffi.new("od_entry_t *")
+        entry.index, entry.sub, entry.count, entry.type = 0x3000, 0, 4, kind
+        entry.flags, entry.low, entry.high = lib.OD_READ | lib.OD_WRITE, 2**32 - 100, 100
+        od = ffi.new("od_t *", {"entries": entry, "count": 1, "values": values})
+        inside, outside = ((v).to_bytes(size, "little", signed=True) for v in (-30, -101))
+        assert lib.od_write(od, 0x3000, 2, inside, size) == 0
+        assert lib.od_write(od, 0x3000, 2, outside, size) == 0x06090032
+        assert list(values) == [-1, -2, -30, -4]
+        assert lib.od_value(od, 0x3000, 3) == 2**32 - 4
+
+
 def test_rows_are_sorted_and_every_object_has_a_sub_0(node: Any) -> None:
     rows = [(row.index, row.sub, row.count) for row in node.lib.DICTIONARY]
     assert rows == sorted(rows)
