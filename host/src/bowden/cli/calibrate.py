@@ -82,13 +82,14 @@ def run(args: argparse.Namespace) -> int:
 
 def show(calibration: Calibration, written: Path | None = None) -> None:
     """Tell people, on stderr, what came out."""
+    from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415  (keeps --help fast)
 
     from bowden.report.words import si  # noqa: PLC0415
 
-    table = Table("parameter", title="calibrated", title_justify="left")
+    table = Table("parameter", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("before", "now", "95 % interval", "moved by", ""):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for one in calibration.estimates:
         table.add_row(
             one.path,
@@ -111,4 +112,4 @@ def show(calibration: Calibration, written: Path | None = None) -> None:
         f"{si(calibration.held_out_after, 'N m')} after ({calibration.held_out})"
     )
     if written:
-        out.print(f"model: {written}")
+        out.print(f"model: {written}", soft_wrap=True)

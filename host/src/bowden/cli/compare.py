@@ -76,14 +76,14 @@ def write_report(comparison: Comparison, model: Path, report: Path) -> None:
 
 def show(comparison: Comparison, report: Path | None = None) -> None:
     """Tell people, on stderr, what came out."""
+    from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415  (keeps --help fast)
 
-    from bowden.report.words import NAMES, percent, si, verdict, whereabouts  # noqa: PLC0415
+    from bowden.report.words import percent, si, verdict, whereabouts  # noqa: PLC0415
 
-    table = Table(title=f"{NAMES[comparison.quantity]}: measured − simulated", title_justify="left")
-    table.add_column("recording", overflow="fold")
-    for name in ("gap (RMS)", "of peak", "largest", "first cycle", "then", "sensor noise", "lost"):
-        table.add_column(name, justify="right")
+    table = Table("recording", box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in ("gap (RMS)", "of peak", "largest", "first cycle", "later", "noise", "lost"):
+        table.add_column(name, justify="right", no_wrap=True)
     for one in comparison.recordings:
         figures = one.figures
         table.add_row(
@@ -100,4 +100,4 @@ def show(comparison: Comparison, report: Path | None = None) -> None:
     out.print(table)
     out.print(f"{verdict(comparison)} {whereabouts(comparison)}")
     if report:
-        out.print(f"report: {report}")
+        out.print(f"report: {report}", soft_wrap=True)

@@ -53,8 +53,8 @@ def run(args: argparse.Namespace) -> int:
         recording = read_recording(args.recording)
     write_csv(recording, args.output)
     out = console()
-    out.print(f"{args.output}: {recording.time_s.size} samples")
+    out.print(f"{args.output}: {recording.time_s.size} samples", soft_wrap=True)
     for key, value in recording.metadata.items():
         if key.startswith("import_"):
-            out.print(f"  {key.removeprefix('import_').replace('_', ' ')}: {value}")
+            out.print(f"  {key.removeprefix('import_').replace('_', ' ')}: {value}", soft_wrap=True)
     return 0

@@ -69,7 +69,8 @@ def run(args: argparse.Namespace) -> int:
     slack = float((trajectory.slack != 0).mean())
     console().print(
         f"{args.output}: {recording.time_s.size} samples, {args.mode}, "
-        f"a cable slack in {100 * slack:.1f} % of them"
+        f"a cable slack in {100 * slack:.1f} % of them",
+        soft_wrap=True,
     )
     return 0
 

@@ -24,7 +24,7 @@ from bowden.recording.recording import Recording
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 
-SAMPLES_A_RECORDING = 4000
+SAMPLES_A_RECORDING = 2000
 STEP = 2e-3  # of a parameter's scale, for derivatives: above the simulator's own roughness
 LOOK_ALIKE = 0.95
 _REFUSED = 1e3
@@ -165,7 +165,8 @@ def calibrate(
         at = np.array([one.start for one in parameters])
         # How much the tolerances weigh depends on how small the gap can get, so first the
         # recordings alone decide, within the bounds; then both do.
-        for fit.with_tolerances in (False, True):
+        rounds = (False, True) if any(one.tolerance for one in parameters) else (True,)
+        for fit.with_tolerances in rounds:
             fit.weigh(at)
             solution = least_squares(
                 fit.residuals,
@@ -173,8 +174,8 @@ def calibrate(
                 jac=fit.jacobian,
                 bounds=([one.low for one in parameters], [one.high for one in parameters]),
                 x_scale=[one.scale for one in parameters],
-                xtol=1e-4,
-                ftol=1e-6,
+                xtol=1e-3,
+                ftol=1e-4,
                 max_nfev=40,
             )
             at = solution.x
