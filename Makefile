@@ -25,6 +25,7 @@ lint: setup ## ruff, mypy strict, import contracts, clang-format
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m shared.dictionary --check
 	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
 
 format: setup ## format Python and C in place
