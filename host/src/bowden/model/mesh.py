@@ -57,6 +57,7 @@ class State(NamedTuple):
     by `Tables.decay`. ``depth[c, e]`` counts the sliding segments from end e, ``motion[c, e]`` is
     RELEASE or PULL, ``virgin[c]`` the range of segments that never slid, ``gap_m[c]`` how far a
     slack cable is from being taut (-1 while taut), ``rest_s[c, e]`` how long an end has rested.
+    ``stiffness_n_per_m[c, e]`` is worked out from the rest by `mesh_zones.respond`.
     """
 
     node_n: FloatArray
@@ -66,6 +67,7 @@ class State(NamedTuple):
     virgin: NDArray[np.int64]
     gap_m: FloatArray
     rest_s: FloatArray
+    stiffness_n_per_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,7 @@ def rest_state(transmission: Transmission) -> State:
         virgin=virgin,
         gap_m=gap,
         rest_s=np.zeros((2, 2)),
+        stiffness_n_per_m=np.zeros((2, 2)),
     )
 
 

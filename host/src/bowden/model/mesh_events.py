@@ -9,52 +9,80 @@ of the way. Displacements are those of the cable ends, towards the load: u = -r 
 and +r theta for cable b; each cable feels them with its sign, +1 and -1.
 """
 
-# ruff: noqa: PLR0912, PLR0917  (kernels take their state apart; numba knows no keyword-only)
+# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
 
 from __future__ import annotations
 
-from bowden.model.compiled import compiled
+from bowden.model.compiled import compiled_in_place
 from bowden.model.mesh import State, Tables
 from bowden.model.mesh_zones import (
     GOES_SLACK,
     GOES_TAUT,
+    NOTHING,
     SLIDE,
     advance,
     freeze,
     make_slack,
     make_taut,
     next_event,
-    settle,
+    respond,
     slide,
     slides_whole,
-    stiffness,
+    stop_backward,
+    turn_with_ends,
 )
 from bowden.model.trajectory import NOT_CARRIED, FloatArray
 
 BALANCED = 1e-13
 
 
-@compiled
-def settle_pair(t: Tables, s: State, motor: float, load: float) -> bool:
-    """Fit both cables' zones to the motion of the pulleys; True if something changed."""
-    change_a = settle(t, s, 0, motor, load)
-    change_b = settle(t, s, 1, -motor, -load)
-    return change_a or change_b
+@compiled_in_place
+def settle(t: Tables, s: State, motor: float, load: float) -> bool:
+    """Fit both cables' zones to the motion of the pulleys; True if something had to change.
+
+    A zone turns only when nothing else has to give: before that, the motion is not final, and a
+    turned zone has forgotten how deep it was.
+    """
+    changed = False
+    for cable in range(2):
+        sign = 1.0 - 2.0 * cable
+        changed |= stop_backward(t, s, cable, sign * motor, sign * load)
+    if changed:
+        return True
+    for cable in range(2):
+        sign = 1.0 - 2.0 * cable
+        changed |= turn_with_ends(t, s, cable, sign * motor, sign * load)
+    return changed
 
 
-@compiled
+@compiled_in_place
 def free_motion(t: Tables, s: State, free: int, force: float, other: float) -> float:
-    """Displacement of the free pulley that adds `force` to its difference of tensions, m."""
+    """Displacement of the free pulley that adds `force` to its difference of tensions, m.
+
+    Both cables slack: 0.
+    """
     total, coupled = 0.0, 0.0
     for cable in range(2):
-        k = stiffness(t, s, cable, free)
+        k = s.stiffness_n_per_m[cable, free]
         total += k
-        if k > 0 and slides_whole(t, s, cable):
+        if s.gap_m[cable] < 0 and slides_whole(t, s, cable):
             coupled += k
-    return (force - coupled * other) / total
+    return float((force - coupled * other) / total) if total > 0 else 0.0
 
 
-@compiled
+@compiled_in_place
+def first_event(t: Tables, s: State, motor: float, load: float) -> tuple[float, int, int, int]:
+    """Find what happens first to either cable: (fraction of the way, what, cable, end)."""
+    first, what, which, where = 1.0, NOTHING, 0, 0
+    for cable in range(2):
+        sign = 1.0 - 2.0 * cable
+        at, event, end = next_event(t, s, cable, sign * motor, sign * load)
+        if at < first:
+            first, what, which, where = at, event, cable, end
+    return first, what, which, where
+
+
+@compiled_in_place
 def reach_for(t: Tables, s: State, free: int, force: float) -> float:
     """Turn the free pulley, both cables slack, until the one that can carry `force` is taut."""
     cable = 0 if force > 0 else 1
@@ -68,7 +96,7 @@ def reach_for(t: Tables, s: State, free: int, force: float) -> float:
     return float(jump if cable == 0 else -jump)
 
 
-@compiled
+@compiled_in_place
 def happen(t: Tables, s: State, cable: int, what: int, end: int, motor: float, load: float) -> None:
     """Let an event of `mesh_zones.next_event` happen."""
     if what == SLIDE:
@@ -79,7 +107,7 @@ def happen(t: Tables, s: State, cable: int, what: int, end: int, motor: float, l
         make_taut(t, s, cable, motor, load)
 
 
-@compiled
+@compiled_in_place
 def step(
     t: Tables, s: State, free: int, force_0: float, force_1: float, motor: float, load: float
 ) -> tuple[float, int]:
@@ -110,34 +138,29 @@ def step(
         # The zones that fit the motion, and the motion that fits the zones.
         x, y = motor * left, load * left
         for _fit in range(limit):
+            respond(t, s)
             if free >= 0:
-                x = 0.0
-                if s.gap_m[0] < 0 or s.gap_m[1] < 0:
-                    x = free_motion(t, s, free, force, other)
-                y = other
+                x, y = free_motion(t, s, free, force, other), other
                 if free == 1:
                     x, y = y, x
-            if not settle_pair(t, s, x, y):
+            if not settle(t, s, x, y):
                 break
-        first, what, end = next_event(t, s, 0, x, y)
-        first_b, what_b, end_b = next_event(t, s, 1, -x, -y)
-        cable = 0
-        if first_b < first:
-            first, what, end, cable = first_b, what_b, end_b, 1
-        advance(t, s, 0, x, y, first)
-        advance(t, s, 1, -x, -y, first)
+        first, what, cable, end = first_event(t, s, x, y)
+        for c in range(2):
+            sign = 1.0 - 2.0 * c
+            advance(t, s, c, sign * x, sign * y, first)
         if free >= 0:
             moved += first * (x if free == 0 else y)
         if not balancing:
             left *= 1 - first
-        if what == 0 and not balancing:
+        if what == NOTHING and not balancing:
             return moved, flags
-        sign = 1.0 if cable == 0 else -1.0
+        sign = 1.0 - 2.0 * cable
         happen(t, s, cable, what, end, sign * x, sign * y)
     return moved, flags | 8
 
 
-@compiled
+@compiled_in_place
 def stick_at_rest(
     t: Tables, s: State, motor: float, load: float, dt: float, dead_band: float, rest_s: float
 ) -> None:
@@ -155,7 +178,7 @@ def stick_at_rest(
                 freeze(t, s, cable, end)
 
 
-@compiled
+@compiled_in_place
 def run(
     t: Tables,
     s: State,

@@ -12,33 +12,33 @@ as a whole, with equal ones it parts at a neutral node.
 
 from __future__ import annotations
 
-from bowden.model.compiled import compiled
+from bowden.model.compiled import compiled_in_place
 from bowden.model.mesh import PULL, RELEASE, State, Tables
 
 NOTHING, SLIDE, KINK, GOES_SLACK, GOES_TAUT = 0, 1, 2, 3, 4
 SURE = 1e-12
 
 
-@compiled
+@compiled_in_place
 def node_at(segments: int, end: int, n: int) -> int:
     """Node number n counted from an end, as counted from the motor."""
     return n if end == 0 else segments - n
 
 
-@compiled
+@compiled_in_place
 def is_virgin(s: State, segments: int, cable: int, end: int, n: int) -> bool:
     """Whether segment n from an end has never slid."""
     j = n if end == 0 else segments - 1 - n
     return bool(s.virgin[cable, 0] <= j < s.virgin[cable, 1])
 
 
-@compiled
+@compiled_in_place
 def slides_whole(t: Tables, s: State, cable: int) -> bool:
     """Whether no segment is at rest."""
     return bool(s.depth[cable, 0] + s.depth[cable, 1] == t.half.shape[1])
 
 
-@compiled
+@compiled_in_place
 def front_half(t: Tables, s: State, cable: int, end: int) -> float:
     """Compliance of the half of the resting segment that stretches with the zone, m/N."""
     d = s.depth[cable, end]
@@ -54,7 +54,7 @@ def front_half(t: Tables, s: State, cable: int, end: int) -> float:
     return float(t.half_virgin[end, side, d])
 
 
-@compiled
+@compiled_in_place
 def other_over_this(t: Tables, s: State, cable: int, end: int) -> float:
     """Tension at the other end over that at this one, while the whole cable slides."""
     far = 1 - end
@@ -64,7 +64,7 @@ def other_over_this(t: Tables, s: State, cable: int, end: int) -> float:
     )
 
 
-@compiled
+@compiled_in_place
 def stiffness(t: Tables, s: State, cable: int, end: int) -> float:
     """Tension that an end gains per metre of its own outward displacement, N/m; 0 if slack.
 
@@ -81,15 +81,23 @@ def stiffness(t: Tables, s: State, cable: int, end: int) -> float:
     return float(1.0 / (outer + front_half(t, s, cable, end) * t.decay[cable, end, motion, d]))
 
 
-@compiled
+@compiled_in_place
+def respond(t: Tables, s: State) -> None:
+    """Work out the stiffness of all ends for the zones as they are."""
+    for cable in range(2):
+        for end in range(2):
+            s.stiffness_n_per_m[cable, end] = stiffness(t, s, cable, end)
+
+
+@compiled_in_place
 def rate(t: Tables, s: State, cable: int, end: int, pull_0: float, pull_1: float) -> float:
     """Change of the end's tension for given outward displacements of both ends, N."""
     if slides_whole(t, s, cable):
-        return stiffness(t, s, cable, end) * (pull_0 + pull_1)
-    return stiffness(t, s, cable, end) * (pull_0 if end == 0 else pull_1)
+        return float(s.stiffness_n_per_m[cable, end] * (pull_0 + pull_1))
+    return float(s.stiffness_n_per_m[cable, end] * (pull_0 if end == 0 else pull_1))
 
 
-@compiled
+@compiled_in_place
 def freeze(t: Tables, s: State, cable: int, end: int) -> None:
     """Write the zone's tensions down and start again at its end: the profile is the memory."""
     motion, segments = s.motion[cable, end], t.half.shape[1]
@@ -100,7 +108,7 @@ def freeze(t: Tables, s: State, cable: int, end: int) -> None:
     s.depth[cable, end] = 0
 
 
-@compiled
+@compiled_in_place
 def turn(t: Tables, s: State, cable: int, end: int) -> None:
     """Reverse the motion of an end. Of a cable in mass motion the other zone keeps the whole."""
     far = 1 - end
@@ -112,35 +120,46 @@ def turn(t: Tables, s: State, cable: int, end: int) -> None:
     s.motion[cable, end] = 1 - s.motion[cable, end]
 
 
-@compiled
-def settle(t: Tables, s: State, cable: int, pull_0: float, pull_1: float) -> bool:
-    """Make the zones fit the motion of the ends; True if something had to change.
+@compiled_in_place
+def stop_backward(t: Tables, s: State, cable: int, pull_0: float, pull_1: float) -> bool:
+    """Stop a segment beside a neutral node that would slide backwards; True if there was one.
 
-    An end that moves against its zone turns. Where the cable parts at a neutral node, a segment
-    beside it that would slide backwards stops (the neutral node moves on).
+    One that has nothing to stop it, straight or without tension, changes sides instead.
     """
+    if s.gap_m[cable] >= 0 or not slides_whole(t, s, cable):
+        return False
+    if s.motion[cable, 0] != s.motion[cable, 1]:
+        return False
+    for end in range(2):
+        d, motion = s.depth[cable, end], s.motion[cable, end]
+        if d > 0:
+            within = t.outer[cable, end, motion, d - 1]
+            within += t.half[end, d - 1] * t.decay[cable, end, motion, d - 1]
+            pull = pull_0 if end == 0 else pull_1
+            slip = pull - rate(t, s, cable, end, pull_0, pull_1) * within
+            if slip * (2 * motion - 1) < -SURE * (abs(pull_0) + abs(pull_1)):
+                s.depth[cable, end] = d - 1
+                if s.end_n[cable, end] == 0 or t.hold[cable, end, motion, d - 1] == 1:
+                    s.depth[cable, 1 - end] += 1
+                return True
+    return False
+
+
+@compiled_in_place
+def turn_with_ends(t: Tables, s: State, cable: int, pull_0: float, pull_1: float) -> bool:
+    """Turn the zones whose end moves against them; True if there was one."""
     if s.gap_m[cable] >= 0:
         return False
+    turned = False
     for end in range(2):
         pull = pull_0 if end == 0 else pull_1
         if pull * (2 * s.motion[cable, end] - 1) < 0:
             turn(t, s, cable, end)
-            return True
-    if slides_whole(t, s, cable) and s.motion[cable, 0] == s.motion[cable, 1]:
-        for end in range(2):
-            d, motion = s.depth[cable, end], s.motion[cable, end]
-            if d > 0:
-                within = t.outer[cable, end, motion, d - 1]
-                within += t.half[end, d - 1] * t.decay[cable, end, motion, d - 1]
-                pull = pull_0 if end == 0 else pull_1
-                slip = pull - rate(t, s, cable, end, pull_0, pull_1) * within
-                if slip * (2 * motion - 1) < -SURE * (abs(pull_0) + abs(pull_1)):
-                    s.depth[cable, end] = d - 1
-                    return True
-    return False
+            turned = True
+    return turned
 
 
-@compiled
+@compiled_in_place
 def next_event(
     t: Tables, s: State, cable: int, pull_0: float, pull_1: float
 ) -> tuple[float, int, int]:
@@ -188,7 +207,7 @@ def next_event(
     return first, what, where
 
 
-@compiled
+@compiled_in_place
 def advance(t: Tables, s: State, cable: int, pull_0: float, pull_1: float, fraction: float) -> None:
     """Move the ends by a fraction of their displacements, no event in between."""
     if s.gap_m[cable] >= 0:
@@ -203,7 +222,7 @@ def advance(t: Tables, s: State, cable: int, pull_0: float, pull_1: float, fract
         s.end_n[cable, 1] = max(s.end_n[cable, 1] + change_1, 0.0)
 
 
-@compiled
+@compiled_in_place
 def half_stretch(t: Tables, s: State, cable: int, end: int, n: int, tension: float) -> float:
     """Stretch of one half of segment n from an end, under the tension of its node, m."""
     if not is_virgin(s, t.half.shape[1], cable, end, n):
@@ -213,7 +232,7 @@ def half_stretch(t: Tables, s: State, cable: int, end: int, n: int, tension: flo
     return float(rest + t.half_virgin[end, side, n] * (tension - t.pretension_n))
 
 
-@compiled
+@compiled_in_place
 def slide(t: Tables, s: State, cable: int, end: int) -> None:
     """Let the segment at the front of a zone slide; with stiction the tensions drop at once.
 
@@ -222,6 +241,9 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
     """
     segments, far = t.half.shape[1], 1 - end
     d, motion = s.depth[cable, end], s.motion[cable, end]
+    if t.sticks and s.motion[cable, far] == motion and s.depth[cable, far] > 0:
+        # The drop would drag the other zone backwards: it holds.
+        freeze(t, s, cable, far)
     shared = d + s.depth[cable, far] == segments - 1
     if t.sticks:
         near = s.end_n[cable, end] * t.decay[cable, end, motion, d]
@@ -259,7 +281,7 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
         s.end_n[cable, far] = s.end_n[cable, end] * other_over_this(t, s, cable, end)
 
 
-@compiled
+@compiled_in_place
 def make_taut(t: Tables, s: State, cable: int, pull_0: float, pull_1: float) -> None:
     """Let a slack cable carry again: from zero tension everywhere, all of it sliding."""
     s.gap_m[cable] = -1.0
@@ -271,7 +293,7 @@ def make_taut(t: Tables, s: State, cable: int, pull_0: float, pull_1: float) -> 
     s.virgin[cable, :] = 0
 
 
-@compiled
+@compiled_in_place
 def make_slack(s: State, cable: int) -> None:
     """Take a cable out: no tension anywhere."""
     s.gap_m[cable] = 0.0
