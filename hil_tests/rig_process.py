@@ -36,6 +36,7 @@ DEFAULT_INTERFACE: Final = "udp_multicast"
 DEFAULT_CHANNEL: Final = "239.74.163.2"
 SLICE_S: Final = 1e-3
 TICKS_PER_SLICE: Final = round(SLICE_S * TICKS_PER_S)
+LISTEN_S: Final = 0.25  # for another node of our id, before we join
 MOST_FRAMES_IN: Final = 64  # taken from the bus before each slice
 ROUTE_ADVICE: Final = (
     "no multicast route on this machine; add one with 'sudo ip route add 239.0.0.0/8 dev lo', "
@@ -57,8 +58,12 @@ def main(arguments: list[str] | None = None) -> int:
     except (can.CanError, OSError, ValueError, argparse.ArgumentError) as error:
         _say(f"cannot open the bus: {_advice(error)}")
         return 3
+    listen_until_s = time.monotonic() + LISTEN_S
     try:
         bench = Bench(SimulatedRig(description, options.seed), _warm_target(options, description))
+        if taken(bus, options.node_id, listen_until_s):
+            _say(f"node {options.node_id} is on this bus already; stop it or pass --node-id")
+            return 3
         bridge = Bridge(bench, bus, loss)
         with _signals() as stopping:
             pace = _run(bridge, options, stopping)
@@ -110,6 +115,20 @@ class Bridge:
             self._own_cob_ids.add(message.arbitration_id)
             bus.send(message)
             self.sent += 1
+
+
+def taken(bus: can.BusABC, node_id: int, until_s: float) -> bool:
+    """Listen until a monotonic time whether another node of that id is heard.
+
+    Its heartbeat (100 ms by default) or process data give it away.
+    """
+    ours = {function + node_id for function in (0x080, 0x180, 0x280, 0x380, 0x580, 0x700)}
+    while True:
+        message = bus.recv(max(until_s - time.monotonic(), 0.0))
+        if message is None:
+            return False
+        if message.arbitration_id in ours:
+            return True
 
 
 def _run(bridge: Bridge, options: argparse.Namespace, stopping: list[int]) -> Pace:

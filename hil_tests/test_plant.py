@@ -231,11 +231,23 @@ def test_static_friction_above_sliding_friction_breaks_away_higher() -> None:
     assert plant.scalars[m.MOTOR_ANGLE] < 0.9 * plain.scalars[m.MOTOR_ANGLE]
 
 
-def test_eccentric_motor_pulley_keeps_the_work_balance() -> None:
-    oval = replace(COULOMB, motor=replace(COULOMB.motor, eccentricity=0.05))
-    rows, plant = run(oval, 3.0, lambda _: 0.2, stroke)
-    start_j = Plant(oval).stored_energy_j()
-    work_j = rows[-1, m.MOTOR_WORK] + rows[-1, m.HAND_WORK]
-    assert plant.stored_energy_j() - start_j < work_j
-    plain, _ = run(COULOMB, 3.0, lambda _: 0.2, stroke)
-    assert np.max(np.abs(rows[:, m.MOTOR_ANGLE] - plain[:, m.MOTOR_ANGLE])) > 0.05
+@pytest.mark.parametrize("eccentricity", [0.0, 0.3])
+def test_energy_is_kept_where_nothing_rubs(eccentricity: float) -> None:
+    """Also an eccentric pulley does no work of its own: radius and wound length belong together."""
+    smooth = Rig(
+        cable=Cable(friction=0.0, viscous_s_per_m=0.0, material_damping_s=0.0, pretension_n=40.0),
+        motor=Motor(eccentricity=eccentricity),
+        hand=Hand(motion="free"),
+    )
+    plant = Plant(smooth)
+    start_j = plant.stored_energy_j()
+    plant.scalars[m.MOTOR_SPEED] = 20.0
+    knock_j = plant.stored_energy_j() - start_j
+    kept = []
+    for _ in range(4000):
+        plant.advance(0.0, False, 0.0, 0.0)
+        kept.append((plant.stored_energy_j() - start_j) / knock_j)
+    # semi-implicit Euler swings by omega dt / 2 of a mode's energy: 230 rad/s (motor against
+    # cables) gives 0.3 %, the axial modes that the knock excites more; no drift over a second
+    assert np.max(np.abs(np.array(kept) - 1.0)) < 0.05
+    assert np.mean(kept[-1000:]) == pytest.approx(1.0, abs=0.01)

@@ -17,7 +17,7 @@ import pytest
 from hil_tests.bench import Bench
 from hil_tests.frame_loss import SeededLoss
 from hil_tests.rig.rig import SimulatedRig
-from hil_tests.rig_process import DEFAULT_CHANNEL, Bridge, main
+from hil_tests.rig_process import DEFAULT_CHANNEL, Bridge, main, taken
 from hil_tests.targets.target import make_target
 
 COMMAND = [sys.executable, "-m", "hil_tests.rig_process"]
@@ -70,6 +70,13 @@ def test_bridge_keeps_a_record_of_what_it_drops(target_name: str) -> None:
             bridge.slice()
         assert 220 < len(bridge.dropped) < 390  # 0.1 of 3000, 5 sigma = 82
         assert bridge.sent + len(bridge.dropped) == pytest.approx(3011, abs=6)
+
+
+@pytest.mark.parametrize(("cob_id", "is_taken"), [(0x710, True), (0x190, True), (0x711, False)])
+def test_second_rig_of_the_same_node_id_is_noticed(cob_id: int, is_taken: bool) -> None:
+    with EchoingBus() as bus:
+        bus.heard.append(frame(cob_id, b"\x05"))
+        assert taken(bus, 16, until_s=0.0) is is_taken
 
 
 def test_runs_for_its_duration_and_reports(

@@ -84,13 +84,13 @@ class Constants(NamedTuple):
     hand_damping_nm_s: float
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def wound(c: Constants, motor_angle_rad: float) -> float:
     """Length of cable that the motor pulley has wound: the integral of r (1 + e sin theta)."""
     return c.motor_radius_m * (motor_angle_rad + c.eccentricity * (1.0 - math.cos(motor_angle_rad)))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rub(  # noqa: PLR0917  (compiled code takes no keywords)
     speed: float, windup: float, stiffness: float, limit: float, dt: float, inertia: float
 ) -> tuple[float, float]:
@@ -109,7 +109,7 @@ def rub(  # noqa: PLR0917  (compiled code takes no keywords)
     return new, bent
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def spring(c: Constants, stiffer: float, stretch_m: float, rate_m_per_s: float) -> float:
     """Tension of one spring, `stiffer` times an element's; 0 where it would have to push."""
     tension = c.pretension_n + stiffer * c.spring_n_per_m * stretch_m
@@ -118,7 +118,7 @@ def spring(c: Constants, stiffer: float, stretch_m: float, rate_m_per_s: float) 
     return max(tension + stiffer * c.damper_n_s_per_m * rate_m_per_s, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def sliding_friction(c: Constants, speed: float, positive: bool) -> float:
     """mu(v) of a mass; `positive`: it moves as for positive angles."""
     mu = c.mu + c.viscous_s_per_m * abs(speed)
@@ -129,7 +129,7 @@ def sliding_friction(c: Constants, speed: float, positive: bool) -> float:
     return float(mu * (1.0 + side))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def move_cable(  # noqa: PLR0917
     c: Constants,
     wrap_rad: NDArray[np.float64],
@@ -162,7 +162,7 @@ def move_cable(  # noqa: PLR0917
     return near_tension, left
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def turn_motor(c: Constants, s: NDArray[np.float64], radius_m: float) -> None:
     """Turn the motor by one step under its torque, its two cables and its bearing."""
     tau = c.torque_nm_per_a * s[CURRENT]
@@ -180,7 +180,7 @@ def turn_motor(c: Constants, s: NDArray[np.float64], radius_m: float) -> None:
     s[MOTOR_TORQUE] = tau
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def turn_load(
     c: Constants, s: NDArray[np.float64], wanted_rad: float, wanted_speed: float
 ) -> float:
@@ -206,7 +206,7 @@ def turn_load(
     return float(tau - c.cell_inertia_kg_m2 * (new - speed) / c.dt_s)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def advance(  # noqa: PLR0917
     c: Constants,
     wrap_rad: NDArray[np.float64],
