@@ -124,7 +124,7 @@ def turn(t: Tables, s: State, cable: int, end: int) -> None:
 def stop_backward(t: Tables, s: State, cable: int, pull_0: float, pull_1: float) -> bool:
     """Stop a segment beside a neutral node that would slide backwards; True if there was one.
 
-    One that has nothing to stop it, straight or without tension, changes sides instead.
+    One without friction changes sides instead.
     """
     if s.gap_m[cable] >= 0 or not slides_whole(t, s, cable):
         return False
@@ -139,7 +139,7 @@ def stop_backward(t: Tables, s: State, cable: int, pull_0: float, pull_1: float)
             slip = pull - rate(t, s, cable, end, pull_0, pull_1) * within
             if slip * (2 * motion - 1) < -SURE * (abs(pull_0) + abs(pull_1)):
                 s.depth[cable, end] = d - 1
-                if s.end_n[cable, end] == 0 or t.hold[cable, end, motion, d - 1] == 1:
+                if t.hold[cable, end, motion, d - 1] == 1:
                     s.depth[cable, 1 - end] += 1
                 return True
     return False
@@ -166,14 +166,15 @@ def next_event(
     """Find what happens first on the way: (fraction of the way, what, at which end)."""
     first, what, where = 1.0, NOTHING, 0
     segments = t.half.shape[1]
+    # A cable that just follows, its ends moving alike, shall not flicker between slack and taut.
+    stretch, sure = pull_0 + pull_1, SURE * (abs(pull_0) + abs(pull_1))
     if s.gap_m[cable] >= 0:
-        taut = pull_0 + pull_1
-        if taut > 0 and s.gap_m[cable] < taut:
-            return s.gap_m[cable] / taut, GOES_TAUT, 0
+        if stretch > sure and s.gap_m[cable] < stretch:
+            return s.gap_m[cable] / stretch, GOES_TAUT, 0
         return first, what, where
     if slides_whole(t, s, cable):
         change = rate(t, s, cable, 0, pull_0, pull_1)
-        if change < 0 and s.end_n[cable, 0] + change <= 0:
+        if stretch < -sure and s.end_n[cable, 0] + change <= 0:
             return s.end_n[cable, 0] / -change, GOES_SLACK, 0
         return first, what, where
 
@@ -196,7 +197,7 @@ def next_event(
         hold = hold if motion == PULL else 1.0 / hold
         missing = sign * (inner * hold - tension)
         closing = sign * (change - inner_change * hold)
-        if missing <= -SURE * tension or (missing <= 0 and closing > 0):
+        if missing < -SURE * tension or (missing <= 0 and closing > 0):
             return 0.0, SLIDE, end
         if closing > 0 and missing < closing * first:
             first, what, where = missing / closing, SLIDE, end
@@ -241,11 +242,12 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
     """
     segments, far = t.half.shape[1], 1 - end
     d, motion = s.depth[cable, end], s.motion[cable, end]
-    if t.sticks and s.motion[cable, far] == motion and s.depth[cable, far] > 0:
+    sticks = t.sticks and s.end_n[cable, end] > 0
+    if sticks and s.motion[cable, far] == motion and s.depth[cable, far] > 0:
         # The drop would drag the other zone backwards: it holds.
         freeze(t, s, cable, far)
     shared = d + s.depth[cable, far] == segments - 1
-    if t.sticks:
+    if sticks:
         near = s.end_n[cable, end] * t.decay[cable, end, motion, d]
         stretch = s.end_n[cable, end] * t.outer[cable, end, motion, d]
         stretch += half_stretch(t, s, cable, end, d, near)
@@ -265,9 +267,9 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
     else:
         s.virgin[cable, 1] = min(s.virgin[cable, 1], segments - d - 1)
 
-    if t.sticks and shared:
+    if sticks and shared:
         s.end_n[cable, end] = stretch * stiffness(t, s, cable, end)
-    elif t.sticks:
+    elif sticks:
         fall = t.decay[cable, end, motion, d + 1]
         outer = t.outer[cable, end, motion, d + 1]
         if is_virgin(s, segments, cable, end, d + 1):
