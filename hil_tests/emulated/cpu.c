@@ -44,10 +44,13 @@ static uint16_t count_instructions(machine_t *m, uint32_t address, uint32_t size
 /* Everything that is not plain progress. True: do not run this block now. */
 static bool interrupts_block(machine_t *m, uint32_t address) {
     if (m->attention & ATTENTION_STALL) {
+        bool in_flash = address < FLASH_BASE + FLASH_SIZE;
+        m->cpu.stalled = in_flash && m->flash.busy_until > m->now;
+        if (m->cpu.stalled) {
+            return true; /* the fetch waits until the flash can be read again */
+        }
         if (m->flash.busy_until <= m->now) {
             m->attention &= ~(uint32_t)ATTENTION_STALL;
-        } else if (address < SRAM_BASE && !(address >= CCM_BASE && address < SYSTEM_BASE)) {
-            m->now = m->flash.busy_until; /* the fetch waits until the flash can be read again */
         }
     }
     if (m->now >= m->next_event) {
@@ -120,6 +123,12 @@ static bool on_forbidden(uc_engine *uc, uc_mem_type type, uint64_t address64, in
     return true;
 }
 
+/* Rights are given in a second step: only that makes unicorn drop the stores it must not do. */
+static void map(machine_t *m, uint32_t base, uint32_t size, uint32_t rights, uint8_t *memory) {
+    uc_mem_map_ptr(m->cpu.uc, base, size, UC_PROT_ALL, memory);
+    uc_mem_protect(m->cpu.uc, base, size, rights);
+}
+
 bool cpu_open(machine_t *m) {
     uc_engine *uc = NULL;
     if (uc_open(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS, &uc) != UC_ERR_OK) {
@@ -128,12 +137,11 @@ bool cpu_open(machine_t *m) {
     m->cpu.uc = uc;
     uc_ctl_set_cpu_model(uc, UC_CPU_ARM_CORTEX_M4);
     uc_ctl_set_tcg_buffer_size(uc, 16u << 20);
-    uint32_t read_run = UC_PROT_READ | UC_PROT_EXEC;
-    uc_mem_map_ptr(uc, FLASH_BASE, FLASH_SIZE, read_run, m->flash_memory);
-    uc_mem_map_ptr(uc, 0, FLASH_SIZE, read_run, m->flash_memory); /* BOOT0 low */
-    uc_mem_map_ptr(uc, SRAM_BASE, SRAM_SIZE, UC_PROT_ALL, m->sram);
-    uc_mem_map_ptr(uc, CCM_BASE, CCM_SIZE, UC_PROT_READ | UC_PROT_WRITE, m->ccm);
-    uc_mem_map_ptr(uc, SYSTEM_BASE, SYSTEM_SIZE, UC_PROT_READ, m->system);
+    map(m, FLASH_BASE, FLASH_SIZE, UC_PROT_READ | UC_PROT_EXEC, m->flash_memory);
+    map(m, 0, FLASH_SIZE, UC_PROT_READ | UC_PROT_EXEC, m->flash_memory); /* BOOT0 low */
+    map(m, SRAM_BASE, SRAM_SIZE, UC_PROT_ALL, m->sram);
+    map(m, CCM_BASE, CCM_SIZE, UC_PROT_READ | UC_PROT_WRITE, m->ccm);
+    map(m, SYSTEM_BASE, SYSTEM_SIZE, UC_PROT_READ, m->system);
     bus_map(m);
     uc_hook hook;
     uc_hook_add(uc, &hook, UC_HOOK_BLOCK, (void *)on_block, m, 1, 0);
@@ -155,6 +163,7 @@ void cpu_reset(machine_t *m) {
     cpu_set(m, UC_ARM_REG_LR, 0xFFFFFFFFu);
     m->cpu.pc = vector[1] & ~1u;
     m->cpu.sleeping = false;
+    m->cpu.stalled = false;
     m->attention = ATTENTION_EXCEPTION;
 }
 
@@ -225,7 +234,8 @@ static int execute(machine_t *m) {
     uc_err error = uc_emu_start(m->cpu.uc, m->cpu.pc | 1u, 0xFFFFFFFEu, 0, 0);
     m->cpu.pc = cpu_get(m, UC_ARM_REG_PC);
     if (m->attention & ATTENTION_FLASH) {
-        flash_apply_repairs(m);
+        m->attention &= ~(uint32_t)ATTENTION_FLASH;
+        cpu_forget_code(m);
     }
     return why_stopped(m, error);
 }
@@ -256,11 +266,15 @@ int cpu_run(machine_t *m) {
             continue;
         }
         bool halted = m->nvic.locked_up || m->pwr.held;
-        int exception = halted ? 0 : exception_takeable(m);
+        m->cpu.stalled = m->cpu.stalled && m->now < m->flash.busy_until;
+        int exception = halted || m->cpu.stalled ? 0 : exception_takeable(m);
         if (exception != 0) {
             exception_enter(m, exception);
         } else if (m->now >= m->until) {
             return 0;
+        } else if (m->cpu.stalled) {
+            tick_t end = m->flash.busy_until;
+            m->now = end < m->wake_at ? end : m->wake_at;
         } else if (m->cpu.sleeping || halted) {
             wait(m);
         } else {

@@ -102,7 +102,7 @@ static void start_erase(machine_t *m) {
     start_operation(m, duration);
 }
 
-/* A store of the program to a flash address (either alias). */
+/* A store of the program to a flash address (either alias); unicorn itself drops it. */
 void flash_program(machine_t *m, uint32_t address, unsigned size, uint64_t value) {
     flash_t *f = &m->flash;
     uint32_t offset = address & (FLASH_SIZE - 1);
@@ -127,25 +127,7 @@ void flash_program(machine_t *m, uint32_t address, unsigned size, uint64_t value
         start_operation(m, TICKS_PER_US * 16);
     }
     memcpy(m->flash_memory + offset, &wanted, size);
-    if (f->repairs < 16) { /* more stores than that fit in no block that matters */
-        f->repair[f->repairs].address = offset;
-        f->repair[f->repairs].size = size;
-        f->repair[f->repairs++].value = wanted;
-    } else {
-        note(m, "FLASH: more than 16 stores in one block");
-    }
-    m->attention |= ATTENTION_FLASH;
-}
-
-/* unicorn may have written the raw value after flash_program(); only the repaired one counts. */
-void flash_apply_repairs(machine_t *m) {
-    for (int i = 0; i < m->flash.repairs; i++) {
-        memcpy(m->flash_memory + m->flash.repair[i].address, &m->flash.repair[i].value,
-               m->flash.repair[i].size);
-    }
-    m->flash.repairs = 0;
-    m->attention &= ~(uint32_t)ATTENTION_FLASH;
-    cpu_forget_code(m);
+    m->attention |= ATTENTION_FLASH; /* translated code may be stale */
 }
 
 void flash_event(machine_t *m, tick_t at) {
@@ -154,7 +136,7 @@ void flash_event(machine_t *m, tick_t at) {
     for (int i = 0; i < f->erase_count; i++) {
         int sector = f->erase_first + i;
         memset(m->flash_memory + sector_start(sector), 0xFF, SECTOR_KIB[sector] * 1024);
-        m->attention |= ATTENTION_FLASH; /* translated code is stale */
+        m->attention |= ATTENTION_FLASH;
     }
     f->erase_count = 0;
     f->sr = (f->sr & ~(uint32_t)SR_BSY) | (f->cr & CR_EOPIE ? SR_EOP : 0u);

@@ -100,7 +100,14 @@ void systick_reset(machine_t *m);
 void systick_clock_changed(machine_t *m, bool before);
 
 #define MPU_REGIONS 8
+#define MPU_PAGE 1024u /* unicorn's */
 typedef struct {
+    machine_t *m;
+    uint32_t base;
+    bool trapped;
+} mpu_page_t;
+typedef struct {
+    mpu_page_t page[SRAM_SIZE / MPU_PAGE]; /* pages of SRAM of which a part may not be read */
     uint32_t ctrl, rnr, rbar[MPU_REGIONS], rasr[MPU_REGIONS];
     bool active; /* enforced now: enabled, and not inside HardFault or NMI without HFNMIENA */
 } mpu_t;
@@ -149,16 +156,10 @@ typedef struct {
     bool refused; /* a wrong key: locked until the next reset */
     tick_t busy_until;
     int erase_first, erase_count; /* sectors being erased */
-    struct {
-        uint32_t address, size;
-        uint64_t value;
-    } repair[16]; /* stores that unicorn may have let through raw */
-    int repairs;
 } flash_t;
 uint32_t flash_read(machine_t *m, uint32_t offset);
 void flash_write(machine_t *m, uint32_t offset, uint32_t value);
 void flash_program(machine_t *m, uint32_t address, unsigned size, uint64_t value);
-void flash_apply_repairs(machine_t *m);
 void flash_event(machine_t *m, tick_t at);
 void flash_reset(machine_t *m);
 void flash_check_latency(machine_t *m);
@@ -354,7 +355,7 @@ typedef struct {
     uint32_t pc;
     tick_t ticks_per_instruction;
     uint64_t instructions;
-    bool sleeping, stopped;
+    bool sleeping, stopped, stalled; /* stalled: a fetch waits for the flash */
     int interrupt; /* unicorn's number of what stopped the core, 0: none */
     uint32_t exc_return;
     tick_t slept;

@@ -2,13 +2,15 @@
  *
  * unicorn protects pages of 1 KiB, regions may be as small as 32 bytes. So each page gets the
  * rights that all its bytes share; an access that those refuse comes to cpu.c, which asks
- * mpu_permits() for the exact answer. Registers of peripherals are asked for in bus.c.
+ * mpu_permits() for the exact answer. That does not do for reads, because unicorn remembers a
+ * page once it has been read: a page of SRAM of which only a part may be read is mapped like a
+ * register block, and every access to it is asked for here. Peripherals are asked for in bus.c.
  */
 #include "machine.h"
 
 #include <string.h>
 
-enum { PAGE = 1024, CTRL_ENABLE = 1, CTRL_HFNMIENA = 2, CTRL_PRIVDEFENA = 4 };
+enum { CTRL_ENABLE = 1, CTRL_HFNMIENA = 2, CTRL_PRIVDEFENA = 4 };
 
 /* Regions 0x40000000..0x5FFFFFFF (peripherals) and 0xA0000000 upwards are no-execute by default. */
 static bool default_map_permits(uint32_t address, int access) {
@@ -51,7 +53,7 @@ bool mpu_permits(const machine_t *m, uint32_t address, int access) {
 
 /* Rights that every byte of a page has; rights change at multiples of 32 bytes only. */
 static uint32_t page_rights(const machine_t *m, uint32_t page, uint32_t rights) {
-    for (uint32_t address = page; address < page + PAGE; address += 32) {
+    for (uint32_t address = page; address < page + MPU_PAGE; address += 32) {
         rights &= mpu_permits(m, address, ACCESS_READ) ? ~0u : ~(uint32_t)UC_PROT_READ;
         rights &= mpu_permits(m, address, ACCESS_WRITE) ? ~0u : ~(uint32_t)UC_PROT_WRITE;
         rights &= mpu_permits(m, address, ACCESS_FETCH) ? ~0u : ~(uint32_t)UC_PROT_EXEC;
@@ -62,7 +64,7 @@ static uint32_t page_rights(const machine_t *m, uint32_t page, uint32_t rights) 
 static void protect(machine_t *m, uint32_t base, uint32_t size, uint32_t most) {
     uint32_t start = base;
     uint32_t rights = page_rights(m, base, most);
-    for (uint32_t page = base + PAGE; page < base + size; page += PAGE) {
+    for (uint32_t page = base + MPU_PAGE; page < base + size; page += MPU_PAGE) {
         uint32_t next = page_rights(m, page, most);
         if (next != rights) {
             uc_mem_protect(m->cpu.uc, start, page - start, rights);
@@ -71,6 +73,77 @@ static void protect(machine_t *m, uint32_t base, uint32_t size, uint32_t most) {
         }
     }
     uc_mem_protect(m->cpu.uc, start, base + size - start, rights);
+}
+
+static bool refuse(machine_t *m, uint32_t address, int access) {
+    if (mpu_permits(m, address, access)) {
+        return false;
+    }
+    m->fault = (fault_t){true, MEM_MANAGE, 1u << 1, address, true}; /* DACCVIOL */
+    uc_emu_stop(m->cpu.uc);
+    return true;
+}
+
+static uint64_t read_trapped(uc_engine *uc, uint64_t offset, unsigned size, void *user) {
+    const mpu_page_t *page = user;
+    uint64_t value = 0;
+    (void)uc;
+    if (!refuse(page->m, page->base + (uint32_t)offset, ACCESS_READ)) {
+        memcpy(&value, page->m->sram + (page->base - SRAM_BASE) + offset, size);
+    }
+    return value;
+}
+
+static void write_trapped(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value,
+                          void *user) {
+    const mpu_page_t *page = user;
+    (void)uc;
+    if (!refuse(page->m, page->base + (uint32_t)offset, ACCESS_WRITE)) {
+        memcpy(page->m->sram + (page->base - SRAM_BASE) + offset, &value, size);
+    }
+}
+
+static bool partly_readable(const machine_t *m, uint32_t page) {
+    bool first = mpu_permits(m, page, ACCESS_READ);
+    for (uint32_t address = page; address < page + MPU_PAGE; address += 32) {
+        if (mpu_permits(m, address, ACCESS_READ) != first) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Exchanges plain memory for trapped pages and back. */
+static void trap_pages(machine_t *m) {
+    for (uint32_t i = 0; i < SRAM_SIZE / MPU_PAGE; i++) {
+        mpu_page_t *page = &m->mpu.page[i];
+        *page = (mpu_page_t){m, SRAM_BASE + i * MPU_PAGE, page->trapped};
+        bool trap = m->mpu.active && partly_readable(m, page->base);
+        if (trap == page->trapped) {
+            continue;
+        }
+        page->trapped = trap;
+        uc_mem_unmap(m->cpu.uc, page->base, MPU_PAGE);
+        if (trap) {
+            uc_mmio_map(m->cpu.uc, page->base, MPU_PAGE, read_trapped, page, write_trapped, page);
+        } else {
+            uc_mem_map_ptr(m->cpu.uc, page->base, MPU_PAGE, UC_PROT_ALL, m->sram + i * MPU_PAGE);
+        }
+    }
+}
+
+/* SRAM between trapped pages. */
+static void protect_sram(machine_t *m) {
+    uint32_t start = SRAM_BASE;
+    for (uint32_t i = 0; i <= SRAM_SIZE / MPU_PAGE; i++) {
+        uint32_t at = SRAM_BASE + i * MPU_PAGE;
+        if (i == SRAM_SIZE / MPU_PAGE || m->mpu.page[i].trapped) {
+            if (at > start) {
+                protect(m, start, at - start, UC_PROT_ALL);
+            }
+            start = at + MPU_PAGE;
+        }
+    }
 }
 
 /* A register access runs inside unicorn, where pages must not change: wait for the next stop. */
@@ -91,8 +164,11 @@ void mpu_apply(machine_t *m) {
     uint32_t read_run = UC_PROT_READ | UC_PROT_EXEC;
     protect(m, 0, FLASH_SIZE, read_run);
     protect(m, FLASH_BASE, FLASH_SIZE, read_run);
-    protect(m, SRAM_BASE, SRAM_SIZE, UC_PROT_ALL);
+    trap_pages(m);
+    protect_sram(m);
     protect(m, CCM_BASE, CCM_SIZE, UC_PROT_READ | UC_PROT_WRITE);
+    uc_ctl_flush_tlb(m->cpu.uc); /* pages in use keep their old rights otherwise */
+    cpu_forget_code(m);
 }
 
 uint32_t mpu_read(machine_t *m, uint32_t offset) {

@@ -7,8 +7,14 @@ comes from the board firmware: the emulator is checked against the manual alone.
 
 from __future__ import annotations
 
+import functools
 import subprocess
+import tempfile
 from pathlib import Path
+
+from hil_tests.emulated.elf import Image, read_elf
+from hil_tests.emulated.machine import Stm32F405
+from hil_tests.emulated.records import Options
 
 _CORE_HANDLERS = {2: "NMI", 3: "HardFault", 4: "MemManage", 5: "BusFault", 6: "UsageFault"}
 _CORE_HANDLERS |= {11: "SVCall", 14: "PendSV", 15: "SysTick"}
@@ -106,3 +112,19 @@ def compile_program(source: str, folder: Path, optimise: str = "-O1") -> Path:
     if result.returncode != 0:
         raise RuntimeError(f"the test program does not compile:\n{result.stderr}")
     return elf
+
+
+@functools.cache
+def _image(source: str, optimise: str) -> Image:
+    with tempfile.TemporaryDirectory() as folder:
+        return read_elf(compile_program(source, Path(folder), optimise))
+
+
+def emulate(source: str, options: Options | None = None, optimise: str = "-O1") -> Stm32F405:
+    """Put the compiled lines into a fresh chip, powered on at time 0."""
+    return Stm32F405(_image(source, optimise), options)
+
+
+def results(chip: Stm32F405, count: int) -> list[int]:
+    """First words that the program left in ``result``."""
+    return [chip.word("result", i) for i in range(count)]

@@ -7,7 +7,7 @@ hardware.
     signal                 pin          peripheral
     bridge leg A high/low  PA8 / PB13   TIM1_CH1 / CH1N, AF1     centre-aligned 20 kHz, ARR 4200
     bridge leg B high/low  PA9 / PB14   TIM1_CH2 / CH2N, AF1
-    bridge fault, low      PB12         TIM1_BKIN, AF1           active low: overcurrent or cable cut
+    bridge fault, low      PB12         TIM1_BKIN, AF1           active low: overcurrent
     motor encoder A / B    PC6 / PC7    TIM3_CH1 / CH2, AF2      encoder mode 3
     motor encoder index    PC8          EXTI8
     load encoder A / B     PB6 / PB7    TIM4_CH1 / CH2, AF2      encoder mode 3
