@@ -54,20 +54,37 @@ def test_a_bug_is_not_hidden() -> None:
         status_of(ValueError("a bug"))
 
 
-def test_sigterm_runs_the_clean_up() -> None:
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 143)]
+)
+def test_signals_run_the_clean_up(number: signal.Signals, status: int) -> None:
     cleaned: list[bool] = []
 
     def run(_args: argparse.Namespace) -> int:
         try:
-            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(number)
         finally:
             cleaned.append(True)
         return 0
 
-    before = signal.getsignal(signal.SIGTERM)
-    assert frame.run_command("record", argparse.Namespace(), run) == 143
+    before = signal.getsignal(number)
+    assert frame.run_command("record", argparse.Namespace(), run) == status
     assert cleaned
-    assert signal.getsignal(signal.SIGTERM) is before
+    assert signal.getsignal(number) is before
+
+
+def test_a_background_job_can_be_interrupted_and_nohup_is_respected() -> None:
+    def signals(_args: argparse.Namespace) -> int:
+        assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        return 0
+
+    before = {n: signal.signal(n, signal.SIG_IGN) for n in (signal.SIGINT, signal.SIGHUP)}
+    try:
+        assert frame.run_command("record", argparse.Namespace(), signals) == 0
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_usage_errors_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:

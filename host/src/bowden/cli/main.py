@@ -50,8 +50,11 @@ class Command(Protocol):
         """Do it and return the exit status."""
 
 
+_Handler = Callable[[int, FrameType | None], object] | int | None
+
+
 class Terminated(KeyboardInterrupt):
-    """SIGTERM, raised like Ctrl-C so that every ``finally`` runs and the drive is left disabled."""
+    """SIGTERM or SIGHUP, raised like Ctrl-C: every ``finally`` runs, the drive ends disabled."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -125,7 +128,7 @@ def run_command(
 ) -> int:
     """Run one command; every failure that a user can cause or meet becomes one line on stderr."""
     try:
-        with _TerminationAsInterrupt():
+        with _SignalsUnwind():
             status = run(args)
             sys.stdout.flush()
             return status
@@ -150,21 +153,28 @@ def run_command(
         return _fail(name, str(problem), EXIT_BAD_INPUT)
 
 
-class _TerminationAsInterrupt:
-    """While a command runs, SIGTERM unwinds it as Ctrl-C does (only in the main thread)."""
+class _SignalsUnwind:
+    """While a command runs, SIGINT, SIGTERM and SIGHUP unwind it, so that its clean-up runs.
+
+    SIGINT too, because shells have background jobs ignore it. A hang-up that is ignored (nohup)
+    stays ignored. Only the main thread may set handlers.
+    """
 
     def __enter__(self) -> None:
-        self._main = threading.current_thread() is threading.main_thread()
-        if self._main:
-            self._previous = signal.signal(signal.SIGTERM, self._raise)
+        self._previous: dict[int, _Handler] = {}
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                self._previous[number] = signal.signal(number, self._unwind)
 
     def __exit__(self, *_: object) -> None:
-        if self._main:
-            signal.signal(signal.SIGTERM, self._previous)
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
 
     @staticmethod
-    def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
-        raise Terminated
+    def _unwind(number: int, _frame: FrameType | None) -> NoReturn:
+        raise KeyboardInterrupt if number == signal.SIGINT else Terminated
 
 
 def _load(name: str) -> Command:

@@ -59,7 +59,7 @@ def progress(*columns: str) -> Progress:
         TimeRemainingColumn(),
         *(TextColumn(column) for column in columns),
         console=console(),
-        transient=not sys.stderr.isatty(),
+        disable=not sys.stderr.isatty(),
     )
 
 

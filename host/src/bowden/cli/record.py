@@ -29,6 +29,8 @@ EXAMPLES = """examples:
   bowden record idle.blf --duration 60 -i socketcan -c can0
 """
 
+_RANGES_SHOWN = 5
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -80,6 +82,7 @@ def record_to(
     drive: Drive, path: Path, duration_s: float, job: Run | None, metadata: dict[str, str]
 ) -> Capture:
     """Record with progress on stderr, to a capture or, for a name in .csv, to the exchange form."""
+    console().print(f"recording node {drive.node_id} for {duration_s:g} s into {path}")
     with _progress(duration_s) as tell, _capture_path(path) as capture_path:
         return record(drive, capture_path, duration_s, run=job, metadata=metadata, on_progress=tell)
 
@@ -148,8 +151,10 @@ def _progress(duration_s: float) -> Iterator[Callable[[Progress], None]]:
 
 
 def _where(capture: Capture) -> str:
-    return "; ".join(
-        f"{name} of sample {', '.join(lost.samples)}"
-        for name, lost in (capture.side.lost or {}).items()
-        if lost.count
-    )
+    """Say of which samples; all of them are in the side file."""
+    told = []
+    for name, lost in (capture.side.lost or {}).items():
+        if lost.count:
+            more = " ..." if len(lost.samples) > _RANGES_SHOWN else ""
+            told.append(f"{name} of sample {', '.join(lost.samples[:_RANGES_SHOWN])}{more}")
+    return "; ".join(told)
