@@ -20,7 +20,7 @@ from bowden.cli.model_arguments import (
 from bowden.cli.output import add_json_argument, console, print_json, progress
 
 if TYPE_CHECKING:
-    from bowden.diagnosis.calibrate import Calibration
+    from bowden.diagnosis.calibrate import Calibration, Estimate
 
 EXAMPLES = """examples:
   bowden calibrate rig.yaml run.csv --write-model calibrated.yaml
@@ -87,17 +87,17 @@ def show(calibration: Calibration, written: Path | None = None) -> None:
 
     from bowden.report.words import si  # noqa: PLC0415
 
-    table = Table("parameter", box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("before", "now", "95 % interval", "moved by", ""):
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("parameter", overflow="fold")
+    for name in ("before", "now", "95 % interval", "moved"):
         table.add_column(name, justify="right", no_wrap=True)
     for one in calibration.estimates:
         table.add_row(
             one.path,
             f"{one.before:.4g}",
             f"{one.value:.4g}",
-            f"{one.low:.4g} .. {one.high:.4g}",
-            "–" if one.change_in_sigmas is None else f"{one.change_in_sigmas:+.1f} sigma",
-            "at its bound" if one.at_bound else "",
+            f"{one.low:.3g} .. {one.high:.3g}",
+            _moved(one),
         )
     out = console()
     out.print(table)
@@ -113,3 +113,11 @@ def show(calibration: Calibration, written: Path | None = None) -> None:
     )
     if written:
         out.print(f"model: {written}", soft_wrap=True)
+
+
+def _moved(one: Estimate) -> str:
+    if one.at_bound:
+        return "to its bound"
+    if one.change_in_sigmas is not None:
+        return f"{one.change_in_sigmas:+.1f} sigma"
+    return f"× {one.value / one.before:.2f}"

@@ -82,7 +82,7 @@ def show(comparison: Comparison, report: Path | None = None) -> None:
     from bowden.report.words import percent, si, verdict, whereabouts  # noqa: PLC0415
 
     table = Table("recording", box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("gap (RMS)", "of peak", "largest", "first cycle", "later", "noise", "lost"):
+    for name in ("gap (RMS)", "of peak", "first cycle", "later", "noise", "lost"):
         table.add_column(name, justify="right", no_wrap=True)
     for one in comparison.recordings:
         figures = one.figures
@@ -90,7 +90,6 @@ def show(comparison: Comparison, report: Path | None = None) -> None:
             Path(one.recording.source).name,
             si(figures.gap, "N m"),
             percent(figures.relative_gap),
-            si(figures.peak, "N m"),
             si(figures.first_cycle, "N m"),
             si(figures.steady, "N m"),
             si(figures.noise_floor, "N m"),

@@ -65,10 +65,11 @@ class Motion:
 
 
 def velocity(time_s: _Floats, angle_rad: _Floats) -> _Floats:
-    """Angular velocity over a centred span of 50 ms, shorter at the ends.
+    """Angular velocity: mean angle of the next 50 ms minus that of the last 50 ms.
 
-    One count of a 10000-count encoder from sample to sample at 1 kHz is 0.6 rad/s; over the span
-    it is 0.013 rad/s. Uneven steps are interpolated.
+    Averaging spreads an encoder's counts: a single one of 4000 a turn, taken from sample to sample
+    at 1 kHz, would be 1.6 rad/s. A sine of 0.5 Hz comes out 0.2 % low. Uneven steps are
+    interpolated; the first and last 50 ms hold their neighbour's value.
 
     Parameters
     ----------
@@ -79,10 +80,14 @@ def velocity(time_s: _Floats, angle_rad: _Floats) -> _Floats:
     -------
     ndarray of shape (n,), rad/s
     """
-    before = np.maximum(time_s - VELOCITY_SPAN_S / 2, time_s[0])
-    after = np.minimum(time_s + VELOCITY_SPAN_S / 2, time_s[-1])
-    moved = np.interp(after, time_s, angle_rad) - np.interp(before, time_s, angle_rad)
-    return np.asarray(moved / (after - before))
+    span = min(VELOCITY_SPAN_S, float(time_s[-1] - time_s[0]) / 2)
+    middle = np.clip(time_s, time_s[0] + span, time_s[-1] - span)
+    steps = np.diff(time_s) * (angle_rad[1:] + angle_rad[:-1]) / 2
+    integral = np.concatenate([[0.0], np.cumsum(steps)])
+    before, at, after = (
+        np.interp(middle + shift, time_s, integral) for shift in (-span, 0.0, span)
+    )
+    return np.asarray((after - 2.0 * at + before) / span**2)
 
 
 def steady(angle_rad: _Floats) -> _Flags:
