@@ -53,11 +53,12 @@ static void configure_fronts(cable_path_t *path, const segment_t *segment_from_m
         const uint8_t index = side == CABLE_PROXIMAL ? k : (uint8_t)(segments - 1u - k);
         const segment_t segment = segment_from_motor[index];
         compliance = ratio_add(compliance, ratio_multiply(segment.half_compliance, tension));
+        const uint32_t break_q24 = wrap_q24 + segment.wrap_q24 + segment.stiction_q24;
         front[k] = (cable_front_t){
             .tension = tension,
-            .breakaway = exponential(wrap_q24 + segment.wrap_q24 + segment.stiction_q24, !release),
             .compliance = compliance,
             .stiffness = ratio_reciprocal(compliance),
+            .breakaway = ratio_multiply(compliance, exponential(break_q24, !release)),
         };
         wrap_q24 += segment.wrap_q24;
         tension = exponential(wrap_q24, release);
@@ -225,19 +226,13 @@ static int32_t tension_ahead_un(cable_t *cable, const cable_path_t *path, cable_
     return cable->node_tension_un[node_index(path, side, node)];
 }
 
-static void remember_node(cable_t *cable, const cable_path_t *path, cable_side_t side,
-                          uint8_t node) {
-    cable->node_tension_un[node_index(path, side, node)] =
-        moving_tension_un(cable, path, side, node);
-}
-
 /* Writes where a slider behind the front of `side` is now. */
 static void remember_slider(cable_t *cable, const cable_path_t *path, cable_side_t side,
                             uint8_t slider) {
     const cable_end_t *end = &cable->end[side];
-    const int32_t stretch_nm = fixed_scale(
+    const int32_t stretch = fixed_scale(
         end->tension_un, front_at(path, side, end, slider)->compliance, &cable->saturations);
-    const int32_t inward_nm = fixed_add(end->inward_nm, stretch_nm, &cable->saturations);
+    const int32_t inward_nm = fixed_add(end->inward_nm, stretch, &cable->saturations);
     cable->slider_nm[slider_index(path, side, slider)] =
         side == CABLE_PROXIMAL ? inward_nm : -inward_nm;
 }
@@ -246,7 +241,7 @@ static void remember_slider(cable_t *cable, const cable_path_t *path, cable_side
 static void remember(cable_t *cable, const cable_path_t *path, cable_side_t side) {
     const uint8_t nodes = cable->end[side].moving_nodes;
     for (uint8_t i = 0; i < nodes; i++) {
-        remember_node(cable, path, side, i);
+        cable->node_tension_un[node_index(path, side, i)] = moving_tension_un(cable, path, side, i);
         if (i + 1u < nodes) {
             remember_slider(cable, path, side, i);
         }
@@ -327,10 +322,9 @@ cable_piece_t cable_piece(cable_t *cable, const cable_path_t *path, cable_side_t
         const uint8_t k = (uint8_t)(end->moving_nodes - 1u);
         const cable_front_t *front = front_at(path, side, end, k);
         const int32_t anchor_nm = slider_inward_nm(cable, path, side, k);
-        uint32_t out_of_reach = 0; /* a slider that takes more than 2147 N to break is no error */
-        const int32_t breakaway_un =
+        uint32_t out_of_reach = 0; /* a slider that nothing in range can break is no error */
+        const int32_t stretch =
             fixed_scale(tension_ahead_un(cable, path, side), front->breakaway, &out_of_reach);
-        const int32_t stretch = fixed_scale(breakaway_un, front->compliance, &out_of_reach);
         const int32_t limit_nm = fixed_subtract(anchor_nm, stretch, &out_of_reach);
         return (cable_piece_t){
             .anchor_nm = anchor_nm,

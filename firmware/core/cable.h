@@ -59,11 +59,11 @@ typedef enum { CABLE_PULL, CABLE_RELEASE } cable_direction_t;
 
 /* Constants of a front at node k, counted from the end that moves; tension ratios to that end. */
 typedef struct {
-    ratio_t tension;   /* node k : end */
-    ratio_t breakaway; /* end tension at which slider k breaks : tension of node k + 1 */
+    ratio_t tension; /* node k : end */
     ratio_t
         compliance;    /* displacement of the end against slider k, nm per uN; k = N: whole cable */
     ratio_t stiffness; /* 1 / compliance */
+    ratio_t breakaway; /* that displacement when slider k breaks : tension of node k + 1 */
 } cable_front_t;
 
 /* The configured cable: constants only. Both cables of a pair share one. About 7 KB. */

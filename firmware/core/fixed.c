@@ -20,11 +20,19 @@ int32_t fixed_saturate(int64_t wide, uint32_t *saturations) {
 }
 
 int32_t fixed_add(int32_t a, int32_t b, uint32_t *saturations) {
-    return fixed_saturate((int64_t)a + b, saturations);
+    int32_t sum;
+    if (__builtin_add_overflow(a, b, &sum) || sum == INT32_MIN) {
+        return saturated(a < 0, saturations); /* both have the sign of a */
+    }
+    return sum;
 }
 
 int32_t fixed_subtract(int32_t a, int32_t b, uint32_t *saturations) {
-    return fixed_saturate((int64_t)a - b, saturations);
+    int32_t difference;
+    if (__builtin_sub_overflow(a, b, &difference) || difference == INT32_MIN) {
+        return saturated(a < 0, saturations);
+    }
+    return difference;
 }
 
 int32_t fixed_clamp(int32_t value, int32_t low, int32_t high) {
@@ -46,17 +54,23 @@ int32_t fixed_scale(int32_t quantity, ratio_t ratio, uint32_t *saturations) {
     const bool negative = quantity < 0;
     const uint32_t magnitude = negative ? 0u - (uint32_t)quantity : (uint32_t)quantity;
     const uint64_t product = (uint64_t)magnitude * ratio.mantissa; /* < 2^62 */
-    if (product == 0) {
+    uint32_t doubled; /* twice the result, which rounds by its last bit */
+    if (ratio.shift > 32) {
+        const int32_t rest = ratio.shift - 33;
+        doubled = rest > 31 ? 0 : (uint32_t)(product >> 32) >> rest;
+    } else if (ratio.shift > 0) {
+        const uint64_t wide = product >> (ratio.shift - 1);
+        if (wide >= UINT32_MAX) { /* also UINT32_MAX itself, which would round up to 2^31 */
+            return saturated(negative, saturations);
+        }
+        doubled = (uint32_t)wide;
+    } else if (product == 0) {
         return 0;
-    }
-    if (ratio.shift < 0) { /* the ratio is 2^30 or more */
+    } else { /* the ratio is 2^30 or more */
         return saturated(negative, saturations);
     }
-    const uint64_t result = shifted_right(product, ratio.shift);
-    if (result > INT32_MAX) {
-        return saturated(negative, saturations);
-    }
-    return negative ? -(int32_t)result : (int32_t)result;
+    const int32_t result = (int32_t)((doubled >> 1) + (doubled & 1u));
+    return negative ? -result : result;
 }
 
 /* The ratio value * 2^-shift, normalised and rounded. */
@@ -76,7 +90,7 @@ static ratio_t normalised(uint64_t value, int32_t shift) {
         mantissa >>= 1;
         normal_shift -= 1;
     }
-    return (ratio_t){.mantissa = (uint32_t)mantissa, .shift = (int16_t)normal_shift};
+    return (ratio_t){.mantissa = (uint32_t)mantissa, .shift = normal_shift};
 }
 
 ratio_t ratio_of(uint64_t numerator, uint64_t denominator) {

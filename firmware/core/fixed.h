@@ -19,7 +19,7 @@
 /* value = mantissa * 2^-shift; mantissa is 0 (the ratio 0) or in [2^30, 2^31). */
 typedef struct {
     uint32_t mantissa;
-    int16_t shift;
+    int32_t shift;
 } ratio_t;
 
 /* One in the results of fixed_exp_minus() and fixed_exp_minus_mean(). */
