@@ -28,6 +28,7 @@ from bowden.model.transmission import FloatArray, Transmission
 
 RELEASE, PULL = 0, 1
 DEFAULT_SEGMENTS = 100
+NO_STRAIN = 1e-9
 
 
 class Tables(NamedTuple):
@@ -38,7 +39,8 @@ class Tables(NamedTuple):
     the end, from the end to the near side of node n (its inner half-segment left out), m/N.
     ``half[e, n]`` and ``half_virgin[e, side, n]`` (side RELEASE: below pretension, PULL: above) are
     the compliance of half a segment, m/N; ``hold[c, e, d, n]`` is the ratio of tensions over
-    segment n that starts it, ``sticks`` whether that exceeds the ratio while it slides.
+    segment n that starts it, ``sticks`` whether that exceeds the ratio while it slides. A cable
+    with less than ``least_n`` is as good as slack.
     """
 
     decay: FloatArray
@@ -47,6 +49,7 @@ class Tables(NamedTuple):
     half_virgin: FloatArray
     hold: FloatArray
     pretension_n: float
+    least_n: float
     sticks: bool
 
 
@@ -158,7 +161,14 @@ def tables(transmission: Transmission) -> Tables:
                 half_virgin[end, motion] = (virgin_slope(mean, motion) * compliance)[order]
                 hold[cable, end, motion] = np.exp(a + excess[order])
     return Tables(
-        decay, outer, half, half_virgin, hold, transmission.pretension_n, law.has_stiction
+        decay,
+        outer,
+        half,
+        half_virgin,
+        hold,
+        transmission.pretension_n,
+        NO_STRAIN * transmission.axial_stiffness_n,
+        law.has_stiction,
     )
 
 

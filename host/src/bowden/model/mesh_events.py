@@ -119,7 +119,7 @@ def step(
     """
     left, moved, flags = 1.0, 0.0, 0
     given = load if free == 0 else motor
-    limit = 64 * t.half.shape[1] + 1000
+    limit = 64 * t.half.shape[1] + 10_000  # a guard: no sample comes near it
     for _ in range(limit):
         balancing, force, other = False, 0.0, given * left
         if free >= 0:

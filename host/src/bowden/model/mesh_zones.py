@@ -242,11 +242,18 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
     """
     segments, far = t.half.shape[1], 1 - end
     d, motion = s.depth[cable, end], s.motion[cable, end]
-    sticks = t.sticks and s.end_n[cable, end] > 0
-    if sticks and s.motion[cable, far] == motion and s.depth[cable, far] > 0:
-        # The drop would drag the other zone backwards: it holds.
-        freeze(t, s, cable, far)
+    # Paid out from both ends, stick and slip would follow each other ever faster, without end, as
+    # the tension vanishes.
+    sticks = t.sticks and s.end_n[cable, end] > t.least_n and t.hold[cable, end, motion, d] > 1
     shared = d + s.depth[cable, far] == segments - 1
+    if sticks and shared and s.motion[cable, far] == motion and s.depth[cable, far] > 0:
+        # The drop would drag the other zone's first segment backwards: it stops.
+        k = s.depth[cable, far]
+        s.node_n[cable, node_at(segments, far, k)] = (
+            s.end_n[cable, far] * t.decay[cable, far, motion, k]
+        )
+        s.depth[cable, far] = k - 1
+        shared = False
     if sticks:
         near = s.end_n[cable, end] * t.decay[cable, end, motion, d]
         stretch = s.end_n[cable, end] * t.outer[cable, end, motion, d]
