@@ -14,19 +14,24 @@ from plotly.subplots import make_subplots
 
 from bowden.diagnosis.compare import Comparison, RecordingComparison
 from bowden.recording.recording import Recording
+from bowden.report.canvas import (
+    MEASURED,
+    PRESCRIBED,
+    RESIDUAL,
+    SIMULATED,
+    draw,
+    dress,
+    legend_above,
+    short,
+)
 from bowden.report.decimate import envelope, thin
 from bowden.report.words import NAMES, si
 
 _Floats = NDArray[np.float64]
 
-MEASURED = {"color": "#1a1a1a", "width": 1.6}
-SIMULATED = {"color": "#0072b2", "width": 1.6}
-PRESCRIBED = {"color": "#e08a00", "width": 1.6, "dash": "6px,3px"}
-RESIDUAL = {"color": "#5c6066", "width": 1.2}
 _CABLE_A, _CABLE_B = "#0072b2", "#b5501b"
 _SLACK_A, _SLACK_B = "rgba(0,114,178,0.13)", "rgba(213,94,0,0.14)"
 OUTWARD, INWARD = "#8a6d00", "#7a869a"
-_GRID, _INK = "#e9ebee", "#1a1a1a"
 
 
 def over_time(comparison: Comparison, one: RecordingComparison, points: int) -> go.Figure:
@@ -56,15 +61,15 @@ def over_time(comparison: Comparison, one: RecordingComparison, points: int) -> 
     plot = make_subplots(
         rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.075, row_heights=[0.34, 0.4, 0.26]
     )
-    _dress(plot, height=860)
+    dress(plot, height=860)
     for row, (title, curves) in enumerate(panels, start=1):
         legend = f"legend{row}" if row > 1 else "legend"
         for name, values, line in curves:
             curve = (recording.time_s, values)
-            _line(plot, curve, name, line, points=points, row=row, legend=legend)
+            draw(plot, curve, name, line, points=points, row=row, legend=legend)
         plot.update_yaxes(title_text=title, row=row)
         axis = plot.layout["yaxis" if row == 1 else f"yaxis{row}"]
-        plot.update_layout({legend: _legend_above(float(axis.domain[1]))})
+        plot.update_layout({legend: legend_above(float(axis.domain[1]))})
     plot.update_xaxes(title_text="time (s)", row=3)
     return plot
 
@@ -94,18 +99,20 @@ def loop(
         ("measured", one.recording, MEASURED),
         ("simulated", one.trajectory, SIMULATED),
     ):
-        _line(plot, (angle, getattr(source, quantity)), name, line, points=points)
+        draw(plot, (angle, getattr(source, quantity)), name, line, points=points)
     if prescribed is None:
         name, values = _lossless(comparison, one.recording)
-        _line(plot, (angle, values), name, PRESCRIBED, points=points)
+        draw(plot, (angle, values), name, PRESCRIBED, points=points)
     else:
         order = np.argsort(angle)
         curve = (angle[order], prescribed[order])
-        _line(plot, curve, "prescribed tunnel × ratio", {**PRESCRIBED, "width": 2.2}, points=points)
-    plot.update_xaxes(title_text=f"{end} angle (°)")
+        draw(plot, curve, "prescribed tunnel × ratio", {**PRESCRIBED, "width": 2.2}, points=points)
+    margin = 0.03 * float(np.ptp(angle)) or 1.0
+    view = [float(angle.min()) - margin, float(angle.max()) + margin]
+    plot.update_xaxes(title_text=f"{end} angle (°)", range=view)
     plot.update_yaxes(title_text=f"{NAMES[quantity]} (N m)")
-    _dress(plot, height=540)
-    plot.update_layout(legend=_legend_above(1.01))
+    dress(plot, height=540)
+    plot.update_layout(legend=legend_above(1.01))
     return plot
 
 
@@ -121,8 +128,8 @@ def against_velocity(one: RecordingComparison, points: int) -> go.Figure:
         (held,) = np.nonzero(part)
         chosen = held[thin(held.size, points // 2)]
         plot.add_scatter(
-            x=_short(speed[chosen]),
-            y=_short(one.residual[chosen]),
+            x=short(speed[chosen]),
+            y=short(one.residual[chosen]),
             mode="markers",
             marker={"color": colour, "size": 3.5, "opacity": 0.55},
             name=name,
@@ -137,8 +144,8 @@ def against_velocity(one: RecordingComparison, points: int) -> go.Figure:
     )
     plot.update_xaxes(title_text=f"{one.motion.end} velocity (rad/s)")
     plot.update_yaxes(title_text="measured − simulated (N m)")
-    _dress(plot, height=440)
-    plot.update_layout(legend=_legend_above(1.01))
+    dress(plot, height=440)
+    plot.update_layout(legend=legend_above(1.01))
     return plot
 
 
@@ -161,9 +168,9 @@ def where(comparison: Comparison) -> go.Figure:
         )
     plot.update_xaxes(title_text="share (%)", rangemode="tozero")
     plot.update_yaxes(automargin=True, ticksuffix="  ")
-    _dress(plot, height=120 + 44 * len(names))
+    dress(plot, height=120 + 44 * len(names))
     plot.update_layout(
-        barmode="group", bargap=0.35, legend=_legend_above(1.01) | {"traceorder": "reversed"}
+        barmode="group", bargap=0.35, legend=legend_above(1.01) | {"traceorder": "reversed"}
     )
     return plot
 
@@ -192,8 +199,8 @@ def tensions(one: RecordingComparison, points: int) -> go.Figure:
         if slack.any():
             chosen = envelope(slack, points)
             plot.add_scatter(
-                x=_short(trajectory.time_s[chosen]),
-                y=_short(slack[chosen]),
+                x=short(trajectory.time_s[chosen]),
+                y=short(slack[chosen]),
                 mode="lines",
                 line={"width": 0, "shape": "hv", "color": colour},
                 fill="tozeroy",
@@ -202,11 +209,11 @@ def tensions(one: RecordingComparison, points: int) -> go.Figure:
                 hoverinfo="skip",
             )
     for name, values, line in series:
-        _line(plot, (trajectory.time_s, values), name, line, points=points)
+        draw(plot, (trajectory.time_s, values), name, line, points=points)
     plot.update_xaxes(title_text="time (s)")
     plot.update_yaxes(title_text="tension (N)", range=[0.0, max(top, 1e-9)])
-    _dress(plot, height=420)
-    plot.update_layout(legend=_legend_above(1.01))
+    dress(plot, height=420)
+    plot.update_layout(legend=legend_above(1.01))
     return plot
 
 
@@ -222,68 +229,3 @@ def transmission_ratio(comparison: Comparison) -> float:
     """Load pulley radius over motor pulley radius."""
     pair = comparison.model.transmission
     return pair.load_pulley_radius_m / pair.motor_pulley_radius_m
-
-
-def _line(
-    plot: go.Figure,
-    curve: tuple[_Floats, _Floats],
-    name: str,
-    line: dict[str, object],
-    *,
-    points: int,
-    row: int | None = None,
-    legend: str = "legend",
-) -> None:
-    x, y = curve
-    chosen = envelope(y, points)
-    trace = go.Scatter(
-        x=_short(x[chosen]), y=_short(y[chosen]), name=name, mode="lines", line=line, legend=legend
-    )
-    place = {} if row is None else {"row": row, "col": 1}
-    plot.add_trace(trace, **place)
-
-
-def _short(values: _Floats) -> NDArray[np.float32]:
-    """Single precision: half the size of the page, and finer than any screen."""
-    return values.astype(np.float32)
-
-
-def _legend_above(y: float) -> dict[str, object]:
-    return {
-        "orientation": "h",
-        "x": 0,
-        "y": y,
-        "xanchor": "left",
-        "yanchor": "bottom",
-        "font": {"size": 12.5},
-        "itemsizing": "constant",
-        "bgcolor": "rgba(0,0,0,0)",
-    }
-
-
-def _dress(plot: go.Figure, height: int) -> None:
-    plot.update_layout(
-        height=height,
-        margin={"l": 64, "r": 12, "t": 40, "b": 48},
-        paper_bgcolor="white",
-        plot_bgcolor="white",
-        font={
-            "family": "system-ui, -apple-system, Segoe UI, Roboto, sans-serif",
-            "size": 13,
-            "color": _INK,
-        },
-        hovermode="closest",
-    )
-    axis = {
-        "gridcolor": _GRID,
-        "zerolinecolor": "#b8bdc4",
-        "linecolor": "#8a9099",
-        "showline": True,
-        "ticks": "outside",
-        "tickcolor": "#8a9099",
-        "ticklen": 4,
-        "title_standoff": 8,
-        "exponentformat": "SI",
-    }
-    plot.update_xaxes(axis)
-    plot.update_yaxes(axis)
