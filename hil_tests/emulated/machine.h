@@ -356,7 +356,7 @@ typedef struct {
     tick_t ticks_per_instruction;
     uint64_t instructions;
     bool sleeping, stopped, stalled; /* stalled: a fetch waits for the flash */
-    int interrupt; /* unicorn's number of what stopped the core, 0: none */
+    int interrupt;                   /* unicorn's number of what stopped the core, 0: none */
     uint32_t exc_return;
     tick_t slept;
     struct {
