@@ -1,0 +1,147 @@
+"""The flashed ELF on the emulated STM32F405, behind the interface of every other target.
+
+A tick puts the sample onto the chip's pins (encoder lines, analogue levels, bridge fault), lets
+250 us of virtual time pass and reads back what the bridge did to the motor. Pins and scales are
+`board_map`'s. Unlike the native drive this one boots (some milliseconds), samples on its own clock,
+controls the current itself, and shares the bus with the host frame by frame.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import can
+
+from hil_tests.emulated.bridge import Motor
+from hil_tests.emulated.elf import Image, read_elf
+from hil_tests.emulated.machine import Stm32F405
+from hil_tests.emulated.records import Options
+from hil_tests.rig.rig import CONTROL_PERIOD_US, Actuators
+from hil_tests.rig.sensors import Sensors
+from hil_tests.targets import board_map as board
+from hil_tests.targets.target import SEVERAL, VIRTUAL_TIME
+
+ELF: Final = Path(__file__).resolve().parents[2] / "build" / "stm32f405" / "bowden.elf"
+CHIP: Final = "chip"  # runs on an STM32F405: registers, interrupts, counted instructions, faults
+MEASURED_CURRENT: Final = (
+    "measured-current"  # Actuators carry the motor's current, not its set value
+)
+
+BOARD_FAULT_OVERCURRENT: Final = 1 << 0  # board.h
+SPEED_FILTER: Final = 0.125  # of the back-EMF's speed: a time constant of 2 ms
+ADC_NOISE_CODES: Final = 0.5
+
+
+class EmulatedTarget:
+    """The drive on an emulated board; a `Target`.
+
+    Parameters
+    ----------
+    elf : Path or Image
+        The board firmware; BadInput where it cannot be run.
+    motor : Motor
+        On the bridge.
+    options : Options
+        Of the chip; its seed is the converters' noise.
+    motor_counts_per_turn, load_counts_per_turn : int
+        Of the encoders: where their index pulses come.
+
+    Notes
+    -----
+    `tick` returns the mean motor current of its 250 us (capability ``measured-current``): the rig's
+    own amplifier has to be fast beside it, ``motor.amplifier_bandwidth_hz`` of 10 kHz or more.
+    Encoder counts start at 0 when the program starts its timers, wherever the rig is then.
+    """
+
+    name = "emulated"
+    capabilities = frozenset({VIRTUAL_TIME, SEVERAL, CHIP, MEASURED_CURRENT})
+
+    def __init__(
+        self,
+        elf: Path | Image = ELF,
+        motor: Motor | None = None,
+        options: Options | None = None,
+        motor_counts_per_turn: int = 2000,
+        load_counts_per_turn: int = 10000,
+    ) -> None:
+        self._motor = motor or Motor()
+        self._radians_per_count = 6.283185307179586 / motor_counts_per_turn
+        image = read_elf(elf) if isinstance(elf, Path) else elf
+        self.chip = Stm32F405(image, options)
+        self._wire(motor_counts_per_turn, load_counts_per_turn)
+        self._ticks = 0
+        self._motor_counts = 0
+        self._speed_rad_per_s = 0.0
+
+    def _wire(self, motor_counts_per_turn: int, load_counts_per_turn: int) -> None:
+        chip = self.chip
+        chip.wire_encoder(
+            board.MOTOR_ENCODER_TIMER,
+            board.MOTOR_ENCODER_A,
+            board.MOTOR_ENCODER_B,
+            board.MOTOR_ENCODER_INDEX,
+            motor_counts_per_turn,
+        )
+        chip.wire_encoder(
+            board.LOAD_ENCODER_TIMER,
+            board.LOAD_ENCODER_A,
+            board.LOAD_ENCODER_B,
+            board.LOAD_ENCODER_INDEX,
+            load_counts_per_turn,
+        )
+        chip.set_pin(board.BRIDGE_FAULT, 1)
+        chip.connect_bridge(board.ADC_CURRENT, self._motor.parameters())
+        chip.set_adc(board.ADC_CURRENT, board.CURRENT_ZERO_CODE, ADC_NOISE_CODES)
+
+    def reset(self) -> None:
+        """Power the board off and on."""
+        self.chip.power_cycle()
+
+    def tick(self, sensors: Sensors) -> Actuators:
+        """Let 250 us pass with this sample on the pins."""
+        self._apply(sensors)
+        self._ticks += 1
+        self.chip.run_until(float(CONTROL_PERIOD_US * self._ticks))
+        bridge = self.chip.bridge()
+        return Actuators(round(1e6 * bridge.mean_current_a), bridge.enabled, False)
+
+    def _apply(self, sensors: Sensors) -> None:
+        chip = self.chip
+        moved = sensors.motor_encoder_counts - self._motor_counts
+        self._motor_counts = sensors.motor_encoder_counts
+        speed = moved * self._radians_per_count / (1e-6 * CONTROL_PERIOD_US)
+        self._speed_rad_per_s += SPEED_FILTER * (speed - self._speed_rad_per_s)
+        chip.set_encoder(board.MOTOR_ENCODER_TIMER, sensors.motor_encoder_counts)
+        chip.set_encoder(board.LOAD_ENCODER_TIMER, sensors.load_encoder_counts)
+        chip.set_motor(self._speed_rad_per_s, 1e-3 * sensors.bus_voltage_mv)
+        chip.set_adc(
+            board.ADC_LOAD_CELL,
+            board.LOAD_CELL_ZERO_CODE + sensors.load_cell_counts / board.LOAD_CELL_COUNTS_PER_CODE,
+            board.LOAD_CELL_NOISE_CODES,
+        )
+        chip.set_adc(
+            board.ADC_BUS_VOLTAGE, sensors.bus_voltage_mv / board.BUS_MV_PER_CODE, ADC_NOISE_CODES
+        )
+        chip.set_adc(
+            board.ADC_TEMPERATURE,
+            temperature_code(sensors.conduit_temperature_mdegc),
+            ADC_NOISE_CODES,
+        )
+        overcurrent = sensors.faults & BOARD_FAULT_OVERCURRENT
+        chip.set_pin(board.BRIDGE_FAULT, 0 if overcurrent else 1)
+
+    def send(self, message: can.Message) -> None:
+        """Queue a frame on the host's side of the bus; what is not CAN 2.0 is ignored."""
+        if not message.is_error_frame and not message.is_fd and message.dlc <= 8:
+            self.chip.can_send(message)
+
+    def receive(self) -> can.Message | None:
+        """Next frame that the board has put on the bus, or None."""
+        return self.chip.can_receive()
+
+
+def temperature_code(mdegc: int) -> float:
+    """Return the converter's code of the temperature sensor's voltage."""
+    millivolt = board.TEMPERATURE_ZERO_MV + board.TEMPERATURE_MV_PER_K * mdegc / 1000.0
+    return millivolt * 4096.0 / board.TEMPERATURE_FULL_SCALE_MV
