@@ -50,6 +50,25 @@ def test_a_configuration_that_cannot_run_is_taken_back(rig: MakeRig) -> None:
     assert drive.read_raw("configuration_error") == 0
 
 
+def test_a_value_that_is_not_kept_is_found_by_reading_back(
+    rig: MakeRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive, _ = rig()
+    changes = difference(drive, WANTED)
+    really_write = drive.write_raw
+
+    def forget(name: str, raw: int) -> None:
+        if name != "segment_curvature.7":
+            really_write(name, raw)
+
+    monkeypatch.setattr(drive, "write_raw", forget)
+    with pytest.raises(
+        DriveFailed, match=r"keeps segment_curvature\.7 at 3\.571429 instead of 2; the old .* back"
+    ):
+        write(drive, changes)
+    assert drive.read("cable_pretension") == 10.0
+
+
 def test_while_the_bridge_is_on_nothing_is_written(rig: MakeRig) -> None:
     drive, _ = rig(motion="still")
     with powered(drive, Run(Mode.TUNNEL)):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from bowden.drive.client import Drive
-from bowden.drive.power import Mode, Run, powered, safe_stop
+from bowden.drive.power import Mode, Run, power_state, powered, safe_stop
 from bowden.errors import DriveFailed
 
 from hil_tests.virtual_bus import VirtualBus
@@ -117,6 +117,13 @@ def test_a_silent_drive_is_told_to_stop_before_anything_is_asked(rig: MakeRig) -
     assert last_on_s < end + 0.1
 
 
-def test_stopping_a_drive_at_rest_is_fine(rig: MakeRig) -> None:
+@pytest.mark.parametrize("controlwords", [(), (0x06,), (0x06, 0x07)])
+def test_stopping_ends_at_switch_on_disabled_from_wherever(
+    rig: MakeRig, controlwords: tuple[int, ...]
+) -> None:
     drive, _ = rig()
+    for controlword in controlwords:
+        drive.write_raw("controlword", controlword)
+        drive.connection.listen(0.01)
     safe_stop(drive)
+    assert power_state(drive.read_raw("statusword")) == "switch on disabled"

@@ -45,10 +45,14 @@ def account(
     before: int | None,
     after: int | None,
 ) -> dict[str, list[int]]:
-    """Number the frames that are `there` (shape 3 x n) as the decoder does; return the losses."""
+    """Number the frames that are `there` (shape 3 x n) as the decoder does; return the losses.
+
+    `receive_time_s` is of shape n, or 3 x n.
+    """
     # In order of arrival: TPDO1, 2, 3 of a sample, then the next sample.
     position = np.cumsum(there.T.ravel()).reshape(there.T.shape).T - 1
-    arrivals = [Arrivals(position[p][there[p]], receive_time_s[there[p]]) for p in range(3)]
+    time_s = np.broadcast_to(receive_time_s, there.shape)
+    arrivals = [Arrivals(position[p][there[p]], time_s[p][there[p]]) for p in range(3)]
     first = number_samples(
         number[there[0]] % 65536, device_time_us[there[0]] % (1 << 32), PERIOD_US
     )
@@ -132,6 +136,18 @@ def test_listening_may_begin_and_end_in_the_middle_of_a_sample() -> None:
     there[2, 7] = False  # lost
     reported = account(number, there, number * 1000, number * 1e-3, before=None, after=None)
     assert reported == {"TPDO1": [], "TPDO2": [], "TPDO3": [107]}
+
+
+@pytest.mark.parametrize("step_s", [-2.0, 2.0])
+def test_a_host_clock_that_is_set_meanwhile_changes_nothing(step_s: float) -> None:
+    number = np.arange(3000)
+    there = np.ones((3, 3000), dtype=bool)
+    there[1, 1500] = there[0, 700] = False
+    receive_time_s = np.tile(number * 1e-3, (3, 1))
+    receive_time_s[:, 1001:] += step_s
+    receive_time_s[1:, 1000] += step_s  # set between a sample's TPDO1 and its TPDO2
+    reported = account(number, there, number * 1000, receive_time_s, before=None, after=None)
+    assert reported == {"TPDO1": [700], "TPDO2": [1500], "TPDO3": []}
 
 
 def test_ranges_read_well() -> None:

@@ -37,6 +37,8 @@ COMMANDS = {
 EXIT_DONE, EXIT_BAD_INPUT, EXIT_DRIVE_FAILED = 0, 2, 3
 EXIT_INTERRUPTED, EXIT_BROKEN_PIPE, EXIT_TERMINATED = 130, 141, 143
 
+_Handler = Callable[[int, FrameType | None], object] | int | None
+
 
 class Command(Protocol):
     """What a command's module offers. `EXAMPLES` (str) is shown under its ``--help``."""
@@ -48,9 +50,6 @@ class Command(Protocol):
 
     def run(self, args: argparse.Namespace) -> int:
         """Do it and return the exit status."""
-
-
-_Handler = Callable[[int, FrameType | None], object] | int | None
 
 
 class Terminated(KeyboardInterrupt):
