@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from bowden.model.compiled import compiled
+from bowden.model.compiled import compiled_in_place
 from bowden.model.mesh_free_profile import (
     COMPLIANCE,
     DISPLACEMENT,
@@ -23,7 +23,7 @@ from bowden.model.mesh_free_profile import (
 )
 
 
-@compiled
+@compiled_in_place
 def _frozen_at(pair: Pair, cable: int, x: float) -> tuple[float, float, int]:
     """Tension, displacement and path piece of the old profile at near coordinate `x`."""
     j = pair.span[cable, 0]
@@ -46,7 +46,7 @@ def _frozen_at(pair: Pair, cable: int, x: float) -> tuple[float, float, int]:
     return t, u0 + stretch_along(pair, cable, j, piece, x, t), piece
 
 
-@compiled
+@compiled_in_place
 def neutral_point(
     pair: Pair,
     cable: int,

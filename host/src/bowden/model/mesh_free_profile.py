@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.model.compiled import compiled
+from bowden.model.compiled import compiled_in_place
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -82,7 +82,7 @@ class Pair(NamedTuple):
     plan: FloatArray
 
 
-@compiled
+@compiled_in_place
 def reach(pair: Pair, side: int, piece: int, x: float, d: int) -> float:
     """Stretch (m/N) from the end to `x` per newton of end tension while that stretch slides."""
     c, start = pair.path[side, piece, COMPLIANCE], pair.path[side, piece, START]
@@ -91,20 +91,20 @@ def reach(pair: Pair, side: int, piece: int, x: float, d: int) -> float:
     return float(pair.path[side, piece, REACH_RELEASE] + c * (x - start))
 
 
-@compiled
+@compiled_in_place
 def _growth(slope: float, log_ratio: float) -> float:
     """``(exp(slope z) - 1) / slope``, and its limit z for a uniform piece."""
     return math.expm1(slope * log_ratio) / slope if slope != 0.0 else log_ratio
 
 
-@compiled
+@compiled_in_place
 def _piece_of(pair: Pair, cable: int, side: int, j: int) -> int:
     """Path piece of breakpoint `j` as counted from `side`."""
     piece = int(pair.points[cable, j, PIECE])
     return piece if side == 0 else pair.path.shape[1] - 1 - piece
 
 
-@compiled
+@compiled_in_place
 def stretch_along(pair: Pair, cable: int, j: int, last: int, x: float, t: float) -> float:
     """Stretch of frozen piece `j` from its start to near coordinate `x`, tension `t`."""
     slope = pair.points[cable, j, SLOPE]
@@ -124,7 +124,7 @@ def stretch_along(pair: Pair, cable: int, j: int, last: int, x: float, t: float)
     return float(total + pair.path[0, piece, COMPLIANCE] * abs(t - previous))
 
 
-@compiled
+@compiled_in_place
 def move_by_tension(pair: Pair, cable: int, tension: float, d: int) -> None:
     """Front of the near end at a new end tension (N); cost: the breakpoints it wipes out."""
     pair.move[cable, 0, DIRECTION] = d
@@ -173,7 +173,7 @@ def move_by_tension(pair: Pair, cable: int, tension: float, d: int) -> None:
     pair.move[cable, 0, FRONT_W] = pair.points[cable, j, DISPLACEMENT] + stretch
 
 
-@compiled
+@compiled_in_place
 def _advance(
     c: float, b: float, slope: float, d: int, h: float, x0: float, x1: float
 ) -> tuple[float, float, float]:
@@ -195,7 +195,7 @@ def _advance(
     return x0 * math.exp(z), math.exp(slope * z), c * _growth(slope, z)
 
 
-@compiled
+@compiled_in_place
 def _advance_general(c: float, b: float, slope: float, d: int, h: float, limit: float) -> float:
     """ln(x/x0) for a piece of any slope: Newton on a monotone function, in a bracket."""
     lower, upper = 0.0, limit
@@ -219,7 +219,7 @@ def _advance_general(c: float, b: float, slope: float, d: int, h: float, limit: 
     return min(max(z, 0.0), limit)
 
 
-@compiled
+@compiled_in_place
 def move_by_position(pair: Pair, cable: int, side: int, w_end: float, d: int) -> None:
     """Front and end tension of either end at a new inward displacement (m) of that end."""
     pair.move[cable, side, DIRECTION] = d
@@ -269,7 +269,7 @@ def move_by_position(pair: Pair, cable: int, side: int, w_end: float, d: int) ->
     pair.move[cable, side, END_TENSION] = front * (x if d < 0 else 1.0 / x)
 
 
-@compiled
+@compiled_in_place
 def _put(
     pair: Pair,
     cable: int,
@@ -289,7 +289,7 @@ def _put(
     pair.points[cable, j, PIECE] = piece
 
 
-@compiled
+@compiled_in_place
 def set_whole(
     pair: Pair,
     cable: int,
@@ -309,7 +309,7 @@ def set_whole(
     pair.span[cable, 1] = j + 1
 
 
-@compiled
+@compiled_in_place
 def set_neutral(
     pair: Pair,
     cable: int,
@@ -335,7 +335,7 @@ def set_neutral(
     pair.span[cable, 1] = j + 1
 
 
-@compiled
+@compiled_in_place
 def set_partial(
     pair: Pair,
     cable: int,

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from bowden.model.compiled import compiled
+from bowden.model.compiled import compiled_in_place
 from bowden.model.mesh_free_neutral import neutral_point
 from bowden.model.mesh_free_profile import (
     DISPLACEMENT,
@@ -56,12 +56,12 @@ ROOM = 3  # breakpoints that a step may need beyond those in use, at each end
 _ROUNDING = 4.5e-16
 
 
-@compiled
+@compiled_in_place
 def _total_reach(pair: Pair, d: int) -> float:
     return float(pair.path[0, pair.path.shape[1] - 1, REACH_PULL if d < 0 else REACH_RELEASE])
 
 
-@compiled
+@compiled_in_place
 def _move_far(
     pair: Pair,
     cable: int,
@@ -84,7 +84,7 @@ def _move_far(
     )
 
 
-@compiled
+@compiled_in_place
 def _try_tension(
     pair: Pair,
     cable: int,
@@ -139,7 +139,7 @@ def _try_tension(
     return u_far - tension * stretch, compliance
 
 
-@compiled
+@compiled_in_place
 def _plan_positions(
     pair: Pair,
     cable: int,
@@ -185,7 +185,7 @@ def _plan_positions(
     pair.plan[cable, NEAR_TENSION] = stretch / per_n
 
 
-@compiled
+@compiled_in_place
 def _commit(
     pair: Pair,
     cable: int,
@@ -208,7 +208,7 @@ def _commit(
         set_whole(pair, cable, 0.0, middle, middle, 0)
 
 
-@compiled
+@compiled_in_place
 def _record(pair: Pair, out: FloatArray, i: int) -> None:
     out[NEAR_A, i] = pair.points[0, pair.span[0, 0], TENSION]
     out[FAR_A, i] = pair.points[0, pair.span[0, 1], TENSION]
@@ -216,7 +216,7 @@ def _record(pair: Pair, out: FloatArray, i: int) -> None:
     out[FAR_B, i] = pair.points[1, pair.span[1, 1], TENSION]
 
 
-@compiled
+@compiled_in_place
 def _is_full(pair: Pair) -> bool:
     """Whether the next step could run out of room for breakpoints."""
     lowest = min(pair.span[0, 0], pair.span[1, 0])
@@ -224,7 +224,7 @@ def _is_full(pair: Pair) -> bool:
     return bool(lowest < ROOM or highest >= pair.points.shape[1] - ROOM)
 
 
-@compiled
+@compiled_in_place
 def _balance(
     pair: Pair, half_force: float, far_a: float, far_b: float, mean: float
 ) -> tuple[float, float, float]:
@@ -266,7 +266,7 @@ def _balance(
     return mean, u_a, u_b
 
 
-@compiled
+@compiled_in_place
 def run_torque(
     pair: Pair,
     force_n: FloatArray,
@@ -318,7 +318,7 @@ def run_torque(
     return i
 
 
-@compiled
+@compiled_in_place
 def run_positions(
     pair: Pair,
     near_travel_m: FloatArray,
