@@ -7,6 +7,7 @@ this machine (nothing leaves it): it needs no CAN hardware, no kernel support an
 from __future__ import annotations
 
 import argparse
+import errno
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -115,8 +116,15 @@ def open_connection(options: BusOptions) -> Connection:
 
 
 def _hint(options: BusOptions, cause: BaseException) -> str:
-    if options.interface == DEFAULT_INTERFACE and isinstance(cause, OSError):
+    """Say what usually helps."""
+    number = cause.errno if isinstance(cause, OSError) else None
+    if options.interface == DEFAULT_INTERFACE and number in (errno.ENODEV, errno.ENETUNREACH):
         return "; without a network, `ip route add 239.0.0.0/8 dev lo` (root) gives it a route"
-    if options.interface == "socketcan":
+    if options.interface == "socketcan" and number in (errno.ENODEV, errno.ENETDOWN):
         return f"; is it up? `ip link set {options.channel} up type can bitrate 1000000` (root)"
+    if options.interface == "socketcan" and number == errno.EAFNOSUPPORT:
+        return "; this kernel has no SocketCAN (module can_raw)"
+    if isinstance(cause, ImportError | can.CanInterfaceNotImplementedError):
+        extra = options.interface.replace("_", "-")
+        return f"; `pip install 'python-can[{extra}]'` may bring what is missing"
     return ""
