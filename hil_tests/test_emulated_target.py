@@ -70,7 +70,7 @@ int main(void) {
     R(CAN + 0x200) &= ~1u; R(CAN) = 1u << 6; while (R(CAN + 4) & 1u) {} R(CAN + 0x14) = 2u;
     R(ADC1 + 0x304) = 1u << 16; R(ADC1 + 4) = 1u << 8 | 1u << 7;
     R(ADC1 + 0x38) = 3u << 20 | 10u | 11u << 5 | 12u << 10 | 13u << 15;
-    R(ADC1 + 8) = 1u | 1u << 20 | 1u << 16;
+    R(ADC1 + 8) = 1u | 1u << 20 | 1u << 16; for (volatile int i = 0; i < 200; i++) {}
     PRIORITY(18, 0x10); PRIORITY(54, 0x40); PRIORITY(20, 0x60);
     ENABLE_IRQ(18); ENABLE_IRQ(20); ENABLE_IRQ(54);
     R(TIM1 + 0x18) = 0x6868; R(TIM1 + 0x20) = 0x55; R(TIM1 + 0x2C) = 4200; R(TIM1 + 0x30) = 1;

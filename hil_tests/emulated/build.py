@@ -77,7 +77,7 @@ def _compile() -> None:
     except FileNotFoundError as error:
         raise DriveFailed("the emulated target needs gcc to build its core") from error
     if result.returncode != 0:
-        raise DriveFailed(f"the emulator does not compile:\n{result.stderr}")
+        raise DriveFailed(f"the emulator does not compile:\n{result.stderr[:2000]}")
     temporary.replace(LIBRARY)
 
 

@@ -134,7 +134,7 @@ static void complete(bxcan_t *c, int box, uint32_t flags) {
     c->tsr |= 1u << (26 + box) | (RQCP | flags) << (8 * box);
 }
 
-bool bxcan_abort_pending(const machine_t *m, int mailbox) {
+static bool abort_pending(const machine_t *m, int mailbox) {
     return m->can.tsr >> (8 * mailbox) & ABRQ;
 }
 
@@ -147,7 +147,7 @@ void bxcan_sent(machine_t *m, int mailbox, bool ok, bool arbitration_lost) {
         c->tec -= c->tec > 0 ? 1 : 0;
         complete(c, mailbox, TXOK);
         update_errors(m, 0);
-    } else if ((c->mcr & NART) || bxcan_abort_pending(m, mailbox)) {
+    } else if ((c->mcr & NART) || abort_pending(m, mailbox)) {
         complete(c, mailbox, arbitration_lost ? ALST : TERR);
     }
     enter_requested_mode(m);

@@ -39,7 +39,7 @@ static void put_field(stream_t *s, uint32_t value, int width, bool in_crc) {
 }
 
 /* From start of frame to end of frame, without the interframe space (CAN 2.0 part B, 3.1). */
-uint32_t frame_bits(const wire_frame_t *f) {
+static uint32_t frame_bits(const wire_frame_t *f) {
     stream_t s = {.last = 1};
     put(&s, 0, true);
     if (f->extended) {

@@ -80,7 +80,7 @@ static void move_line(machine_t *m, int timer, int line, int level) {
     }
 }
 
-void encoder_lines(machine_t *m, int timer) {
+static void encoder_lines(machine_t *m, int timer) {
     encoder_t *e = &m->encoder[timer];
     for (int line = 0; line < 3; line++) {
         if (e->port[line] >= 0) {

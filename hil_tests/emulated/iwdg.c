@@ -12,7 +12,6 @@ static void reload(machine_t *m) {
     if (w->running) {
         uint64_t divider = 4ull << (w->pr > 6 ? 6 : w->pr);
         tick_t period = TICKS_PER_SECOND / m->options.lsi_hz * divider * (w->rlr + 1);
-        w->reload_at = m->now;
         schedule(m, EVENT_IWDG, m->now + period);
     }
 }

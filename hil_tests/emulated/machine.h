@@ -3,10 +3,6 @@
  * One struct holds all state; each file of this folder owns one member of it and nothing else of
  * the machine. Register models follow RM0090 (peripherals) and PM0214 (core).
  *
- * Time. `now` counts ticks of virtual time; a tick is 1/65536 of a period of 336 MHz, the least
- * common multiple of the usual 16 MHz and 168 MHz core clocks, so both are exact. Each executed
- * instruction moves it by one core cycle (times the option); WFI moves it to the next event.
- *
  * Control flow. cpu.c runs blocks of instructions in unicorn. Before each block it lets the due
  * events happen (events.c), and stops when an exception is to be taken. Register accesses
  * (bus.c) only change state and pend interrupts; they never run anything.
@@ -15,14 +11,11 @@
 #define EMULATED_MACHINE_H
 
 #include "api.h"
+#include "can.h"
+#include "ticks.h"
 
 #include <stddef.h>
 #include <unicorn/unicorn.h>
-
-typedef uint64_t tick_t;
-#define TICKS_PER_SECOND (336000000ull << 16)
-#define TICKS_PER_US (336ull << 16)
-#define NEVER UINT64_MAX
 
 #define FLASH_BASE 0x08000000u
 #define FLASH_SIZE 0x00100000u
@@ -33,7 +26,7 @@ typedef uint64_t tick_t;
 #define SYSTEM_BASE 0x1FFF0000u /* system memory, OTP, unique id, flash size */
 #define SYSTEM_SIZE 0x00010000u
 
-/* ---- events.c: what happens next, and when ---------------------------------------------- */
+/* ---- events.c: what happens next, and when ---- */
 enum {
     EVENT_RCC,
     EVENT_FLASH,
@@ -48,7 +41,7 @@ enum {
 void schedule(machine_t *m, int event, tick_t at);
 void events_run(machine_t *m);
 
-/* ---- exceptions.c: NVIC, entry and return ------------------------------------------------ */
+/* ---- exceptions.c: NVIC, entry and return ---- */
 #define EXCEPTIONS 98 /* 16 of the core and 82 of the chip */
 enum { NMI = 2, HARD_FAULT, MEM_MANAGE, BUS_FAULT, USAGE_FAULT, SVCALL = 11, PENDSV = 14, SYSTICK };
 enum { ATTENTION_EXCEPTION = 1, ATTENTION_STOP = 2, ATTENTION_STALL = 4, ATTENTION_FLASH = 8 };
@@ -84,7 +77,7 @@ void nvic_reset(machine_t *m);
 uint32_t scs_read(machine_t *m, uint32_t offset);
 void scs_write(machine_t *m, uint32_t offset, uint32_t value, unsigned size);
 
-/* ---- systick.c, mpu.c, account.c ---------------------------------------------------------- */
+/* ---- systick.c, mpu.c, account.c ---- */
 typedef struct {
     uint32_t csr, rvr;
     uint32_t start_count; /* CVR at start_time */
@@ -129,9 +122,9 @@ void account_leave(machine_t *m, int exception); /* before depth shrinks */
 void account_sleep(machine_t *m);
 void account_wake(machine_t *m);
 
-/* ---- rcc.c, flash.c, pwr.c, iwdg.c --------------------------------------------------------- */
+/* ---- rcc.c, flash.c, pwr.c, iwdg.c ---- */
 typedef struct {
-    uint32_t cr, pllcfgr, cfgr, cir, reset[5], enable[5], low_power[5], bdcr, csr, other[4];
+    uint32_t cr, pllcfgr, cfgr, cir, reset[5], enable[5], low_power[5], bdcr, csr;
     tick_t hse_ready_at, pll_ready_at, lsi_ready_at, hsi_ready_at;
     uint32_t hclk_hz, pclk1_hz, pclk2_hz, tim1_hz, tim2_hz; /* timers on APB1 and on APB2 */
     bool hse_works;
@@ -177,14 +170,14 @@ void pwr_supply_changed(machine_t *m);
 typedef struct {
     uint32_t pr, rlr;
     bool running, unlocked;
-    tick_t reload_at, update_done;
+    tick_t update_done;
 } iwdg_t;
 uint32_t iwdg_read(machine_t *m, uint32_t offset);
 void iwdg_write(machine_t *m, uint32_t offset, uint32_t value);
 void iwdg_event(machine_t *m, tick_t at);
 void iwdg_reset(machine_t *m);
 
-/* ---- gpio.c, exti.c ------------------------------------------------------------------------- */
+/* ---- gpio.c, exti.c ---- */
 #define PORTS 9
 typedef struct {
     uint32_t moder, otyper, ospeedr, pupdr, odr, lckr, afr[2];
@@ -199,7 +192,7 @@ bool gpio_is_analog(const machine_t *m, int port, int pin);
 void gpio_drive(machine_t *m, int port, int pin, int level);
 
 typedef struct {
-    uint32_t imr, emr, rtsr, ftsr, pr, syscfg_memrmp, syscfg_pmc, exticr[4];
+    uint32_t imr, emr, rtsr, ftsr, pr, exticr[4];
 } exti_t;
 uint32_t exti_read(machine_t *m, uint32_t offset);
 void exti_write(machine_t *m, uint32_t offset, uint32_t value);
@@ -209,10 +202,10 @@ void exti_edge(machine_t *m, int line, bool rising);
 void exti_pin_edge(machine_t *m, int port, int pin, bool rising);
 void exti_reset(machine_t *m);
 
-/* ---- tim.c, pwm.c, encoder.c ----------------------------------------------------------------- */
+/* ---- tim.c, pwm.c, encoder.c ---- */
 #define TIMERS 9 /* index n is TIMn; 0 unused */
 typedef struct {
-    uint32_t cr1, cr2, smcr, dier, sr, ccmr[2], ccer, psc, arr, rcr, ccr[4], bdtr, dcr, or_;
+    uint32_t cr1, cr2, smcr, dier, sr, ccmr[2], ccer, psc, arr, rcr, ccr[4], bdtr;
     uint32_t psc_now, arr_now, ccr_now[4], repeat; /* the shadow registers */
     uint32_t base_count;
     tick_t base_time;
@@ -226,10 +219,7 @@ void tim_trigger_event(machine_t *m, tick_t at);
 void tim_reset(machine_t *m, int n);
 void tim_clock_changed(machine_t *m, bool before);
 void tim_update_irq(machine_t *m, int n);
-void tim_set_count(machine_t *m, int n, uint32_t count);
-uint32_t tim_count(const machine_t *m, int n);
 bool tim_is_encoder(const tim_t *t);
-void tim_schedule_trigger(machine_t *m);
 uint32_t tim_clock_hz(const machine_t *m, int n);
 tick_t tim_ticks_per_count(const machine_t *m, int n);
 
@@ -251,10 +241,8 @@ typedef struct {
     int counts_per_turn;
     bool wired;
 } encoder_t;
-void encoder_lines(machine_t *m, int timer); /* drives the pins for the present position */
 
-/* ---- adc.c, bridge.c ---------------------------------------------------------------------------
- */
+/* ---- adc.c, bridge.c ---- */
 typedef struct {
     uint32_t sr, cr1, cr2, smpr[2], jofr[4], htr, ltr, sqr[3], jsqr, dr;
     int32_t jdr[4];
@@ -286,69 +274,12 @@ typedef struct {
 void bridge_advance(machine_t *m, tick_t at); /* call before anything that changes its voltage */
 void bridge_check_enabled(machine_t *m);      /* and this after it */
 
-/* ---- bxcan.c, can_bus.c
- * -------------------------------------------------------------------------- */
-typedef struct {
-    uint32_t tir, tdtr, tdlr, tdhr;
-} mailbox_t;
-typedef struct {
-    uint32_t mcr, msr, tsr, rfr[2], ier, esr, btr, fmr, fm1r, fs1r, ffa1r, fa1r, filter[28][2];
-    mailbox_t tx[3], fifo[2][3];
-    uint32_t order[3]; /* request order of the mailboxes, for TXFP */
-    uint32_t orders;
-    int tec, rec;
-    tick_t synchronised_at; /* leaves initialisation then */
-    tick_t recovered_at;    /* leaves bus-off then */
-} bxcan_t;
-uint32_t bxcan_read(machine_t *m, uint32_t offset);
-void bxcan_write(machine_t *m, uint32_t offset, uint32_t value);
-void bxcan_reset(machine_t *m);
-int can_filter_find(const bxcan_t *c, const wire_frame_t *f, int *fifo); /* -1: refused */
-uint32_t can_filter_word(const wire_frame_t *f);                         /* as RIxR holds it */
-void can_filter_write(machine_t *m, uint32_t offset, uint32_t value);
-uint32_t can_filter_read(const bxcan_t *c, uint32_t offset);
-void bxcan_update(machine_t *m);
-bool bxcan_on_bus(machine_t *m);
-int bxcan_best_mailbox(const machine_t *m); /* -1: none */
-uint32_t bxcan_bitrate(const machine_t *m);
-void bxcan_sent(machine_t *m, int mailbox, bool ok, bool arbitration_lost);
-void bxcan_received(machine_t *m, const wire_frame_t *frame);
-void bxcan_tx_error(machine_t *m, int mailbox, int code, bool counts);
-void bxcan_rx_error(machine_t *m, int code);
-bool bxcan_abort_pending(const machine_t *m, int mailbox);
-wire_frame_t mailbox_frame(const mailbox_t *box);
-
-#define WIRE_QUEUE 256 /* a power of two */
-typedef struct {
-    wire_frame_t to_node[WIRE_QUEUE], from_node[1024];
-    uint32_t to_head, to_tail, from_head, from_tail;
-    int fault;
-    bool babbling;
-    wire_frame_t babble;
-    uint32_t babble_idle_bits;
-    tick_t babble_ready;
-    bool busy; /* a frame is on the wire until EVENT_CAN */
-    tick_t frame_end;
-    tick_t idle_since; /* the bus may be claimed from here on */
-    int sender;        /* mailbox 0..2, or below */
-    wire_frame_t frame;
-    bool fails;
-} can_bus_t;
-enum { SENDER_HOST = 3, SENDER_BABBLER };
-void can_bus_event(machine_t *m, tick_t at);
-void can_bus_arbitrate(machine_t *m, tick_t at);
-void can_bus_drop_node(machine_t *m); /* the node left the bus in mid-frame (reset) */
-uint32_t frame_bits(const wire_frame_t *frame);
-tick_t can_bit_ticks(const machine_t *m);
-
-/* ---- bus.c: which register model answers an address
- * ------------------------------------------------ */
+/* ---- bus.c: which register model answers an address * ---- */
 void bus_map(machine_t *m);
 void note(machine_t *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void bus_fault(machine_t *m, uint32_t address); /* of the running access */
 
-/* ---- cpu.c
- * ------------------------------------------------------------------------------------------ */
+/* ---- cpu.c * ---- */
 #define BLOCK_CACHE 65536
 typedef struct {
     uc_engine *uc;
@@ -372,8 +303,7 @@ uint8_t *memory_at(machine_t *m, uint32_t address, uint32_t length);
 uint32_t cpu_get(machine_t *m, int reg);
 void cpu_set(machine_t *m, int reg, uint32_t value);
 
-/* ---- machine.c
- * ---------------------------------------------------------------------------------------- */
+/* ---- machine.c * ---- */
 void request_reset(machine_t *m, uint32_t cause); /* RCC_CSR flag; performed between blocks */
 void perform_reset(machine_t *m);
 uint64_t ticks_to_ns(tick_t ticks);

@@ -36,7 +36,7 @@ static bool counts_time(const tim_t *t) {
     return (t->cr1 & CEN) && !tim_is_encoder(t) && t->arr_now != 0;
 }
 
-uint32_t tim_count(const machine_t *m, int n) {
+static uint32_t count_now(const machine_t *m, int n) {
     const tim_t *t = &m->tim[n];
     if (!counts_time(t) || m->now <= t->base_time) {
         return t->base_count;
@@ -62,18 +62,8 @@ static uint64_t counts_to_event(const tim_t *t, int n) {
     return (uint64_t)top - t->base_count + 1;
 }
 
-static void plan(machine_t *m, int n) {
-    const tim_t *t = &m->tim[n];
-    tick_t at =
-        counts_time(t) ? t->base_time + counts_to_event(t, n) * tim_ticks_per_count(m, n) : NEVER;
-    schedule(m, EVENT_TIM + n, at);
-    if (n == 1) {
-        tim_schedule_trigger(m);
-    }
-}
-
 /* Rising edge of TIM1's channel 4 reference, which can start injected conversions. */
-void tim_schedule_trigger(machine_t *m) {
+static void schedule_trigger(machine_t *m) {
     const tim_t *t = &m->tim[1];
     uint32_t mode = t->ccmr[1] >> 12 & 7u; /* OC4M */
     bool second = mode == 7;
@@ -90,6 +80,16 @@ void tim_schedule_trigger(machine_t *m) {
         }
     }
     schedule(m, EVENT_TRIGGER, at > m->now ? at : NEVER);
+}
+
+static void plan(machine_t *m, int n) {
+    const tim_t *t = &m->tim[n];
+    tick_t at =
+        counts_time(t) ? t->base_time + counts_to_event(t, n) * tim_ticks_per_count(m, n) : NEVER;
+    schedule(m, EVENT_TIM + n, at);
+    if (n == 1) {
+        schedule_trigger(m);
+    }
 }
 
 void tim_trigger_event(machine_t *m, tick_t at) {
@@ -167,7 +167,7 @@ void tim_event(machine_t *m, int n, tick_t at) {
 
 /* Freezes the computed count into base_count, so that what it is computed from may change. */
 static void settle(machine_t *m, int n) {
-    m->tim[n].base_count = tim_count(m, n);
+    m->tim[n].base_count = count_now(m, n);
     m->tim[n].base_time = m->now;
 }
 
@@ -254,7 +254,7 @@ uint32_t tim_read(machine_t *m, int n, uint32_t offset) {
     case 0x20:
         return t->ccer;
     case 0x24:
-        return tim_count(m, n);
+        return count_now(m, n);
     case 0x28:
         return t->psc;
     case 0x2C:
