@@ -125,7 +125,7 @@ def _check_row(where: str, columns: list[str], line: str) -> None:
 def _check_time(
     path: Path, columns: list[str], numbered: list[tuple[int, str]], time_s: NDArray[np.float64]
 ) -> None:
-    stalled = np.flatnonzero(np.diff(time_s) <= 0)
+    stalled = np.flatnonzero(time_s[1:] <= time_s[:-1])
     if stalled.size:
         at = int(stalled[0]) + 1
         written = [numbered[i][1].split(",")[columns.index("time_s")].strip() for i in (at - 1, at)]
