@@ -308,12 +308,6 @@ void cable_turn(cable_t *cable, const cable_path_t *path, cable_side_t side,
     join_node(cable, path, side);
 }
 
-static int32_t stretch_nm(cable_t *cable) {
-    return fixed_saturate(
-        -((int64_t)cable->end[CABLE_PROXIMAL].inward_nm + cable->end[CABLE_DISTAL].inward_nm),
-        &cable->saturations);
-}
-
 cable_piece_t cable_piece(cable_t *cable, const cable_path_t *path, cable_side_t side) {
     const cable_end_t *end = &cable->end[side];
     const bool pull = end->direction == CABLE_PULL;
@@ -370,9 +364,6 @@ void cable_pass(cable_t *cable, const cable_path_t *path, cable_side_t side) {
 void cable_place(cable_t *cable, const cable_path_t *path, cable_side_t side, int32_t inward_nm) {
     cable_end_t *end = &cable->end[side];
     end->inward_nm = inward_nm;
-    if (stretch_nm(cable) <= 0) {
-        go_slack(cable);
-    }
     if (cable->motion == CABLE_SLACK) {
         return;
     }

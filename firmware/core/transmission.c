@@ -108,7 +108,7 @@ static int32_t force_un(transmission_t *transmission, const cable_piece_t *a,
 /* Winds the motor until the pair carries `force`. In the direction in which it must wind,
  * T_motor_a - T_motor_b changes monotonically, linear piece after piece (at a breakaway it may fall
  * back, never forth). So: walk from limit to limit until the piece that holds the answer, then
- * divide once. Each round passes a piece of a cable, hence the bound. */
+ * divide once. Each round passes one piece of one cable, hence the bound. */
 static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign) {
     cable_t *a = &transmission->a;
     cable_t *b = &transmission->b;
@@ -136,11 +136,10 @@ static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign
             break;
         }
         arc_nm = end_nm;
-        if (a_first || limit_a_nm == limit_b_nm) { /* both at once: neither comes first */
+        if (a_first) {
             cable_pass(a, path, CABLE_PROXIMAL);
             piece_a = cable_piece(a, path, CABLE_PROXIMAL);
-        }
-        if (!a_first) {
+        } else {
             cable_pass(b, path, CABLE_PROXIMAL);
             piece_b = cable_piece(b, path, CABLE_PROXIMAL);
         }

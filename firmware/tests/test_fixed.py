@@ -74,11 +74,16 @@ def test_a_quotient_keeps_31_significant_bits(numerator: int, denominator: int) 
 @example(INT32_MAX, 1, 2)
 @example(-1, 1, 2)
 @example(-INT32_MAX, 2**63, 1)
+@example(1, 2**30, 1)
+@example(2, 2**30 - 1, 1)
+@example(-3, 2**30, 3)
 def test_scaling_is_the_exact_product_rounded_once(
     quantity: int, numerator: int, denominator: int
 ) -> None:
     ratio = lib.ratio_of(numerator, denominator)
     exact = value_of(ratio) * quantity
+    if value_of(ratio) >= 2**30:
+        exact *= 2**32  # documented: saturates whatever is not 0
     assert counted(lib.fixed_scale, quantity, ratio) == saturated(half_away(exact))
 
 
