@@ -55,6 +55,23 @@ def test_tolerances_hold_back_what_the_recording_does_not_ask_for() -> None:
         assert not one.at_bound
 
 
+def test_what_a_recording_cannot_separate_is_shared_by_the_tolerances() -> None:
+    """Friction knows only mu / R: 10 % more of it is 5 % from each, whatever the recording."""
+    radius = "rig.cable.path[0].radius_m"
+    vague = parse_model(
+        TABLE_1.replace("radius_m: 0.28", "radius_m: {value: 0.28, tolerance: 10 %}")
+    )
+    calibration = calibrate(vague, [measured(9, mu_d=0.231)], free=[FRICTION, radius])
+    friction, bend = calibration.estimates
+    # On the logarithmic scale half of ln(1.1) each: a factor of sqrt(1.1) up and down.
+    assert friction.value == pytest.approx(0.21 * np.sqrt(1.1), rel=0.005)
+    assert bend.value == pytest.approx(0.28 / np.sqrt(1.1), rel=0.005)
+    for one in (friction, bend):
+        # The ratio is known, so each is left with 10 % / sqrt(2), times 1.96 either way.
+        assert (one.high - one.low) / one.value == pytest.approx(2 * 1.96 * 0.0707, rel=0.05)
+    assert calibration.cannot_tell_apart == ((radius, FRICTION),)
+
+
 def test_a_clear_recording_outweighs_a_tolerance() -> None:
     (estimate,) = calibrate(MODEL, [measured(5, pretension_n=13.0)], free=[PRETENSION]).estimates
     assert estimate.value == pytest.approx(13.0, rel=0.01)
