@@ -88,10 +88,13 @@ def run(args: argparse.Namespace) -> int:
         f"\n[bold]report[/]       {report_path.resolve()}\n"
         f"[bold]gap[/]          {1e3 * comparison.figures.gap:.1f} mN m RMS of the load torque\n"
         f"[bold]frames lost[/]  {figures['frames_lost']}\n"
-        "[bold]next[/]         look at the report; fit the model to the run and look again:\n"
-        f"             bowden calibrate {model_path} {run_path} --write-model better.yaml\n"
-        f"             bowden compare better.yaml {run_path} --report better.html\n"
-        "             (in the virtual environment: . .venv/bin/activate)"
+        "[bold]next[/]         look at the report. Table I has extra friction at rest, the simulated rig "
+        "has not:\n"
+        f"             bowden compare docs/examples/table_1_coulomb.yaml {run_path} "
+        "--report coulomb.html\n"
+        f"             bowden calibrate docs/examples/table_1_coulomb.yaml {run_path} "
+        "--write-model fitted.yaml",
+        soft_wrap=True,
     )
     return 0
 
