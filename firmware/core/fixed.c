@@ -97,24 +97,14 @@ ratio_t ratio_of(uint64_t numerator, uint64_t denominator) {
     if (numerator == 0) {
         return normalised(0, 0);
     }
-    /* Long division of the two, both moved up to bit 63: 34 bits of quotient, of which
-     * normalised() rounds away the last. */
-    const int32_t up_numerator = __builtin_clzll(numerator);
-    const int32_t up_denominator = __builtin_clzll(denominator);
-    const uint64_t divisor = denominator << up_denominator;
-    uint64_t rest = numerator << up_numerator;
-    bool carry = false;
-    uint64_t quotient = 0;
-    for (uint32_t bit = 0; bit < 34; bit++) {
-        quotient <<= 1;
-        if (carry || rest >= divisor) {
-            rest -= divisor;
-            quotient |= 1u;
-        }
-        carry = rest >> 63 != 0;
-        rest <<= 1;
-    }
-    return normalised(quotient, 33 + up_numerator - up_denominator);
+    /* The numerator moved up to 64 bits and the denominator moved to 32, one division: a quotient
+     * of 32 bits or more. A longer denominator loses its low bits, rounded. */
+    const int32_t up = __builtin_clzll(numerator);
+    const int32_t width = 64 - __builtin_clzll(denominator);
+    const uint64_t divisor =
+        width > 32 ? (denominator >> (width - 32)) + ((denominator >> (width - 33)) & 1u)
+                   : denominator << (32 - width);
+    return normalised((numerator << up) / divisor, up + width - 32);
 }
 
 ratio_t ratio_add(ratio_t a, ratio_t b) {

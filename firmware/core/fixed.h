@@ -41,7 +41,8 @@ int32_t fixed_scale(int32_t quantity, ratio_t ratio, uint32_t *saturations);
 /* `value` limited to [low, high]; does not count. low <= high. */
 int32_t fixed_clamp(int32_t value, int32_t low, int32_t high);
 
-/* numerator / denominator, rounded to 31 significant bits. denominator > 0. */
+/* numerator / denominator to 31 significant bits, relative error at most 1.5 * 2^-31.
+ * denominator > 0. */
 ratio_t ratio_of(uint64_t numerator, uint64_t denominator);
 
 /* Sum, product and reciprocal, relative error at most 2^-30. The reciprocal of 0 is 0: callers that

@@ -13,7 +13,12 @@
 enum { FLAG_SATURATED = 1 << 2, FLAG_NO_TAUT_CABLE = 1 << 3, FLAG_TORQUE_LIMIT = 1 << 4 };
 
 void drive_init(drive_t *drive, const board_identity_t *identity) {
-    *drive = (drive_t){.state = STATE_NOT_READY_TO_SWITCH_ON};
+    /* No configuration has these revisions: the first tick takes the defaults. */
+    *drive = (drive_t){
+        .state = STATE_NOT_READY_TO_SWITCH_ON,
+        .configured_revision = UINT32_MAX,
+        .seen_revision = UINT32_MAX,
+    };
     node_init(&drive->node, DICTIONARY, DICTIONARY_COUNT, &drive->dictionary, identity->node_id, 0);
     drive->dictionary.identity_serial_number = identity->serial_number;
 }
@@ -26,6 +31,32 @@ bool drive_transmit(drive_t *drive, can_frame_t *frame) {
     return node_transmit(&drive->node, frame);
 }
 
+/* ---- what the host commands ---- */
+
+static bool is_powered(drive_state_t state) {
+    return state == STATE_SWITCHED_ON || state_bridge_on(state);
+}
+
+/* The command in force. Without NMT operational no current flows: the host that started the node
+ * may not be there. */
+static state_command_t effective_command(const drive_t *drive) {
+    const state_command_t command = state_command(drive->dictionary.controlword);
+    if (node_state(&drive->node) == NMT_OPERATIONAL) {
+        return command;
+    }
+    if (state_bridge_on(drive->state)) {
+        return COMMAND_DISABLE_VOLTAGE;
+    }
+    return command == COMMAND_ENABLE_OPERATION ? COMMAND_SWITCH_ON : command;
+}
+
+/* Does this command lead to the next higher state? Then the configuration must stand. */
+static bool leads_up(drive_state_t state, state_command_t command) {
+    return (state == STATE_READY_TO_SWITCH_ON &&
+            (command == COMMAND_SWITCH_ON || command == COMMAND_ENABLE_OPERATION)) ||
+           (state == STATE_SWITCHED_ON && command == COMMAND_ENABLE_OPERATION);
+}
+
 /* ---- configuration ---- */
 
 /* Takes the dictionary's configuration; the model starts from a virgin rig at the present angles.
@@ -33,7 +64,6 @@ bool drive_transmit(drive_t *drive, can_frame_t *frame) {
 static void configure(drive_t *drive, const board_sensors_t *sensors) {
     dictionary_t *dictionary = &drive->dictionary;
     drive->configured_revision = drive->node.od.config_revision;
-    dictionary->configuration_error = parameters_defect(dictionary);
     drive->parameters = parameters_of(dictionary);
     drive->configured = false;
     drive->saturations = 0;
@@ -46,8 +76,12 @@ static void configure(drive_t *drive, const board_sensors_t *sensors) {
     drive->load_zero_counts = sensors->load_encoder_counts;
 }
 
-/* While the bridge is off: takes a changed configuration when it has settled, or `now`. */
-static void follow_configuration(drive_t *drive, const board_sensors_t *sensors, bool now) {
+/* While the bridge is off: takes a changed configuration when it has settled, before the next step
+ * up, or in the first tick. Returns true in the tick that takes it. */
+static bool follow_configuration(drive_t *drive, const board_sensors_t *sensors) {
+    if (state_bridge_on(drive->state)) {
+        return false;
+    }
     const uint32_t revision = drive->node.od.config_revision;
     if (revision != drive->seen_revision) {
         drive->seen_revision = revision;
@@ -56,10 +90,13 @@ static void follow_configuration(drive_t *drive, const board_sensors_t *sensors,
     } else if (drive->settled_ticks < SETTLED_TICKS) {
         drive->settled_ticks++;
     }
-    const bool changed = revision != drive->configured_revision;
-    if (changed && (now || drive->settled_ticks == SETTLED_TICKS)) {
-        configure(drive, sensors);
+    const bool now = drive->state == STATE_NOT_READY_TO_SWITCH_ON ||
+                     leads_up(drive->state, effective_command(drive));
+    if (revision == drive->configured_revision || !(now || drive->settled_ticks == SETTLED_TICKS)) {
+        return false;
     }
+    configure(drive, sensors);
+    return true;
 }
 
 /* ---- measured quantities ---- */
@@ -94,45 +131,23 @@ static void publish_sensors(drive_t *drive, const board_sensors_t *sensors) {
 
 /* ---- state ---- */
 
-static bool is_powered(drive_state_t state) {
-    return state == STATE_SWITCHED_ON || state_bridge_on(state);
-}
-
-/* The command in force. Without NMT operational no current flows: the host that started the node
- * may not be there. */
-static state_command_t effective_command(const drive_t *drive) {
-    const state_command_t command = state_command(drive->dictionary.controlword);
-    if (node_state(&drive->node) == NMT_OPERATIONAL) {
-        return command;
-    }
-    if (state_bridge_on(drive->state)) {
-        return COMMAND_DISABLE_VOLTAGE;
-    }
-    return command == COMMAND_ENABLE_OPERATION ? COMMAND_SWITCH_ON : command;
-}
-
-/* Does this command lead to the next higher state? Then the configuration must stand. */
-static bool leads_up(drive_state_t state, state_command_t command) {
-    return (state == STATE_READY_TO_SWITCH_ON &&
-            (command == COMMAND_SWITCH_ON || command == COMMAND_ENABLE_OPERATION)) ||
-           (state == STATE_SWITCHED_ON && command == COMMAND_ENABLE_OPERATION);
-}
-
 static void raise_fault(drive_t *drive, fault_t fault) {
     drive->dictionary.error_code = fault.code;
     node_error_set(&drive->node, fault.code, fault.register_bits, fault.detail);
 }
 
-static void step_state(drive_t *drive, const board_sensors_t *sensors) {
+/* `late`: the last tick took a configuration. That takes longer than a period, so the overrun that
+ * the board reports is none; the bridge is off, and a step up waits for a tick that is on time. */
+static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late) {
     dictionary_t *dictionary = &drive->dictionary;
-    const state_command_t command = effective_command(drive);
-    const bool up = leads_up(drive->state, command);
-    if (!state_bridge_on(drive->state)) {
-        follow_configuration(drive, sensors, up);
-    }
-    fault_t fault = supervision_check(
-        sensors, node_host_lost(&drive->node), up || is_powered(drive->state),
-        state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON));
+    const state_command_t wanted = effective_command(drive);
+    const state_command_t command = drive->took_configuration ? COMMAND_NONE : wanted;
+    const bool up = leads_up(drive->state, wanted);
+    const bool running = state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON);
+    const uint32_t expected = late ? BOARD_FAULT_TICK_OVERRUN : 0;
+    fault_t fault =
+        supervision_check(sensors->faults & ~expected, sensors->bus_voltage_mv,
+                          up || is_powered(drive->state), running && node_host_lost(&drive->node));
     if (fault.code == EMCY_NO_ERROR && up && !drive->configured) {
         fault = supervision_configuration_refused(dictionary->configuration_error);
     }
@@ -270,11 +285,10 @@ static void count_sample(drive_t *drive, const board_sensors_t *sensors) {
 }
 
 void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_t *actuators) {
-    if (drive->state == STATE_NOT_READY_TO_SWITCH_ON) {
-        configure(drive, sensors);
-    }
+    const bool late = drive->took_configuration;
+    drive->took_configuration = follow_configuration(drive, sensors);
     publish_sensors(drive, sensors);
-    step_state(drive, sensors);
+    step_state(drive, sensors, late);
     step_command(drive);
     step_model(drive);
     publish_state(drive, sensors);

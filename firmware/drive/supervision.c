@@ -22,18 +22,16 @@ static const board_fault_t BOARD_FAULTS[] = {
 
 #define BOARD_FAULT_COUNT (sizeof BOARD_FAULTS / sizeof BOARD_FAULTS[0])
 
-fault_t supervision_check(const board_sensors_t *sensors, bool host_lost, bool powered,
-                          bool running) {
+fault_t supervision_check(uint32_t faults, int32_t bus_voltage_mv, bool powered, bool host_lost) {
     for (uint32_t i = 0; i < BOARD_FAULT_COUNT; i++) {
-        if ((sensors->faults & BOARD_FAULTS[i].board_fault) != 0) {
-            return (fault_t){BOARD_FAULTS[i].code, BOARD_FAULTS[i].register_bits, sensors->faults};
+        if ((faults & BOARD_FAULTS[i].board_fault) != 0) {
+            return (fault_t){BOARD_FAULTS[i].code, BOARD_FAULTS[i].register_bits, faults};
         }
     }
-    if (powered && sensors->bus_voltage_mv < SUPERVISION_BUS_VOLTAGE_MIN_MV) {
-        return (fault_t){EMCY_UNDERVOLTAGE, EMCY_UNDERVOLTAGE_REGISTER,
-                         (uint32_t)sensors->bus_voltage_mv};
+    if (powered && bus_voltage_mv < SUPERVISION_BUS_VOLTAGE_MIN_MV) {
+        return (fault_t){EMCY_UNDERVOLTAGE, EMCY_UNDERVOLTAGE_REGISTER, (uint32_t)bus_voltage_mv};
     }
-    if (running && host_lost) {
+    if (host_lost) {
         return (fault_t){EMCY_HEARTBEAT_LOST, EMCY_HEARTBEAT_LOST_REGISTER, 0};
     }
     return (fault_t){EMCY_NO_ERROR, 0, 0};

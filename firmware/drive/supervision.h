@@ -1,4 +1,4 @@
-/* supervision.h: what must not go on. It looks at one sample and names the first thing that is
+/* supervision.h: what must not go on. It looks at one tick and names the first thing that is
  * wrong; the state machine takes it from there. No state of its own.
  */
 #ifndef BOWDEN_DRIVE_SUPERVISION_H
@@ -21,9 +21,9 @@ typedef struct {
     uint32_t detail;
 } fault_t;
 
-/* What is wrong now. `powered`: switched on or further; `running`: the bridge is on. */
-fault_t supervision_check(const board_sensors_t *sensors, bool host_lost, bool powered,
-                          bool running);
+/* What is wrong now. `faults`: BOARD_FAULT_* bits; `powered`: switched on or further; `host_lost`:
+ * while current may flow. */
+fault_t supervision_check(uint32_t faults, int32_t bus_voltage_mv, bool powered, bool host_lost);
 
 /* Tells the node that every fault which supervision_check() can name, and a refused configuration,
  * is gone. */

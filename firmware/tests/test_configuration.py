@@ -11,7 +11,8 @@ import pytest
 
 from firmware.tests.native import NMT_START, Drive
 
-SWITCHED_ON, FAULT = 3, 7
+READY_TO_SWITCH_ON, SWITCHED_ON, FAULT_REACTION_ACTIVE, FAULT = 2, 3, 6, 7
+TICK_OVERRUN = 1 << 5
 SETTLED_TICKS = 205  # 50 ms after the last write, and the tick that sees it
 
 
@@ -87,6 +88,11 @@ def test_switching_on_does_not_wait_for_a_configuration_to_settle() -> None:
     drive.nmt(NMT_START)
     drive.control(0x06)
     drive.write(0x2111, 0, 5_000_000, 4)
-    drive.control(0x07)
-    assert drive.state == SWITCHED_ON
+    drive.control(0x07)  # this tick takes the configuration and is late by it,
+    assert drive.state == READY_TO_SWITCH_ON
+    drive.sensors.faults = TICK_OVERRUN  # as the board then says,
+    drive.tick()
+    assert drive.state == SWITCHED_ON  # which is no fault
+    drive.tick()
+    assert drive.state == FAULT_REACTION_ACTIVE  # a second one is
     assert drive.raw.transmission.settings.cable.pretension_un == 5_000_000
