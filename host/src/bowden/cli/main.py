@@ -31,6 +31,7 @@ COMMANDS = {
     "simulate": "run the offline model on a recording's inputs",
     "compare": "compare recordings with the offline model",
     "calibrate": "fit named parameters of a model to recordings",
+    "experiment": "run one of the paper's experiments on the offline model",
     "convert": "turn other recordings into the exchange form (CSV)",
 }
 

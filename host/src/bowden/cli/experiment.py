@@ -1,0 +1,110 @@
+"""Run one of the paper's experiments on the offline model and say what came out.
+
+1a: load locked, four pretensions. 1b: load locked, one to three loops of conduit. 2: a hand moves
+the load by 40 degrees at 0.5 Hz, the motor renders the error-reduction tunnel. 3: the motor follows
+the load's position, ideally and with a PI controller. The preset `printed` is the rig of the
+paper's Table I, with which no torque arrives in Experiment 1; `transmitting` has a pretension with
+which it does.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.cli.model_arguments import read_model
+from bowden.cli.output import add_json_argument, console, print_json
+from bowden.errors import BadInput
+
+if TYPE_CHECKING:
+    from bowden.model import Model
+    from bowden.model.experiments import Experiment
+
+EXAMPLES = """examples:
+  bowden experiment 1a
+  bowden experiment 2 --report tunnel.html
+  bowden experiment 3 --model rig.yaml --segments 50 --json
+"""
+
+NAMES = ("1a", "1b", "2", "3")
+PRESETS = ("printed", "transmitting")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("experiment", choices=NAMES, help="which of the paper's experiments")
+    parser.add_argument(
+        "--model", metavar="MODEL.yaml", type=Path, help="the rig (default: Table I)"
+    )
+    parser.add_argument("--preset", choices=PRESETS, default=PRESETS[0])
+    numerics = parser.add_mutually_exclusive_group()
+    numerics.add_argument(
+        "--segments", metavar="N", type=int, help="solve on a mesh of N segments a cable"
+    )
+    numerics.add_argument("--solver", choices=("mesh_free",), help="solve exactly, without a mesh")
+    parser.add_argument(
+        "--gains",
+        metavar=("KP", "KI"),
+        nargs=2,
+        type=float,
+        help="of the PI follower in experiment 3, N m/rad and N m/(rad s) (default: 5 10)",
+    )
+    parser.add_argument(
+        "--report", metavar="OUT.html", type=Path, help="write a page that opens anywhere"
+    )
+    add_json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the experiment, write the page, print the figures."""
+    from bowden.model.experiments import PiGains, run_experiment  # noqa: PLC0415  (fast --help)
+
+    if args.gains and args.experiment != "3":
+        raise BadInput("--gains", f"experiment {args.experiment}", "experiment 3")
+    gains = PiGains(*args.gains) if args.gains else None
+    result = run_experiment(args.experiment, _model(args), args.preset, gains)
+    if args.report:
+        from bowden.recording.atomic import replace_whole  # noqa: PLC0415
+        from bowden.report.experiment import experiment_report  # noqa: PLC0415
+
+        with replace_whole(args.report) as temporary:
+            temporary.write_text(experiment_report(result), encoding="utf-8")
+    _show(result)
+    if args.report:
+        console().print(f"report: {args.report}", soft_wrap=True)
+    if args.json:
+        report = str(args.report) if args.report else None
+        print_json(result.to_document() | {"report": report})
+    return 0
+
+
+def _model(args: argparse.Namespace) -> Model:
+    from bowden.model.experiments import as_printed  # noqa: PLC0415
+    from bowden.model.experiments.variants import with_segments, without_mesh  # noqa: PLC0415
+
+    model = read_model(args.model) if args.model else as_printed()
+    if args.segments is not None:
+        return with_segments(model, args.segments)
+    return without_mesh(model) if args.solver else model
+
+
+def _show(result: Experiment) -> None:
+    from rich import box  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415  (keeps --help fast)
+
+    from bowden.report.experiment import PRESET_WORDS, figures_table  # noqa: PLC0415
+
+    out = console()
+    part: Experiment | None = result
+    while part is not None:
+        header, rows = figures_table(part)
+        out.print(f"[bold]{part.title}[/], {PRESET_WORDS[part.preset]}")
+        shown = Table(header[0], header[1], box=box.SIMPLE_HEAD, pad_edge=False)
+        for name in header[2:]:
+            shown.add_column(name, justify="right", no_wrap=False, min_width=8)
+        for row in rows:
+            shown.add_row(*row)
+        out.print(shown)
+        out.print(f"{part.finding}\n")
+        part = part.beside

@@ -1,0 +1,27 @@
+"""The paper's experiments, as the model sees them: what is imposed, what comes out, what it means.
+
+Pure functions over a `Model`; no file, no plot. `signals` makes what is imposed, `variants` the
+models of a series, `locked_load`, `tunnel` and `follower` are Experiments 1, 2 and 3. `bowden
+experiment` shows the `Experiment` that `run_experiment` returns; `sweep` takes single cases.
+"""
+
+from bowden.model.experiments.catalogue import (
+    EXPERIMENTS,
+    PRESETS,
+    as_printed,
+    run_experiment,
+    single_case,
+)
+from bowden.model.experiments.position_controller import PiGains
+from bowden.model.experiments.result import Case, Experiment
+
+__all__ = [
+    "EXPERIMENTS",
+    "PRESETS",
+    "Case",
+    "Experiment",
+    "PiGains",
+    "as_printed",
+    "run_experiment",
+    "single_case",
+]
