@@ -329,6 +329,10 @@ def test_no_active_bank_no_frames_and_list_beats_mask() -> None:
     two = "R(CAN + 0x204) = 2u; R(CAN + 0x20C) = 3u; R(CAN + 0x214) = 2u; R(CAN + 0x21C) = 3u;"
     two += "R(CAN + 0x248) = R(CAN + 0x24C) = 0x155u << 21;"
     assert accepted(two, [0x154, 0x155]) == [(0x154, 0), (0x155, 1)]
+    # two masks that both match: the lower bank number
+    two = "R(CAN + 0x20C) = 3u; R(CAN + 0x214) = 2u; R(CAN + 0x21C) = 3u;"
+    two += "R(CAN + 0x248) = R(CAN + 0x24C) = 0;"
+    assert accepted(two, [0x155]) == [(0x155, 0)]
 
 
 # ---- errors -----------------------------------------------------------------------------------

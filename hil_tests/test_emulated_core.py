@@ -77,6 +77,34 @@ def test_preemption_follows_the_four_priority_bits(outer: int, inner: int, expec
     assert results(run(source), 1) == [expected]
 
 
+def test_of_equal_interrupts_the_lowest_number_goes_first() -> None:
+    chip = run(
+        """
+        void IRQ6(void) { result[0] = result[0] * 16 + 6; }
+        void IRQ7(void) { result[0] = result[0] * 16 + 7; }
+        void IRQ54(void) { result[0] = result[0] * 16 + 5; }
+        int main(void) { ENABLE_IRQ(54); ENABLE_IRQ(7); ENABLE_IRQ(6); __asm volatile("cpsid i");
+            R(0xE000E204u) = 1u << 22; R(0xE000E200u) = 3u << 6;
+            __asm volatile("cpsie i\\n isb"); for (;;) { WFI(); } }
+        """
+    )
+    assert results(chip, 1) == [0x675]
+
+
+def test_the_vector_table_can_move() -> None:
+    chip = run(
+        """
+        void moved(void) { result[0] = 1; }
+        void IRQ6(void) { result[0] = 2; }
+        __attribute__((aligned(512))) uint32_t table[98];
+        int main(void) { for (int i = 0; i < 98; i++) { table[i] = R(4 * i); }
+            table[16 + 6] = (uint32_t)&moved; R(0xE000ED08u) = (uint32_t)table;
+            ENABLE_IRQ(6); R(0xE000E200u) = 1u << 6; for (;;) { WFI(); } }
+        """
+    )
+    assert results(chip, 1) == [1]
+
+
 def test_priority_grouping_makes_subpriorities_wait_but_go_first() -> None:
     # PRIGROUP 5: bits 7..6 preempt, 5..4 only order what is pending together.
     chip = run(
@@ -474,6 +502,31 @@ def test_accounts_split_exclusive_from_inclusive() -> None:
     assert 302 <= outer.worst_exclusive <= 320
     chip.reset_accounts()
     assert chip.accounts() == []
+
+
+@pytest.mark.parametrize(
+    "instruction",
+    [
+        "add r0, r1",  # 16 bits
+        "add.w r0, r1, r8",  # 0b11101
+        "ldrd r2, r3, [sp]",
+        "movw r0, #4660",  # 0b11110
+        "ldr.w r2, [sp, #4]",  # 0b11111
+        "smull r2, r3, r0, r1",
+        "it eq\\n addeq r0, #1",  # a skipped instruction takes its slot too: 2 each
+    ],
+)
+def test_instructions_of_both_lengths_count_one_each(instruction: str) -> None:
+    source = """
+        void IRQ6(void) { __asm volatile("movs r1, #1" ::: "r1"); }
+        void IRQ7(void) { __asm volatile("movs r1, #1\\n .rept 10\\n INSN\\n .endr"
+            ::: "r0", "r1", "r2", "r3"); }
+        int main(void) { ENABLE_IRQ(6); ENABLE_IRQ(7); R(0xE000E200u) = 3u << 6;
+            for (;;) { WFI(); } }
+    """
+    chip = run(source.replace("INSN", instruction))
+    extra = chip.account(16 + 7).total_exclusive - chip.account(16 + 6).total_exclusive
+    assert extra == 10 * (1 + instruction.count("\\n"))
 
 
 def test_two_runs_are_identical_whatever_the_steps() -> None:

@@ -239,6 +239,15 @@ def test_encoder_mode_3_counts_every_edge_and_wraps() -> None:
     assert count_after(chip, -70_000, 3) == 3
 
 
+def test_encoder_count_wraps_at_arr_and_flags_an_update() -> None:
+    chip = encoder(setup="R(0x4000042Cu) = 1999;")
+    assert count_after(chip, 1999) == 1999
+    assert not chip.peripheral(0x40000410) & 1
+    assert count_after(chip, 2000) == 0
+    assert chip.peripheral(0x40000410) & 1
+    assert count_after(chip, -1) == 1999
+
+
 def test_encoder_modes_1_and_2_count_one_line_only() -> None:
     for mode in (1, 2):
         chip = encoder(mode)

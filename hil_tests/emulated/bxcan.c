@@ -226,6 +226,9 @@ static void write_mcr(machine_t *m, uint32_t value) {
     if (value & TTCM) {
         note(m, "CAN1: time-triggered mode is not modelled");
     }
+    if (value & AWUM) {
+        note(m, "CAN1: automatic wake-up is not modelled");
+    }
     c->mcr = value & 0x100FFu;
     enter_requested_mode(m);
 }

@@ -274,12 +274,12 @@ typedef struct {
 void bridge_advance(machine_t *m, tick_t at); /* call before anything that changes its voltage */
 void bridge_check_enabled(machine_t *m);      /* and this after it */
 
-/* ---- bus.c: which register model answers an address * ---- */
+/* ---- bus.c: which register model answers an address ---- */
 void bus_map(machine_t *m);
 void note(machine_t *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void bus_fault(machine_t *m, uint32_t address); /* of the running access */
 
-/* ---- cpu.c * ---- */
+/* ---- cpu.c ---- */
 #define BLOCK_CACHE 65536
 typedef struct {
     uc_engine *uc;
@@ -303,7 +303,7 @@ uint8_t *memory_at(machine_t *m, uint32_t address, uint32_t length);
 uint32_t cpu_get(machine_t *m, int reg);
 void cpu_set(machine_t *m, int reg, uint32_t value);
 
-/* ---- machine.c * ---- */
+/* ---- machine.c ---- */
 void request_reset(machine_t *m, uint32_t cause); /* RCC_CSR flag; performed between blocks */
 void perform_reset(machine_t *m);
 uint64_t ticks_to_ns(tick_t ticks);
