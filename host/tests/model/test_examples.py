@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
 from bowden.model import parse_model, table_1
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
