@@ -128,15 +128,21 @@ def slide_exponent(transmission: Transmission, mesh: Mesh) -> FloatArray:
     return np.array([[plus, minus], [minus, plus]])
 
 
+def breakaway_excess(transmission: Transmission, mesh: Mesh) -> FloatArray:
+    """Return (mu_s - mu_d) l_s/R, what a segment holds beyond its sliding friction."""
+    law = transmission.friction
+    stiction_m = mesh.length_m if law.stiction_length_m is None else law.stiction_length_m
+    excess: FloatArray = (law.mu_s - law.mu_d) * stiction_m * mesh.wrap_rad / mesh.length_m
+    return excess
+
+
 def tables(transmission: Transmission) -> Tables:
     """Compute the constants of the sliding zones for a constant friction coefficient."""
     law = transmission.friction
     mesh = cut(transmission)
     n = mesh.length_m.size
     exponent = slide_exponent(transmission, mesh)
-    curvature = mesh.wrap_rad / mesh.length_m
-    stiction_m = mesh.length_m if law.stiction_length_m is None else law.stiction_length_m
-    excess = (law.mu_s - law.mu_d) * stiction_m * curvature
+    excess = breakaway_excess(transmission, mesh)
     compliance = mesh.length_m / transmission.axial_stiffness_n
 
     decay = np.empty((2, 2, 2, n + 1))

@@ -1,15 +1,23 @@
 """Answers a mode with the mesh: pulley angles and torques to cable ends and back.
 
-Reads a `Transmission` and two series, calls the compiled kernels, returns a `Trajectory`.
+Reads a `Transmission` and two series, calls the compiled kernels (`mesh_events` where friction
+knows no rate and no tension, `mesh_rates` otherwise), returns a `Trajectory`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from bowden.model import mesh_events, mesh_rates
 from bowden.model.errors import ModelError
-from bowden.model.mesh import rest_state, tables
-from bowden.model.mesh_events import run
+from bowden.model.mesh import (
+    breakaway_excess,
+    cut,
+    rest_state,
+    slide_exponent,
+    sliding_weight,
+    tables,
+)
 from bowden.model.trajectory import FloatArray, Mode, Trajectory
 from bowden.model.transmission import Transmission
 
@@ -33,6 +41,11 @@ def simulate_mesh(
     Trajectory
         A free pulley starts where the first sample of the other one, by the ratio of the pulleys,
         leaves the cables as they are; then the first torque is applied.
+
+    Raises
+    ------
+    ModelError
+        No equilibrium was found in some sample; only with speeds or tensions far beyond a cable's.
     """
     free = FREE_PULLEY[mode]
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
@@ -40,20 +53,72 @@ def simulate_mesh(
     motor_end = motor / r_motor if free == 0 else motor * r_motor
     load_end = load / r_load if free == 1 else load * -r_load
     out = np.zeros((time_s.size, 6))
-    failed = run(
-        tables(transmission),
-        rest_state(transmission),
-        free,
-        time_s,
-        motor_end,
-        load_end,
-        transmission.velocity_dead_band_m_per_s,
-        transmission.rest_time_s,
-        out,
-    )
+    if transmission.friction.is_coulomb:
+        failed = mesh_events.run(
+            tables(transmission),
+            rest_state(transmission),
+            free,
+            time_s,
+            motor_end,
+            load_end,
+            transmission.velocity_dead_band_m_per_s,
+            transmission.rest_time_s,
+            out,
+        )
+    else:
+        failed = mesh_rates.run(
+            rate_tables(transmission),
+            rate_state(transmission),
+            free,
+            time_s,
+            motor_end,
+            load_end,
+            out,
+        )
     if failed or not np.all(np.isfinite(out)):
-        raise ModelError(f"no equilibrium found in {failed} samples; please report the model file")
+        raise ModelError(
+            f"no equilibrium found in {failed} of {time_s.size} samples, "
+            "accepted: smaller steps, or motion that a cable can follow"
+        )
     return trajectory_of(transmission, mode, time_s, motor, load, out)
+
+
+def rate_tables(transmission: Transmission) -> mesh_rates.RateTables:
+    """Compute the constants of `mesh_rates`."""
+    law, mesh = transmission.friction, cut(transmission)
+    exponent = slide_exponent(transmission, mesh)
+    half = sliding_weight(exponent[0].mean(axis=0)) * mesh.length_m
+    compliance = np.zeros(mesh.length_m.size + 1)
+    compliance[:-1] += half
+    compliance[1:] += half
+    return mesh_rates.RateTables(
+        exponent=exponent,
+        excess=breakaway_excess(transmission, mesh),
+        stiffness=transmission.axial_stiffness_n / compliance,
+        viscous_s_per_m=law.mu_v_s_per_m / law.mu_d if law.mu_d > 0 else 0.0,
+        stribeck_gain=law.stribeck_gain,
+        stribeck_speed_m_per_s=law.stribeck_speed_m_per_s,
+        tension_exponent=law.tension_exponent,
+        reference_n=transmission.pretension_n if transmission.pretension_n > 0 else 1.0,
+        memory_s=law.memory_s,
+    )
+
+
+def rate_state(transmission: Transmission) -> mesh_rates.RateState:
+    """Return both cables at rest for `mesh_rates`."""
+    rest = rest_state(transmission)
+    n = rest.node_n.shape[1] - 1
+    return mesh_rates.RateState(
+        tension=rest.node_n.copy(),
+        speed=np.zeros((2, n)),
+        slides=np.where(slide_exponent(transmission, cut(transmission))[:, 0] == 0, 1, 0),
+        rested=np.ones((2, n), dtype=np.int64),
+        gap_m=rest.gap_m.copy(),
+        slip=np.zeros((2, n)),
+        slip_per_x=np.zeros((2, n)),
+        saved=np.zeros((2, 5, n + 1)),
+        room=np.zeros((2, 5, n)),
+    )
 
 
 def trajectory_of(  # noqa: PLR0917
