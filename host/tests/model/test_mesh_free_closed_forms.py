@@ -51,10 +51,7 @@ def torque_with_load_locked(rig: Transmission, torque: FloatArray) -> Trajectory
 
 def through(*levels: float, steps: int = 200) -> FloatArray:
     """Straight lines from level to level; each level is hit exactly."""
-    pieces = [
-        np.linspace(a, b, steps, endpoint=False)
-        for a, b in itertools.pairwise(levels)
-    ]
+    pieces = [np.linspace(a, b, steps, endpoint=False) for a, b in itertools.pairwise(levels)]
     return np.concatenate((*pieces, [levels[-1]]))
 
 

@@ -28,9 +28,9 @@ from bowden.model.mesh_free_profile import (
     DISPLACEMENT,
     END,
     LUMP,
-    MOVE_FIELDS,
     PIECE,
     PIECE_FIELDS,
+    PLAN_FIELDS,
     REACH_PULL,
     REACH_RELEASE,
     START,
@@ -41,14 +41,15 @@ from bowden.model.mesh_free_profile import (
     Pair,
 )
 from bowden.model.mesh_free_steps import (
+    CARRIED_FIELDS,
     FAR_A,
     FAR_B,
     FOUND_FAR,
     FOUND_NEAR,
+    MEAN,
     NEAR_A,
     NEAR_B,
     OUTPUT_ROWS,
-    PLAN_FIELDS,
     run_positions,
     run_torque,
 )
@@ -73,8 +74,7 @@ def simulate_mesh_free(
     Parameters
     ----------
     transmission : Transmission
-        A pair with Coulomb friction; `segments` is not read. At angle 0 of both pulleys each cable
-        has its initial profile.
+        A pair with Coulomb friction; `segments` is not read.
     mode : Mode
     time_s : ndarray of shape (n,), s
         Copied to the answer; the solution does not depend on it.
@@ -84,6 +84,8 @@ def simulate_mesh_free(
     Returns
     -------
     Trajectory
+        At the first angle given each cable has its initial profile, and a free pulley starts where
+        the ratio of the pulleys puts it; then the first torque is applied.
         `NOT_CARRIED` is never set: the stretches of the two cables sum to a constant >= 0, so the
         pulley always finds a cable to pull on.
 
@@ -97,19 +99,21 @@ def simulate_mesh_free(
     path = path_tables(transmission, seen_from_load)
     profile = _initial_profile(transmission, path, seen_from_load)
     pair = _pair_at_rest(path, profile)
-    stretch, carried = profile[-1, DISPLACEMENT], np.array([profile[0, TENSION], 0.0])
+    stretch, carried = profile[-1, DISPLACEMENT], np.zeros(CARRIED_FIELDS)
+    carried[MEAN] = profile[0, TENSION]
     out = np.zeros((OUTPUT_ROWS, len(time_s)))
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
+    motor_travel, load_travel = first - first[0], second - second[0]
     done = 0
     while done < len(time_s):
         if mode is Mode.TORQUE_POSITION:
-            series = first / r_motor, -r_load * second
+            series = first / r_motor, -r_load * load_travel
             done = run_torque(pair, *series, stretch, carried, done, out)
         elif mode is Mode.POSITION_TORQUE:
-            series = second / r_load, r_motor * first
+            series = second / r_load, r_motor * motor_travel
             done = run_torque(pair, *series, stretch, carried, done, out)
         else:
-            series = -r_motor * first, -r_load * second
+            series = -r_motor * motor_travel, -r_load * load_travel
             done = run_positions(pair, *series, stretch, done, out)
         if done < len(time_s):
             pair = _with_more_room(pair)
@@ -118,9 +122,11 @@ def simulate_mesh_free(
     slack = slack | (SLACK_B * ((out[NEAR_B] == 0) & (out[FAR_B] == 0)))
     motor_angle, load_angle, motor_torque, load_torque = first, second, first, second
     if mode is Mode.TORQUE_POSITION:
-        motor_angle, load_torque = -out[FOUND_NEAR] / r_motor, r_load * out[FOUND_FAR]
+        motor_angle = (r_load * second[0] - out[FOUND_NEAR]) / r_motor
+        load_torque = r_load * out[FOUND_FAR]
     elif mode is Mode.POSITION_TORQUE:
-        load_angle, motor_torque = out[FOUND_NEAR] / r_load, r_motor * out[FOUND_FAR]
+        load_angle = (r_motor * first[0] + out[FOUND_NEAR]) / r_load
+        motor_torque = r_motor * out[FOUND_FAR]
     else:
         motor_torque, load_torque = r_motor * out[FOUND_NEAR], r_load * out[FOUND_FAR]
     motor_a, load_a, motor_b, load_b = NEAR_A, FAR_A, NEAR_B, FAR_B
@@ -191,12 +197,13 @@ def _one_side(wrap: FloatArray, compliance: FloatArray) -> FloatArray:
     rows[1:-1, COMPLIANCE] = compliance[curved] / wrap[curved]
     total = np.concatenate(([0.0], np.cumsum(np.where(wrap > _STRAIGHT_BELOW, 0.0, compliance))))
     rows[1:, LUMP] = np.diff(total[np.concatenate(([0], curved, [len(wrap)]))])
+    pulled, released = 0.0, 0.0  # per newton at the end, up to the start of piece p
     for p in range(1, len(rows)):
-        x, c, before = rows[p, START], rows[p - 1, COMPLIANCE], rows[p - 1]
-        rows[p, REACH_PULL] = before[REACH_PULL] + c * (1 / before[START] - 1 / x)
-        rows[p, REACH_PULL] += rows[p, LUMP] / x
-        rows[p, REACH_RELEASE] = before[REACH_RELEASE] + c * (x - before[START])
-        rows[p, REACH_RELEASE] += rows[p, LUMP] * x
+        before, x, c = rows[p - 1, COMPLIANCE], rows[p, START], rows[p, COMPLIANCE]
+        pulled += before * (1 / rows[p - 1, START] - 1 / x) + rows[p, LUMP] / x
+        released += before * (x - rows[p - 1, START]) + rows[p, LUMP] * x
+        rows[p, REACH_PULL] = pulled + c / x
+        rows[p, REACH_RELEASE] = released - c * x
     return rows
 
 
@@ -295,7 +302,7 @@ def _pair_at_rest(path: FloatArray, profile: FloatArray) -> Pair:
     points = np.zeros((2, room, BREAKPOINT_FIELDS))
     points[:, start : start + len(profile)] = profile
     span = np.array([[start, start + len(profile) - 1]] * 2, dtype=np.int64)
-    return Pair(points, span, path, np.zeros((2, 2, MOVE_FIELDS)), np.zeros((2, PLAN_FIELDS)))
+    return Pair(points, span, path, np.zeros((2, PLAN_FIELDS)))
 
 
 def _with_more_room(pair: Pair) -> Pair:

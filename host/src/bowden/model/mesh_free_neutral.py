@@ -18,12 +18,13 @@ from bowden.model.mesh_free_profile import (
     TENSION,
     X_NEAR,
     Pair,
+    inlined,
     reach,
     stretch_along,
 )
 
 
-@compiled_in_place
+@inlined
 def _frozen_at(pair: Pair, cable: int, x: float) -> tuple[float, float, int]:
     """Tension, displacement and path piece of the old profile at near coordinate `x`."""
     j = pair.span[cable, 0]

@@ -27,8 +27,10 @@ coordinate counts wrap from that end, displacement ``w`` is positive inwards, ``
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar, cast
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,14 +51,28 @@ BREAKPOINT_FIELDS = 6
 START, END, COMPLIANCE, LUMP, REACH_PULL, REACH_RELEASE = 0, 1, 2, 3, 4, 5
 PIECE_FIELDS = 6
 
-# What a step does at one end of a cable (`move`): direction, breakpoint whose piece holds the
-# front, its path piece, coordinate, tension and displacement there, and the tension of the end.
+# The `plan` of a step for a cable. What one end does, for the near end, and again from FAR on for
+# the far end: direction, breakpoint whose piece holds the front, its path piece, coordinate,
+# tension and displacement there, and the tension of the end.
 DIRECTION, INDEX, FRONT_PIECE, FRONT_X, FRONT_TENSION, FRONT_W, END_TENSION = 0, 1, 2, 3, 4, 5, 6
-MOVE_FIELDS = 7
+FAR = 7
+# How the cable ends the step, its near tension, displacement and compliance -du/dT with slope
+# d2u/dT2, its far displacement, direction and front, and the neutral point.
+REGIME, NEAR_TENSION, NEAR_U, NEAR_COMPLIANCE, NEAR_CURVATURE = 14, 15, 16, 17, 18
+FAR_U, FAR_DIRECTION, FAR_X, SLIDE, NEUTRAL_X, NEUTRAL_PIECE = 19, 20, 21, 22, 23, 24
+PLAN_FIELDS = 25
 NOT_MOVING = -1.0
 THROUGH = -2.0  # values of INDEX: the front has left the cable at the other end
 
 _MERGE = 1.0 - 1e-13  # a front this close to a breakpoint has reached it (rounding, not physics)
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def inlined(function: F) -> F:
+    """Mark a small function to be compiled into its callers: handing over arrays costs more."""
+    options = {"nogil": True, "error_model": "numpy", "inline": "always", "_nrt": False}
+    return cast(F, cast(Any, numba.njit)(**options)(function))
 
 
 class Pair(NamedTuple):
@@ -69,26 +85,23 @@ class Pair(NamedTuple):
         First and last breakpoint in use.
     path : ndarray of shape (2, n_pieces + 2, PIECE_FIELDS)
         Seen from the near and from the far end.
-    move : ndarray of shape (2, 2, MOVE_FIELDS)
-        The step's motion at the near and at the far end of each cable.
     plan : ndarray of shape (2, PLAN_FIELDS)
-        What the step will make of each cable.
+        What the step under way will make of each cable.
     """
 
     points: FloatArray
     span: IntArray
     path: FloatArray
-    move: FloatArray
     plan: FloatArray
 
 
-@compiled_in_place
+@inlined
 def reach(pair: Pair, side: int, piece: int, x: float, d: int) -> float:
     """Stretch (m/N) from the end to `x` per newton of end tension while that stretch slides."""
-    c, start = pair.path[side, piece, COMPLIANCE], pair.path[side, piece, START]
+    c = pair.path[side, piece, COMPLIANCE]
     if d < 0:
-        return float(pair.path[side, piece, REACH_PULL] + c * (1.0 / start - 1.0 / x))
-    return float(pair.path[side, piece, REACH_RELEASE] + c * (x - start))
+        return float(pair.path[side, piece, REACH_PULL] - c / x)
+    return float(pair.path[side, piece, REACH_RELEASE] + c * x)
 
 
 @compiled_in_place
@@ -97,14 +110,14 @@ def _growth(slope: float, log_ratio: float) -> float:
     return math.expm1(slope * log_ratio) / slope if slope != 0.0 else log_ratio
 
 
-@compiled_in_place
+@inlined
 def _piece_of(pair: Pair, cable: int, side: int, j: int) -> int:
     """Path piece of breakpoint `j` as counted from `side`."""
     piece = int(pair.points[cable, j, PIECE])
     return piece if side == 0 else pair.path.shape[1] - 1 - piece
 
 
-@compiled_in_place
+@inlined
 def stretch_along(pair: Pair, cable: int, j: int, last: int, x: float, t: float) -> float:
     """Stretch of frozen piece `j` from its start to near coordinate `x`, tension `t`."""
     slope = pair.points[cable, j, SLOPE]
@@ -124,11 +137,11 @@ def stretch_along(pair: Pair, cable: int, j: int, last: int, x: float, t: float)
     return float(total + pair.path[0, piece, COMPLIANCE] * abs(t - previous))
 
 
-@compiled_in_place
+@inlined
 def move_by_tension(pair: Pair, cable: int, tension: float, d: int) -> None:
     """Front of the near end at a new end tension (N); cost: the breakpoints it wipes out."""
-    pair.move[cable, 0, DIRECTION] = d
-    pair.move[cable, 0, END_TENSION] = tension
+    pair.plan[cable, DIRECTION] = d
+    pair.plan[cable, END_TENSION] = tension
     j, last = pair.span[cable, 0], pair.span[cable, 1]
     x1 = 1.0
     t1 = 0.0
@@ -141,7 +154,7 @@ def move_by_tension(pair: Pair, cable: int, tension: float, d: int) -> None:
             break
         j += 1
     if j == last:
-        pair.move[cable, 0, INDEX] = THROUGH
+        pair.plan[cable, INDEX] = THROUGH
         return
     slope, x0 = pair.points[cable, j, SLOPE], pair.points[cable, j, X_NEAR]
     if slope == d:  # parallel: reached only by rounding
@@ -155,33 +168,39 @@ def move_by_tension(pair: Pair, cable: int, tension: float, d: int) -> None:
     if x >= x1 * _MERGE:
         x = x1
         if j + 1 < last:
-            pair.move[cable, 0, INDEX] = j + 1
-            pair.move[cable, 0, FRONT_PIECE] = pair.points[cable, j + 1, PIECE]
-            pair.move[cable, 0, FRONT_X] = x1
-            pair.move[cable, 0, FRONT_TENSION] = t1
-            pair.move[cable, 0, FRONT_W] = pair.points[cable, j + 1, DISPLACEMENT]
+            pair.plan[cable, INDEX] = j + 1
+            pair.plan[cable, FRONT_PIECE] = pair.points[cable, j + 1, PIECE]
+            pair.plan[cable, FRONT_X] = x1
+            pair.plan[cable, FRONT_TENSION] = t1
+            pair.plan[cable, FRONT_W] = pair.points[cable, j + 1, DISPLACEMENT]
+            pair.plan[cable, NEAR_CURVATURE] = 0.0
             return
     piece, end_piece = int(pair.points[cable, j, PIECE]), int(pair.points[cable, j + 1, PIECE])
     while piece < end_piece and x > pair.path[0, piece, END]:
         piece += 1
     front = tension / x if d < 0 else tension * x
     stretch = stretch_along(pair, cable, j, piece, x, front)
-    pair.move[cable, 0, INDEX] = j
-    pair.move[cable, 0, FRONT_PIECE] = piece
-    pair.move[cable, 0, FRONT_X] = x
-    pair.move[cable, 0, FRONT_TENSION] = front
-    pair.move[cable, 0, FRONT_W] = pair.points[cable, j, DISPLACEMENT] + stretch
+    pair.plan[cable, INDEX] = j
+    pair.plan[cable, FRONT_PIECE] = piece
+    pair.plan[cable, FRONT_X] = x
+    pair.plan[cable, FRONT_TENSION] = front
+    pair.plan[cable, FRONT_W] = pair.points[cable, j, DISPLACEMENT] + stretch
+    curvature = 0.0
+    if slope != d:
+        lever = x if d > 0 else 1.0 / x
+        curvature = -pair.path[0, piece, COMPLIANCE] * lever / ((slope - d) * tension)
+    pair.plan[cable, NEAR_CURVATURE] = curvature
 
 
-@compiled_in_place
+@inlined
 def _advance(
     c: float, b: float, slope: float, d: int, h: float, x0: float, x1: float
 ) -> tuple[float, float, float]:
     """Front of an end that is moved on, from x0 where the tension is 1 N, before x1.
 
-    `c` is the compliance of the path piece, `b` that of what slides already, per newton at x0 (m/N);
-    `h` is how far the end moves on (m/N). Returns the coordinate of the front, the tension there
-    per newton at x0, and the stretch of the frozen piece from x0 to there (m/N).
+    `c` is the compliance of the path piece, `b` that of what slides already (m/N, per newton at
+    x0); `h` is how far the end moves on (m/N). Returns the coordinate of the front, the tension
+    there per newton at x0, and the stretch of the frozen piece from x0 to there (m/N).
     """
     if slope == d:  # parallel: reached only by rounding
         return x0, 1.0, 0.0
@@ -213,16 +232,16 @@ def _advance_general(c: float, b: float, slope: float, d: int, h: float, limit: 
             lower = z
         gradient = abs(slope - d) * factor * arm
         step = excess / gradient if gradient > 0.0 else 0.0
-        if abs(step) <= 2e-16 * z or upper <= lower:
+        if abs(step) <= 5e-16 * (1.0 + z) or upper <= lower:
             break
         z -= step
     return min(max(z, 0.0), limit)
 
 
-@compiled_in_place
+@inlined
 def move_by_position(pair: Pair, cable: int, side: int, w_end: float, d: int) -> None:
     """Front and end tension of either end at a new inward displacement (m) of that end."""
-    pair.move[cable, side, DIRECTION] = d
+    pair.plan[cable, side * FAR + DIRECTION] = d
     inwards = 1 - 2 * side
     j, last = pair.span[cable, side], pair.span[cable, 1 - side]
     piece, x1, t1, w1 = 0, 1.0, 0.0, 0.0
@@ -235,7 +254,7 @@ def move_by_position(pair: Pair, cable: int, side: int, w_end: float, d: int) ->
             break
         j += inwards
     if j == last:
-        pair.move[cable, side, INDEX] = THROUGH
+        pair.plan[cable, side * FAR + INDEX] = THROUGH
         return
     slope = inwards * pair.points[cable, j - side, SLOPE]
     x0, t0 = pair.points[cable, j, side], pair.points[cable, j, TENSION]
@@ -261,15 +280,15 @@ def move_by_position(pair: Pair, cable: int, side: int, w_end: float, d: int) ->
         x = x1
         if j + inwards != last:
             j, piece, front, w = j + inwards, end_piece, t1, w1
-    pair.move[cable, side, INDEX] = j
-    pair.move[cable, side, FRONT_PIECE] = piece
-    pair.move[cable, side, FRONT_X] = x
-    pair.move[cable, side, FRONT_TENSION] = front
-    pair.move[cable, side, FRONT_W] = w
-    pair.move[cable, side, END_TENSION] = front * (x if d < 0 else 1.0 / x)
+    pair.plan[cable, side * FAR + INDEX] = j
+    pair.plan[cable, side * FAR + FRONT_PIECE] = piece
+    pair.plan[cable, side * FAR + FRONT_X] = x
+    pair.plan[cable, side * FAR + FRONT_TENSION] = front
+    pair.plan[cable, side * FAR + FRONT_W] = w
+    pair.plan[cable, side * FAR + END_TENSION] = front * (x if d < 0 else 1.0 / x)
 
 
-@compiled_in_place
+@inlined
 def _put(
     pair: Pair,
     cable: int,
@@ -289,14 +308,9 @@ def _put(
     pair.points[cable, j, PIECE] = piece
 
 
-@compiled_in_place
+@inlined
 def set_whole(
-    pair: Pair,
-    cable: int,
-    tension: float,
-    u_near: float,
-    u_far: float,
-    slope: int,
+    pair: Pair, cable: int, tension: float, u_near: float, u_far: float, slope: int
 ) -> None:
     """Set one piece from end to end: the cable that slides as a whole, or (0 N, slope 0) slack."""
     last = pair.path.shape[1] - 1
@@ -311,19 +325,13 @@ def set_whole(
 
 @compiled_in_place
 def set_neutral(
-    pair: Pair,
-    cable: int,
-    tension: float,
-    u_near: float,
-    u_far: float,
-    d: int,
-    x: float,
-    piece: int,
+    pair: Pair, cable: int, tension: float, u_near: float, u_far: float, d: int
 ) -> None:
-    """Set two pieces of opposite slope that meet at the neutral point."""
+    """Set two pieces of opposite slope that meet at the planned neutral point."""
     last = pair.path.shape[1] - 1
     x_total = pair.path[0, last, END]
     j = pair.points.shape[1] // 2
+    x, piece = pair.plan[cable, NEUTRAL_X], int(pair.plan[cable, NEUTRAL_PIECE])
     z = x_total / x
     peak = tension * (x if d > 0 else 1.0 / x)
     far = peak * (z if d < 0 else 1.0 / z)
@@ -335,29 +343,25 @@ def set_neutral(
     pair.span[cable, 1] = j + 1
 
 
-@compiled_in_place
-def set_partial(
-    pair: Pair,
-    cable: int,
-    u_near: float,
-    u_far: float,
-) -> None:
+@inlined
+def set_partial(pair: Pair, cable: int, u_near: float, u_far: float) -> None:
     """Freeze what both fronts of a step left behind; adds at most one breakpoint at an end."""
     last = pair.path.shape[1] - 1
     x_total = pair.path[0, last, END]
-    if pair.move[cable, 0, INDEX] >= 0.0:
-        j = int(pair.move[cable, 0, INDEX])
-        x, piece = pair.move[cable, 0, FRONT_X], int(pair.move[cable, 0, FRONT_PIECE])
-        t, u = pair.move[cable, 0, FRONT_TENSION], pair.move[cable, 0, FRONT_W]
+    if pair.plan[cable, INDEX] >= 0.0:
+        j = int(pair.plan[cable, INDEX])
+        x, piece = pair.plan[cable, FRONT_X], int(pair.plan[cable, FRONT_PIECE])
+        t, u = pair.plan[cable, FRONT_TENSION], pair.plan[cable, FRONT_W]
         _put(pair, cable, j, x, x_total / x, t, u, pair.points[cable, j, SLOPE], piece)
-        t, d = pair.move[cable, 0, END_TENSION], pair.move[cable, 0, DIRECTION]
-        _put(pair, cable, j - 1, 1.0, x_total, t, u_near, d, 0)
+        t, slope = pair.plan[cable, END_TENSION], pair.plan[cable, DIRECTION]
+        _put(pair, cable, j - 1, 1.0, x_total, t, u_near, slope, 0)
         pair.span[cable, 0] = j - 1
-    if pair.move[cable, 1, INDEX] >= 0.0:
-        j = int(pair.move[cable, 1, INDEX])
-        x, piece = pair.move[cable, 1, FRONT_X], last - int(pair.move[cable, 1, FRONT_PIECE])
-        t, u = pair.move[cable, 1, FRONT_TENSION], -pair.move[cable, 1, FRONT_W]
-        _put(pair, cable, j, x_total / x, x, t, u, -pair.move[cable, 1, DIRECTION], piece)
-        t = pair.move[cable, 1, END_TENSION]
-        _put(pair, cable, j + 1, x_total, 1.0, t, u_far, 0.0, last)
+    if pair.plan[cable, FAR + INDEX] >= 0.0:
+        j = int(pair.plan[cable, FAR + INDEX])
+        x, piece = pair.plan[cable, FAR + FRONT_X], last - int(pair.plan[cable, FAR + FRONT_PIECE])
+        t, u = pair.plan[cable, FAR + FRONT_TENSION], -pair.plan[cable, FAR + FRONT_W]
+        _put(pair, cable, j, x_total / x, x, t, u, -pair.plan[cable, FAR + DIRECTION], piece)
+        _put(
+            pair, cable, j + 1, x_total, 1.0, pair.plan[cable, FAR + END_TENSION], u_far, 0.0, last
+        )
         pair.span[cable, 1] = j + 1

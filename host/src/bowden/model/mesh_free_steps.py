@@ -22,17 +22,30 @@ from bowden.model.mesh_free_neutral import neutral_point
 from bowden.model.mesh_free_profile import (
     DISPLACEMENT,
     END,
+    FAR,
+    FAR_DIRECTION,
+    FAR_U,
+    FAR_X,
     FRONT_PIECE,
     FRONT_W,
     FRONT_X,
     INDEX,
+    NEAR_COMPLIANCE,
+    NEAR_CURVATURE,
+    NEAR_TENSION,
+    NEAR_U,
+    NEUTRAL_PIECE,
+    NEUTRAL_X,
     NOT_MOVING,
     REACH_PULL,
     REACH_RELEASE,
+    REGIME,
+    SLIDE,
     TENSION,
     THROUGH,
     FloatArray,
     Pair,
+    inlined,
     move_by_position,
     move_by_tension,
     reach,
@@ -41,174 +54,174 @@ from bowden.model.mesh_free_profile import (
     set_whole,
 )
 
-# How a cable ends a step: as two ends that know nothing of each other, sliding as a whole, around
-# a neutral point, slack.
-PARTIAL, SLIDING, NEUTRAL, SLACK = 0, 1, 2, 3
-# What a trial leaves to the commit (`plan`): that regime, direction of the near end, its tension,
-# the neutral point.
-REGIME, DIRECTION, NEAR_TENSION, NEUTRAL_X, NEUTRAL_PIECE = 0, 1, 2, 3, 4
-PLAN_FIELDS = 5
+# How a cable ends a step (REGIME of the plan): as two ends that know nothing of each other,
+# sliding as a whole, around a neutral point, slack. SLIDE is the direction of the near end in the
+# second and third.
+PARTIAL, SLIDING, NEUTRAL, SLACK = 0.0, 1.0, 2.0, 3.0
 # Rows of the output: the angle or torque found at either end, the tensions at both ends.
 FOUND_NEAR, FOUND_FAR, NEAR_A, FAR_A, NEAR_B, FAR_B = 0, 1, 2, 3, 4, 5
 OUTPUT_ROWS = 6
+# What `run_torque` carries from sample to sample: mean near tension, travel and force of the last,
+# and d mean/d force over it.
+MEAN, TRAVEL, FORCE, RATE = 0, 1, 2, 3
+CARRIED_FIELDS = 4
 ROOM = 3  # breakpoints that a step may need beyond those in use, at each end
 
 _ROUNDING = 4.5e-16
 
 
-@compiled_in_place
+@inlined
 def _total_reach(pair: Pair, d: int) -> float:
     return float(pair.path[0, pair.path.shape[1] - 1, REACH_PULL if d < 0 else REACH_RELEASE])
 
 
-@compiled_in_place
-def _move_far(
-    pair: Pair,
-    cable: int,
-    u_far: float,
-) -> tuple[int, float]:
-    """Move the far end alone to `u_far` (m).
+@inlined
+def _move_far(pair: Pair, cable: int, u_far: float) -> None:
+    """Plan the motion of the far end alone to `u_far` (m).
 
-    Returns its direction (0 at rest) and the near coordinate of its front: the far end itself at
-    rest, 1 when the front is through.
+    FAR_X becomes the near coordinate of its front: the far end itself when it is at rest, 1 when
+    the front is through.
     """
-    x_total = float(pair.path[0, pair.path.shape[1] - 1, END])
+    x_total = pair.path[0, pair.path.shape[1] - 1, END]
     old = pair.points[cable, pair.span[cable, 1], DISPLACEMENT]
+    pair.plan[cable, FAR_U] = u_far
     if u_far == old:
-        pair.move[cable, 1, INDEX] = NOT_MOVING
-        return 0, x_total
-    d = -1 if u_far > old else 1
-    move_by_position(pair, cable, 1, -u_far, d)
-    return d, 1.0 if pair.move[cable, 1, INDEX] == THROUGH else x_total / float(
-        pair.move[cable, 1, FRONT_X]
-    )
+        pair.plan[cable, FAR + INDEX] = NOT_MOVING
+        pair.plan[cable, FAR_DIRECTION] = 0
+        pair.plan[cable, FAR_X] = x_total
+    else:
+        d = -1 if u_far > old else 1
+        move_by_position(pair, cable, 1, -u_far, d)
+        pair.plan[cable, FAR_DIRECTION] = d
+        is_through = pair.plan[cable, FAR + INDEX] == THROUGH
+        front = pair.plan[cable, FAR + FRONT_X]
+        pair.plan[cable, FAR_X] = 1.0 if is_through else x_total / front
 
 
 @compiled_in_place
-def _try_tension(
-    pair: Pair,
-    cable: int,
-    tension: float,
-    u_far: float,
-    d_far: int,
-    x_far: float,
-) -> tuple[float, float]:
-    """Near displacement (m) and compliance ``-du/dT`` (m/N) at a trial near tension (N)."""
+def _around_neutral_point(pair: Pair, cable: int, tension: float, d: int, upper: float) -> None:
+    u_far, lower = pair.plan[cable, FAR_U], pair.plan[cable, FAR_X]
+    x, piece, stretch, compliance = neutral_point(pair, cable, d, tension, 0.0, u_far, lower, upper)
+    pair.plan[cable, NEUTRAL_X] = x
+    pair.plan[cable, NEUTRAL_PIECE] = piece
+    pair.plan[cable, NEAR_U] = u_far - tension * stretch
+    pair.plan[cable, NEAR_COMPLIANCE] = compliance
+
+
+@inlined
+def _try_tension(pair: Pair, cable: int, tension: float) -> None:
+    """Plan the cable at a trial near tension (N): regime, near displacement, compliance."""
+    u_far, d_far = pair.plan[cable, FAR_U], int(pair.plan[cable, FAR_DIRECTION])
+    old_tension = pair.points[cable, pair.span[cable, 0], TENSION]
+    old_u = pair.points[cable, pair.span[cable, 0], DISPLACEMENT]
+    far_is_through = pair.plan[cable, FAR + INDEX] == THROUGH
     pair.plan[cable, NEAR_TENSION] = tension
+    pair.plan[cable, NEAR_CURVATURE] = 0.0
+    regime = PARTIAL
+    d = 0
+    u = old_u
+    arm = 0.0
     if tension <= 0.0:
-        pair.plan[cable, REGIME] = SLACK
-        return u_far, _total_reach(pair, 1)
-    old_tension = float(pair.points[cable, pair.span[cable, 0], TENSION])
-    old_u = float(pair.points[cable, pair.span[cable, 0], DISPLACEMENT])
-    far_is_through = pair.move[cable, 1, INDEX] == THROUGH
-    if far_is_through:
+        regime = SLACK
+        u = u_far
+        arm = _total_reach(pair, 1)
+    elif far_is_through:
         d = -d_far
         arm = _total_reach(pair, d)
         u = u_far - tension * arm
-        if d * (u - old_u) >= 0.0:  # both ends move the same way
-            pair.plan[cable, REGIME] = SLIDING
-            pair.plan[cable, DIRECTION] = d
-            return u, arm
-        d = d_far
+        regime = SLIDING
+        if d * (u - old_u) < 0.0:  # the ends move against each other
+            d = d_far
+            regime = NEUTRAL
     elif tension == old_tension:
-        pair.plan[cable, REGIME] = PARTIAL
-        pair.move[cable, 0, INDEX] = NOT_MOVING
-        return old_u, 0.0
+        pair.plan[cable, INDEX] = NOT_MOVING
     else:
         d = -1 if tension > old_tension else 1
-    pair.plan[cable, DIRECTION] = d
-    move_by_tension(pair, cable, tension, d)
-    is_through = pair.move[cable, 0, INDEX] == THROUGH
-    if not (far_is_through or is_through) and pair.move[cable, 0, FRONT_X] <= x_far:
-        pair.plan[cable, REGIME] = PARTIAL
-        arm = reach(
-            pair, 0, int(pair.move[cable, 0, FRONT_PIECE]), float(pair.move[cable, 0, FRONT_X]), d
-        )
-        return float(pair.move[cable, 0, FRONT_W]) - tension * arm, arm
-    if d != d_far:
-        pair.plan[cable, REGIME] = SLIDING
-        arm = _total_reach(pair, d)
-        return u_far - tension * arm, arm
-    pair.plan[cable, REGIME] = NEUTRAL
-    upper = float(
-        pair.path[0, pair.path.shape[1] - 1, END] if is_through else pair.move[cable, 0, FRONT_X]
-    )
-    x, piece, stretch, compliance = neutral_point(pair, cable, d, tension, 0.0, u_far, x_far, upper)
-    pair.plan[cable, NEUTRAL_X] = x
-    pair.plan[cable, NEUTRAL_PIECE] = piece
-    return u_far - tension * stretch, compliance
+    if d != 0 and regime != SLIDING:
+        move_by_tension(pair, cable, tension, d)
+        x = pair.plan[cable, FRONT_X]
+        if pair.plan[cable, INDEX] == THROUGH:
+            x = pair.path[0, pair.path.shape[1] - 1, END]
+            regime = SLIDING if d != d_far else NEUTRAL
+        elif regime == PARTIAL and x > pair.plan[cable, FAR_X]:
+            regime = SLIDING if d != d_far else NEUTRAL
+        if regime == PARTIAL:
+            arm = reach(pair, 0, int(pair.plan[cable, FRONT_PIECE]), x, d)
+            u = pair.plan[cable, FRONT_W] - tension * arm
+        elif regime == SLIDING:
+            arm = _total_reach(pair, d)
+            u = u_far - tension * arm
+            pair.plan[cable, NEAR_CURVATURE] = 0.0
+        else:
+            pair.plan[cable, NEAR_CURVATURE] = 0.0
+            _around_neutral_point(pair, cable, tension, d, x)
+    pair.plan[cable, REGIME] = regime
+    pair.plan[cable, SLIDE] = d
+    if regime != NEUTRAL:
+        pair.plan[cable, NEAR_U] = u
+        pair.plan[cable, NEAR_COMPLIANCE] = arm
 
 
-@compiled_in_place
-def _plan_positions(
-    pair: Pair,
-    cable: int,
-    u_near: float,
-    u_far: float,
-) -> None:
-    """Regime and near tension of a cable both of whose ends are given (m)."""
+@inlined
+def _plan_positions(pair: Pair, cable: int, u_near: float, u_far: float) -> None:
+    """Plan a cable both of whose ends are given (m)."""
     stretch = u_far - u_near
-    if stretch <= 0.0:
+    if stretch <= _ROUNDING * (abs(u_near) + abs(u_far)):
         pair.plan[cable, REGIME] = SLACK
-        return
-    d_far, x_far = _move_far(pair, cable, u_far)
-    old = pair.points[cable, pair.span[cable, 0], DISPLACEMENT]
-    d = 0
-    x_near = 1.0
-    pair.move[cable, 0, INDEX] = NOT_MOVING
-    if u_near != old:
-        d = -1 if u_near < old else 1
-        move_by_position(pair, cable, 0, u_near, d)
-        is_through = pair.move[cable, 0, INDEX] == THROUGH
-        x_near = float(
-            pair.path[0, pair.path.shape[1] - 1, END]
-            if is_through
-            else pair.move[cable, 0, FRONT_X]
-        )
-    if (
-        pair.move[cable, 0, INDEX] != THROUGH
-        and pair.move[cable, 1, INDEX] != THROUGH
-        and x_near <= x_far
-    ):
-        pair.plan[cable, REGIME] = PARTIAL
-        return
-    if d != 0 and d == d_far:
-        x, piece, per_n, _ = neutral_point(pair, cable, d, -1.0, u_near, u_far, x_far, x_near)
-        pair.plan[cable, REGIME] = NEUTRAL
-        pair.plan[cable, NEUTRAL_X] = x
-        pair.plan[cable, NEUTRAL_PIECE] = piece
     else:
-        d = d if d != 0 else -d_far
-        pair.plan[cable, REGIME] = SLIDING
-        per_n = _total_reach(pair, d)
-    pair.plan[cable, DIRECTION] = d
-    pair.plan[cable, NEAR_TENSION] = stretch / per_n
+        _move_far(pair, cable, u_far)
+        d_far, x_far = int(pair.plan[cable, FAR_DIRECTION]), pair.plan[cable, FAR_X]
+        far_is_through = pair.plan[cable, FAR + INDEX] == THROUGH
+        old = pair.points[cable, pair.span[cable, 0], DISPLACEMENT]
+        d = 0
+        x_near = 1.0
+        is_through = False
+        pair.plan[cable, INDEX] = NOT_MOVING
+        if u_near != old:
+            d = -1 if u_near < old else 1
+            move_by_position(pair, cable, 0, u_near, d)
+            is_through = pair.plan[cable, INDEX] == THROUGH
+            x_near = pair.plan[cable, FRONT_X]
+            if is_through:
+                x_near = pair.path[0, pair.path.shape[1] - 1, END]
+        if not (is_through or far_is_through) and x_near <= x_far:
+            pair.plan[cable, REGIME] = PARTIAL
+        else:
+            if d != 0 and d == d_far:
+                pair.plan[cable, REGIME] = NEUTRAL
+                x, piece, per_n, _ = neutral_point(
+                    pair, cable, d, -1.0, u_near, u_far, x_far, x_near
+                )
+                pair.plan[cable, NEUTRAL_X] = x
+                pair.plan[cable, NEUTRAL_PIECE] = piece
+            else:
+                d = d if d != 0 else -d_far
+                pair.plan[cable, REGIME] = SLIDING
+                per_n = _total_reach(pair, d)
+            pair.plan[cable, SLIDE] = d
+            pair.plan[cable, NEAR_TENSION] = stretch / per_n
 
 
-@compiled_in_place
-def _commit(
-    pair: Pair,
-    cable: int,
-    u_near: float,
-    u_far: float,
-) -> None:
+@inlined
+def _commit(pair: Pair, cable: int, u_near: float, u_far: float) -> None:
     """Make the planned profile the cable's profile."""
-    regime = int(pair.plan[cable, REGIME])
-    d = int(pair.plan[cable, DIRECTION])
-    tension = float(pair.plan[cable, NEAR_TENSION])
+    regime = pair.plan[cable, REGIME]
+    d = int(pair.plan[cable, SLIDE])
+    tension = pair.plan[cable, NEAR_TENSION]
     if regime == PARTIAL:
         set_partial(pair, cable, u_near, u_far)
-    elif regime == SLIDING:
-        set_whole(pair, cable, tension, u_near, u_far, d)
     elif regime == NEUTRAL:
-        x, piece = float(pair.plan[cable, NEUTRAL_X]), int(pair.plan[cable, NEUTRAL_PIECE])
-        set_neutral(pair, cable, tension, u_near, u_far, d, x, piece)
-    else:  # slack: at 0 N, waiting midway between its ends
-        middle = 0.5 * (u_near + u_far)
-        set_whole(pair, cable, 0.0, middle, middle, 0)
+        set_neutral(pair, cable, tension, u_near, u_far, d)
+    else:
+        if regime == SLACK:  # at 0 N, waiting midway between its ends
+            tension = 0.0
+            d = 0
+            u_near = 0.5 * (u_near + u_far)
+            u_far = u_near
+        set_whole(pair, cable, tension, u_near, u_far, d)
 
 
-@compiled_in_place
+@inlined
 def _record(pair: Pair, out: FloatArray, i: int) -> None:
     out[NEAR_A, i] = pair.points[0, pair.span[0, 0], TENSION]
     out[FAR_A, i] = pair.points[0, pair.span[0, 1], TENSION]
@@ -216,7 +229,7 @@ def _record(pair: Pair, out: FloatArray, i: int) -> None:
     out[FAR_B, i] = pair.points[1, pair.span[1, 1], TENSION]
 
 
-@compiled_in_place
+@inlined
 def _is_full(pair: Pair) -> bool:
     """Whether the next step could run out of room for breakpoints."""
     lowest = min(pair.span[0, 0], pair.span[1, 0])
@@ -224,28 +237,20 @@ def _is_full(pair: Pair) -> bool:
     return bool(lowest < ROOM or highest >= pair.points.shape[1] - ROOM)
 
 
-@compiled_in_place
-def _balance(
-    pair: Pair, half_force: float, far_a: float, far_b: float, mean: float
-) -> tuple[float, float, float]:
-    """Find the mean near tension (N) that closes the pulley, from the last one.
+@inlined
+def _balance(pair: Pair, force: float, guess: float) -> float:
+    """Find the mean near tension (N) that closes the pulley, and plan both cables at it.
 
-    Returns
-    -------
-    mean, u_a, u_b : float
-        Mean tension, and the near displacements (m) the two cables would take; that of a slack
-        cable is the least it can have.
+    NEAR_U of a slack cable is the least it can have. Halley's iteration, two or three rounds.
     """
-    d_a, x_a = _move_far(pair, 0, far_a)
-    d_b, x_b = _move_far(pair, 1, far_b)
-    size = abs(far_a) + abs(far_b)
-    lowest = abs(half_force)
+    size = abs(pair.plan[0, FAR_U]) + abs(pair.plan[1, FAR_U])
+    lowest = abs(0.5 * force)
     lower, upper = lowest, math.inf
-    mean = max(mean, lowest)
-    u_a, u_b = 0.0, 0.0
-    for _ in range(200):  # Newton needs two to four; halving from any bracket, under 100
-        u_a, w_a = _try_tension(pair, 0, mean + half_force, far_a, d_a, x_a)
-        u_b, w_b = _try_tension(pair, 1, mean - half_force, far_b, d_b, x_b)
+    mean = max(guess, lowest)
+    for _ in range(200):  # halving from any bracket takes under 100
+        for cable in range(2):
+            _try_tension(pair, cable, mean + (0.5 - cable) * force)
+        u_a, u_b = pair.plan[0, NEAR_U], pair.plan[1, NEAR_U]
         excess = u_a + u_b
         if abs(excess) <= _ROUNDING * (abs(u_a) + abs(u_b) + size):
             break
@@ -255,7 +260,10 @@ def _balance(
             lower = mean
         else:
             upper = mean
-        trial = mean + excess / (w_a + w_b) if w_a + w_b > 0.0 else math.inf
+        slope = pair.plan[0, NEAR_COMPLIANCE] + pair.plan[1, NEAR_COMPLIANCE]
+        bend = pair.plan[0, NEAR_CURVATURE] + pair.plan[1, NEAR_CURVATURE]
+        divisor = slope * slope - 0.5 * excess * bend
+        trial = mean + excess * slope / divisor if divisor > 0.0 else math.inf
         if trial <= lowest < mean:
             trial = lowest
         elif not lower < trial < upper:
@@ -263,7 +271,7 @@ def _balance(
         if trial == mean:
             break
         mean = trial
-    return mean, u_a, u_b
+    return mean
 
 
 @compiled_in_place
@@ -287,17 +295,24 @@ def run_torque(
         Outward displacement of cable a's far end from where it was, and inward of cable b's.
     stretch_m : float
         Of each cable when nothing has moved.
-    carried : ndarray of shape (2,), N and m
-        Mean near tension and travel of the sample before; updated in place.
+    carried : ndarray of shape (CARRIED_FIELDS,)
+        From the sample before; updated in place.
     first : int
     out : ndarray of shape (OUTPUT_ROWS, n)
         FOUND_NEAR gets the inward travel of cable a's near end (m), FOUND_FAR the far force (N).
     """
-    mean, travel = float(carried[0]), float(carried[1])
+    mean, travel, force, rate = carried[MEAN], carried[TRAVEL], carried[FORCE], carried[RATE]
     i = first
     while i < force_n.shape[0] and not _is_full(pair):
-        far_a, far_b = stretch_m + far_travel_m[i], stretch_m - far_travel_m[i]
-        mean, u_a, u_b = _balance(pair, 0.5 * force_n[i], far_a, far_b, mean)
+        for cable in range(2):
+            _move_far(pair, cable, stretch_m + (1.0 - 2.0 * cable) * far_travel_m[i])
+        change = force_n[i] - force
+        force = force_n[i]
+        last_mean = mean
+        mean = _balance(pair, force, mean + rate * change)
+        if change != 0.0:
+            rate = (mean - last_mean) / change
+        u_a, u_b = pair.plan[0, NEAR_U], pair.plan[1, NEAR_U]
         a_is_slack = pair.plan[0, REGIME] == SLACK
         b_is_slack = pair.plan[1, REGIME] == SLACK
         if a_is_slack and b_is_slack:  # nothing pulls: the pulley stays where it may
@@ -308,13 +323,13 @@ def run_torque(
             travel = u_a
         else:
             travel = 0.5 * (u_a - u_b)
-        _commit(pair, 0, travel, far_a)
-        _commit(pair, 1, -travel, far_b)
+        for cable in range(2):
+            _commit(pair, cable, (1.0 - 2.0 * cable) * travel, pair.plan[cable, FAR_U])
         _record(pair, out, i)
         out[FOUND_NEAR, i] = travel
         out[FOUND_FAR, i] = out[FAR_A, i] - out[FAR_B, i]
         i += 1
-    carried[0], carried[1] = mean, travel
+    carried[MEAN], carried[TRAVEL], carried[FORCE], carried[RATE] = mean, travel, force, rate
     return i
 
 
