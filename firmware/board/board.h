@@ -22,16 +22,20 @@ typedef struct {
     uint8_t data[8]; /* bytes past length are 0 */
 } can_frame_t;
 
-/* Bits of board_sensors_t.faults: what the board itself has found. A set bit latches a drive fault. */
+/* Bits of board_sensors_t.faults: what the board itself has found. A set bit latches a drive fault.
+ */
 enum {
     BOARD_FAULT_NONE = 0,
-    BOARD_FAULT_OVERCURRENT = 1 << 0,   /* break input or current limit of the bridge */
-    BOARD_FAULT_ENCODER = 1 << 1,       /* an encoder wire is broken or its count is implausible */
-    BOARD_FAULT_LOAD_CELL = 1 << 2,     /* load-cell reading stuck or out of the converter's range */
-    BOARD_FAULT_CLOCK = 1 << 3,         /* crystal failed, running on the internal oscillator */
-    BOARD_FAULT_CAN_BUS_OFF = 1 << 4,   /* the controller went bus-off since the last tick */
-    BOARD_FAULT_TICK_OVERRUN = 1 << 5,  /* the last tick was not finished in its period */
-    BOARD_FAULT_RX_OVERRUN = 1 << 6,    /* a received frame was lost */
+    BOARD_FAULT_OVERCURRENT = 1 << 0,  /* break input or current limit of the bridge */
+    BOARD_FAULT_ENCODER = 1 << 1,      /* an encoder wire is broken or its count is implausible */
+    BOARD_FAULT_LOAD_CELL = 1 << 2,    /* load-cell reading stuck or out of the converter's range */
+    BOARD_FAULT_CLOCK = 1 << 3,        /* crystal failed, running on the internal oscillator */
+    BOARD_FAULT_CAN_BUS_OFF = 1 << 4,  /* the controller went bus-off since the last tick */
+    BOARD_FAULT_TICK_OVERRUN = 1 << 5, /* the last tick was not finished in its period */
+    BOARD_FAULT_RX_OVERRUN = 1 << 6,   /* a received frame was lost */
+    BOARD_FAULT_CONVERTER = 1 << 7,    /* no new analogue samples; the old ones stand */
+    BOARD_FAULT_RESTARTED = 1 << 8,    /* first tick after a crash or a reset by the watchdog */
+    BOARD_FAULT_CAN_PASSIVE = 1 << 9,  /* error-passive while the bridge is on */
 };
 
 /* What the board has measured, sampled together at the start of a tick. */
@@ -40,10 +44,11 @@ typedef struct {
     int32_t motor_encoder_counts; /* counted on past turns; + winds cable a */
     int32_t load_encoder_counts;  /* counted on past turns; + is the motion that cable a produces */
     int32_t motor_current_ua;     /* microamperes; + drives theta_m > 0 */
-    int32_t load_cell_counts;     /* raw converter counts; + is torque by the cables on the load, theta_l > 0 */
+    int32_t load_cell_counts;     /* raw converter counts; + is torque by the cables on the load,
+                                     theta_l > 0 */
     int32_t bus_voltage_mv;       /* millivolts */
     int32_t conduit_temperature_mdegc; /* millidegrees Celsius */
-    uint32_t faults;              /* BOARD_FAULT_* bits */
+    uint32_t faults;                   /* BOARD_FAULT_* bits */
 } board_sensors_t;
 
 /* What the board must do until the next tick. Bridge off overrides the current. */

@@ -1,0 +1,164 @@
+/* control.c: see control.h.
+ *
+ * SysTick and TIM1 count the same 168 MHz: 42000 cycles are exactly five periods of the PWM, so
+ * that each tick sees five samples, and the phase set at start stays.
+ */
+#include "control.h"
+
+#include "can.h"
+#include "clock.h"
+#include "crash.h"
+#include "encoders.h"
+#include "fast_loop.h"
+#include "handlers.h"
+#include "pwm.h"
+#include "registers.h"
+#include "watchdog.h"
+
+#define TICK_CYCLES (CLOCK_CORE_HZ / 1000000u * BOARD_CONTROL_PERIOD_US)
+
+/* Frames handed to the drive in one tick; the rest wait. At 1 Mbit/s six can come. */
+#define FRAMES_PER_TICK 8
+
+/* A live load cell amplifier is never quiet: half a code of noise. The same code for 250 ms, 5000
+ * samples, is a stuck converter or a cut wire. */
+#define LOAD_CELL_QUIET_TICKS (250000u / BOARD_CONTROL_PERIOD_US)
+
+/* Latched by SysTick for the tick. */
+static struct {
+    uint32_t time_us;
+    encoders_latch_t encoders;
+    fast_loop_report_t fast;
+} latched;
+static uint32_t ticks;
+static volatile bool running, overrun;
+
+static drive_t drive;
+static board_sensors_t sensors; /* analogue values stay while the converter is dead */
+static board_actuators_t actuators;
+static encoders_t encoders;
+static uint32_t always, once; /* BOARD_FAULT_* */
+static uint32_t load_cell_quiet;
+static volatile drive_state_t state;
+
+void control_start(const board_identity_t *identity, uint32_t standing_faults,
+                   uint32_t first_faults) {
+    always = standing_faults;
+    once = first_faults;
+    drive_init(&drive, identity);
+}
+
+void control_run(void) {
+    SYSTICK->LOAD = TICK_CYCLES - 1u;
+    SYSTICK->VAL = 0;
+    SYSTICK->CTRL = SYSTICK_CTRL_ENABLE | SYSTICK_CTRL_TICKINT | SYSTICK_CTRL_CLKSOURCE;
+}
+
+drive_state_t control_state(void) {
+    return state;
+}
+
+/* While a tick still runs its inputs stay, and the samples go into the next. */
+void systick_handler(void) {
+    if (!watchdog_check(pwm_is_on())) {
+        pwm_lock();
+    }
+    ticks++;
+    if (running) {
+        overrun = true;
+        return;
+    }
+    running = true;
+    latched.time_us = ticks * BOARD_CONTROL_PERIOD_US;
+    latched.encoders = encoders_latch();
+    if (!fast_loop_take(&latched.fast)) {
+        latched.fast = (fast_loop_report_t){0};
+    }
+    SCB->ICSR = SCB_ICSR_PENDSVSET;
+}
+
+static uint32_t load_cell_faults(void) {
+    if (latched.fast.load_cell_moved) {
+        load_cell_quiet = 0;
+    } else if (load_cell_quiet < LOAD_CELL_QUIET_TICKS) {
+        load_cell_quiet++;
+    }
+    return latched.fast.load_cell_at_rail || load_cell_quiet == LOAD_CELL_QUIET_TICKS
+               ? (uint32_t)BOARD_FAULT_LOAD_CELL
+               : 0u;
+}
+
+static uint32_t take_overrun(void) {
+    const bool seen = overrun;
+    if (seen) {
+        overrun = false;
+    }
+    return seen ? (uint32_t)BOARD_FAULT_TICK_OVERRUN : 0u;
+}
+
+static uint32_t find_faults(void) {
+    uint32_t faults = always | once | load_cell_faults() | take_overrun();
+    once = 0;
+    if (latched.fast.overcurrent) {
+        faults |= BOARD_FAULT_OVERCURRENT;
+    }
+    if (watchdog_current_loop_dead()) {
+        faults |= BOARD_FAULT_CONVERTER;
+    }
+    /* A node that is alone on the bus is error-passive, too; it matters while current flows. */
+    const uint32_t ignored = actuators.bridge_enabled ? 0u : (uint32_t)BOARD_FAULT_CAN_PASSIVE;
+    return faults | (can_tick() & ~ignored);
+}
+
+static void read_sensors(void) {
+    scaling_result_t analogue;
+    sensors.time_us = latched.time_us;
+    sensors.faults = find_faults();
+    if (!encoders_step(&encoders, &latched.encoders,
+                       drive.dictionary.motor_encoder_resolution_counts_per_turn,
+                       drive.dictionary.load_encoder_resolution_counts_per_turn)) {
+        sensors.faults |= BOARD_FAULT_ENCODER;
+    }
+    sensors.motor_encoder_counts = encoders.motor.counts;
+    sensors.load_encoder_counts = encoders.load.counts;
+    if (scaling_window(&latched.fast.window, &analogue)) {
+        sensors.motor_current_ua = analogue.motor_current_ua;
+        sensors.load_cell_counts = analogue.load_cell_counts;
+        sensors.bus_voltage_mv = analogue.bus_voltage_mv;
+        sensors.conduit_temperature_mdegc = analogue.conduit_temperature_mdegc;
+    }
+}
+
+static void receive_frames(void) {
+    can_frame_t frame;
+    for (uint32_t i = 0; i < FRAMES_PER_TICK && can_take(&frame); i++) {
+        drive_receive(&drive, &frame);
+    }
+    uint16_t cob_ids[CAN_RPDOS] = {0};
+    for (uint32_t i = 0; i < CAN_RPDOS && i < PDO_RX_MAX; i++) {
+        const pdo_map_t *map = &drive.node.pdo.rpdo[i].map;
+        cob_ids[i] = map->exists ? map->cob_id : 0;
+    }
+    can_listen(cob_ids);
+}
+
+static void send_frames(void) {
+    can_frame_t frame;
+    while (can_ready() && drive_transmit(&drive, &frame)) {
+        can_send(&frame);
+    }
+}
+
+void pendsv_handler(void) {
+    read_sensors();
+    receive_frames();
+    drive_tick(&drive, &sensors, &actuators);
+    fast_loop_command(actuators.motor_current_ua, actuators.bridge_enabled);
+    if (actuators.reset_requested) {
+        crash_restart();
+    }
+    send_frames();
+    state = drive.state;
+    watchdog_report(LOOP_CONTROL);
+    running = false;
+}

@@ -1,0 +1,36 @@
+/* fast_loop.h: the 20 kHz loop: sample, protect, control the current.
+ *
+ * Runs in the converter's interrupt (adc_handler). The control tick sets what it must do with
+ * fast_loop_command() and takes what it has seen with fast_loop_take().
+ */
+#ifndef BOWDEN_STM32F405_FAST_LOOP_H
+#define BOWDEN_STM32F405_FAST_LOOP_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "scaling.h"
+
+/* A sample beyond it, 15 A, opens the bridge at once. */
+#define FAST_LOOP_CURRENT_MAX_UA 15000000
+
+/* The load cell's amplifier is broken or saturated when a code is this close to either end. */
+#define FAST_LOOP_RAIL_CODES 2
+
+/* Everything that was seen since it was last taken. */
+typedef struct {
+    scaling_window_t window;
+    bool overcurrent;       /* by a sample, or by the bridge's own fault line */
+    bool load_cell_at_rail; /* any sample */
+    bool load_cell_moved;   /* its code was not the same in all samples, the one before included */
+} fast_loop_report_t;
+
+/* Takes the report and starts a new one; false, and `taken` untouched, while the loop itself is at
+ * work on it: then it goes into the next. Call it from a higher priority than the converter's. */
+bool fast_loop_take(fast_loop_report_t *taken);
+
+/* What to do from the next sample on. Bridge off takes effect at once; after an overcurrent the
+ * bridge stays off until it has been commanded off. */
+void fast_loop_command(int32_t current_ua, bool bridge_on);
+
+#endif
