@@ -9,9 +9,11 @@ import pytest
 
 from hil_tests.emulated.bridge import Motor
 from hil_tests.emulated.machine import Stm32F405
-from hil_tests.emulated.small_program import emulate, results
+from hil_tests.emulated.small_program import NO_COMPILER, emulate, results
 from hil_tests.targets import board_map
 from hil_tests.test_emulated_timers import PLAIN, PWM
+
+pytestmark = pytest.mark.skipif(NO_COMPILER, reason="needs arm-none-eabi-gcc")
 
 SETUP = """
 #define ADC1 0x40012000u

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from hil_tests.emulated.records import Options, ResetCause
-from hil_tests.emulated.small_program import emulate, results
+from hil_tests.emulated.small_program import NO_COMPILER, emulate, results
+
+pytestmark = pytest.mark.skipif(NO_COMPILER, reason="needs arm-none-eabi-gcc")
 
 STAMPED = "int main(void) { R(0xE0001000u) |= 1u; %s for (;;) { WFI(); } }"
 

@@ -10,7 +10,9 @@ from bowden.errors import BadInput
 from hil_tests.emulated.elf import Image, read_elf
 from hil_tests.emulated.machine import Stm32F405
 from hil_tests.emulated.records import Options, ResetCause
-from hil_tests.emulated.small_program import emulate, results
+from hil_tests.emulated.small_program import NO_COMPILER, emulate, results
+
+pytestmark = pytest.mark.skipif(NO_COMPILER, reason="needs arm-none-eabi-gcc")
 
 HFSR_FORCED = 1 << 30
 CFSR_DACCVIOL, CFSR_MSTKERR, CFSR_MMARVALID = 1 << 1, 1 << 4, 1 << 7

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from hil_tests.emulated.machine import Stm32F405
-from hil_tests.emulated.small_program import emulate, results
+from hil_tests.emulated.small_program import NO_COMPILER, emulate, results
+
+pytestmark = pytest.mark.skipif(NO_COMPILER, reason="needs arm-none-eabi-gcc")
 
 FLASH = """
 #define KEYR R(0x40023C04u)

@@ -11,12 +11,14 @@ import pytest
 
 from hil_tests.bench import Bench
 from hil_tests.emulated.elf import Image
-from hil_tests.emulated.small_program import emulate
+from hil_tests.emulated.small_program import NO_COMPILER, emulate
 from hil_tests.rig.parameters import Hand, Motor, Rig
 from hil_tests.rig.rig import SimulatedRig
 from hil_tests.rig.sensors import Sensors
 from hil_tests.targets.board_map import CURRENT_UA_PER_CODE
 from hil_tests.targets.emulated import BOARD_FAULT_OVERCURRENT, EmulatedTarget
+
+pytestmark = pytest.mark.skipif(NO_COMPILER, reason="needs arm-none-eabi-gcc")
 
 PROGRAM = """
 #define TIM1 0x40010000u

@@ -7,7 +7,9 @@ from bowden.errors import BadInput
 
 from hil_tests.emulated.machine import Stm32F405
 from hil_tests.emulated.pins import Pin
-from hil_tests.emulated.small_program import emulate, results
+from hil_tests.emulated.small_program import NO_COMPILER, emulate, results
+
+pytestmark = pytest.mark.skipif(NO_COMPILER, reason="needs arm-none-eabi-gcc")
 
 LOOP = "for (;;) { WFI(); }"
 

@@ -8,6 +8,7 @@ comes from the board firmware: the emulator is checked against the manual alone.
 from __future__ import annotations
 
 import functools
+import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -15,6 +16,9 @@ from pathlib import Path
 from hil_tests.emulated.elf import Image, read_elf
 from hil_tests.emulated.machine import Stm32F405
 from hil_tests.emulated.records import Options
+
+COMPILER = "arm-none-eabi-gcc"
+NO_COMPILER = shutil.which(COMPILER) is None
 
 _CORE_HANDLERS = {2: "NMI", 3: "HardFault", 4: "MemManage", 5: "BusFault", 6: "UsageFault"}
 _CORE_HANDLERS |= {11: "SVCall", 14: "PendSV", 15: "SysTick"}
@@ -105,7 +109,7 @@ def compile_program(source: str, folder: Path, optimise: str = "-O1") -> Path:
     code.write_text(_PROLOGUE + source, encoding="ascii")
     vectors.write_text(_vectors(), encoding="ascii")
     script.write_text(LINKER_SCRIPT, encoding="ascii")
-    command = ["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=soft", optimise]
+    command = [COMPILER, "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=soft", optimise]
     command += ["-std=gnu11", "-ffreestanding", "-nostdlib", "-nostartfiles", "-Wall"]
     command += [str(code), str(vectors), "-T", str(script), "-Wl,--no-warn-rwx-segments", "-lgcc"]
     result = subprocess.run([*command, "-o", str(elf)], capture_output=True, text=True, check=False)
