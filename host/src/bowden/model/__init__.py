@@ -6,7 +6,7 @@ become `Inputs`, and `simulate` returns the `Trajectory` that `diagnosis` and `c
 
 from bowden.model.description import Model, format_model, parse_model, table_1
 from bowden.model.errors import ModelError
-from bowden.model.simulation import simulate
+from bowden.model.simulation import simulate, simulate_batch
 from bowden.model.trajectory import Inputs, Mode, Trajectory
 from bowden.model.transmission import FrictionLaw, Transmission
 
@@ -21,5 +21,6 @@ __all__ = [
     "format_model",
     "parse_model",
     "simulate",
+    "simulate_batch",
     "table_1",
 ]

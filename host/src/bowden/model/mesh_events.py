@@ -56,12 +56,12 @@ def settle(t: Tables, s: State, motor: float, load: float) -> bool:
 
 
 @compiled_in_place
-def free_motion(t: Tables, s: State, free: int, force: float, other: float) -> float:
+def free_motion(t: Tables, s: State, free: int, force: float, spring: float, other: float) -> float:
     """Displacement of the free pulley that adds `force` to its difference of tensions, m.
 
     Both cables slack: 0.
     """
-    total, coupled = 0.0, 0.0
+    total, coupled = spring, 0.0
     for cable in range(2):
         k = s.stiffness_n_per_m[cable, free]
         total += k
@@ -109,13 +109,21 @@ def happen(t: Tables, s: State, cable: int, what: int, end: int, motor: float, l
 
 @compiled_in_place
 def step(
-    t: Tables, s: State, free: int, force_0: float, force_1: float, motor: float, load: float
+    t: Tables,
+    s: State,
+    free: int,
+    force_0: float,
+    force_1: float,
+    spring: float,
+    motor: float,
+    load: float,
 ) -> tuple[float, int]:
     """Take one sample.
 
     `free` is the pulley whose torque is given (0 motor, 1 load, -1 none) and force_0, force_1 the
-    difference of tensions it asks for before and after. Displacements motor and load, m, of the
-    pulley that is not free are given. Returns the free pulley's displacement and flags.
+    difference of tensions it asks for before and after, less `spring` times its displacement (a
+    controller's stiffness, N/m). Displacements motor and load, m, of the pulley that is not free
+    are given. Returns the free pulley's displacement and flags.
     """
     left, moved, flags = 1.0, 0.0, 0
     given = load if free == 0 else motor
@@ -125,13 +133,14 @@ def step(
         if free >= 0:
             now = s.end_n[0, free] - s.end_n[1, free]
             scale = s.end_n[0, free] + s.end_n[1, free] + abs(force_0) + abs(force_1)
+            now += spring * moved
             error = force_0 + (1 - left) * (force_1 - force_0) - now
             balancing = abs(error) > BALANCED * scale
             force = error if balancing else force_1 - now
             other = 0.0 if balancing else given * left
             if abs(force) <= BALANCED * scale:
                 force = 0.0
-            if s.gap_m[0] >= 0 and s.gap_m[1] >= 0 and force != 0:
+            if s.gap_m[0] >= 0 and s.gap_m[1] >= 0 and force != 0 and spring == 0:
                 moved += reach_for(t, s, free, force)
                 flags = NOT_CARRIED
                 continue
@@ -140,7 +149,7 @@ def step(
         for _fit in range(limit):
             respond(t, s)
             if free >= 0:
-                x, y = free_motion(t, s, free, force, other), other
+                x, y = free_motion(t, s, free, force, spring, other), other
                 if free == 1:
                     x, y = y, x
             if not settle(t, s, x, y):
@@ -206,7 +215,7 @@ def run(
             force, x = motor[i], 0.0
         elif free == 1:
             force, y = load[i], 0.0
-        moved, flags = step(t, s, free, force_before if i > 0 else force, force, x, y)
+        moved, flags = step(t, s, free, force_before if i > 0 else force, force, 0.0, x, y)
         place += moved
         if free == 0:
             x = moved

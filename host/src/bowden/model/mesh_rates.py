@@ -390,6 +390,7 @@ def sample(
     free: int,
     force_0: float,
     force_1: float,
+    spring: float,
     motor: float,
     load: float,
     dt: float,
@@ -400,8 +401,8 @@ def sample(
     for _ in range(MOST_REFINEMENTS):
         moved, flags = 0.0, 0
         for part in range(parts):
-            force = force_0 + (force_1 - force_0) * (part + 1) / parts
-            x, flag = step(t, s, free, force, 0.0, motor / parts, load / parts, dt / parts)
+            force = force_0 + (force_1 - force_0) * (part + 1) / parts - spring * moved
+            x, flag = step(t, s, free, force, spring, motor / parts, load / parts, dt / parts)
             moved += x
             flags |= flag
             if flag & 8:
@@ -431,7 +432,7 @@ def run(
         x = motor[i] - motor[i - 1] if i > 0 else 0.0
         y = load[i] - load[i - 1] if i > 0 else 0.0
         force = motor[i] if free == 0 else load[i] if free == 1 else 0.0
-        moved, flags = sample(t, s, free, force_before, force, x, y, dt)
+        moved, flags = sample(t, s, free, force_before, force, 0.0, x, y, dt)
         force_before = force
         place += moved
         failed += flags >> 3

@@ -1,13 +1,20 @@
-"""`simulate`: a model and two given series in, the pair's trajectory out.
+"""`simulate`: a model and two given series in, the pair's trajectory out; `simulate_batch`: many.
 
 Chooses the solver that the model asks for; the equations are theirs.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 from bowden.model.description import Model
+from bowden.model.mesh_free import simulate_mesh_free
 from bowden.model.mesh_solver import simulate_mesh
-from bowden.model.trajectory import Inputs, Mode, Trajectory
+from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
+from bowden.model.transmission import Transmission
 
 
 def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
@@ -24,7 +31,9 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
     Returns
     -------
     Trajectory
-        With all four series, four end tensions and slack flags.
+        With all four series, four end tensions and slack flags. The angle of a pulley whose torque
+        is given starts at the other's first sample by the ratio of the pulleys, then its first
+        torque is applied.
 
     Raises
     ------
@@ -32,4 +41,61 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
         Inputs that the mode cannot use, or an effect that the model cannot compute.
     """
     time_s, motor, load = inputs.for_mode(mode)
-    return simulate_mesh(model.transmission, mode, time_s, motor, load)
+    if model.solver == "mesh":
+        return simulate_mesh(model.transmission, mode, time_s, motor, load)
+    return _mesh_free_from_first_sample(model.transmission, mode, time_s, motor, load)
+
+
+def simulate_batch(
+    models: Sequence[Model], mode: Mode, inputs: Inputs | Sequence[Inputs]
+) -> list[Trajectory]:
+    """Simulate many models, or many inputs, or both in pairs, over all cores.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        One, or as many as inputs.
+    mode : Mode
+    inputs : Inputs or sequence of Inputs
+        One, or as many as models.
+
+    Returns
+    -------
+    list of Trajectory
+        In the order given.
+
+    Raises
+    ------
+    ModelError
+        The first that one of them raises.
+    ValueError
+        Counts that do not match.
+    """
+    series = [inputs] if isinstance(inputs, Inputs) else list(inputs)
+    count = max(len(models), len(series))
+    if not models or not series or {len(models), len(series)} - {1, count}:
+        raise ValueError(f"found {len(models)} models and {len(series)} inputs, accepted: 1 or n")
+    # The kernels release the interpreter, so threads do and nothing has to be copied.
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        jobs = [
+            pool.submit(simulate, models[i % len(models)], mode, series[i % len(series)])
+            for i in range(count)
+        ]
+        return [job.result() for job in jobs]
+
+
+def _mesh_free_from_first_sample(
+    pair: Transmission, mode: Mode, time_s: FloatArray, motor: FloatArray, load: FloatArray
+) -> Trajectory:
+    """Let the mesh-free solution, which starts at angle 0, start at the first sample's angles."""
+    ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+    motor_0 = ratio * load[0] if mode is Mode.TORQUE_POSITION else motor[0]
+    load_0 = motor[0] / ratio if mode is Mode.POSITION_TORQUE else load[0]
+    first = motor if mode is Mode.TORQUE_POSITION else motor - motor_0
+    second = load if mode is Mode.POSITION_TORQUE else load - load_0
+    found = simulate_mesh_free(pair, mode, time_s, first, second)
+    return replace(
+        found,
+        motor_angle_rad=found.motor_angle_rad + motor_0,
+        load_angle_rad=found.load_angle_rad + load_0,
+    )
