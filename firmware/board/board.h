@@ -33,7 +33,7 @@ enum {
     BOARD_FAULT_CAN_BUS_OFF = 1 << 4,  /* the controller went bus-off since the last tick */
     BOARD_FAULT_TICK_OVERRUN = 1 << 5, /* the last tick was not finished in its period */
     BOARD_FAULT_RX_OVERRUN = 1 << 6,   /* a received frame was lost */
-    BOARD_FAULT_CONVERTER = 1 << 7,    /* no new analogue samples; the old ones stand */
+    BOARD_FAULT_CONVERTER = 1 << 7,    /* no analogue samples, or all inputs read alike */
     BOARD_FAULT_RESTARTED = 1 << 8,    /* first tick after a crash or a reset by the watchdog */
     BOARD_FAULT_CAN_PASSIVE = 1 << 9,  /* error-passive while the bridge is on */
 };

@@ -12,7 +12,7 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x9E202729)
+#define DICTIONARY_HASH UINT32_C(0x665B6251)
 
 /* Rows of DICTIONARY. */
 #define DICTIONARY_COUNT 130
@@ -141,8 +141,12 @@ enum {
     EMCY_OVERCURRENT_REGISTER = 0x03,
     EMCY_UNDERVOLTAGE = 0x3220, /* bus voltage too low */
     EMCY_UNDERVOLTAGE_REGISTER = 0x05,
+    EMCY_CONVERTER_FAULT = 0x5210, /* no new samples of current, load cell, bus voltage */
+    EMCY_CONVERTER_FAULT_REGISTER = 0x81,
     EMCY_CLOCK_FAULT = 0x5300, /* crystal failed */
     EMCY_CLOCK_FAULT_REGISTER = 0x81,
+    EMCY_RESTARTED = 0x6010, /* the firmware crashed or hung and was started anew */
+    EMCY_RESTARTED_REGISTER = 0x81,
     EMCY_TICK_OVERRUN = 0x6100, /* a control tick was not finished in its period */
     EMCY_TICK_OVERRUN_REGISTER = 0x81,
     EMCY_CONFIGURATION_REFUSED = 0x6320, /* configuration cannot run */
@@ -153,6 +157,8 @@ enum {
     EMCY_LOAD_CELL_FAULT_REGISTER = 0x81,
     EMCY_CAN_OVERRUN = 0x8110, /* CAN frames lost */
     EMCY_CAN_OVERRUN_REGISTER = 0x11,
+    EMCY_CAN_PASSIVE = 0x8120, /* the CAN controller went error-passive while the bridge was on */
+    EMCY_CAN_PASSIVE_REGISTER = 0x11,
     EMCY_HEARTBEAT_LOST = 0x8130, /* the host went silent while the drive ran */
     EMCY_HEARTBEAT_LOST_REGISTER = 0x11,
     EMCY_BUS_OFF_RECOVERED = 0x8140, /* recovered from bus-off */

@@ -102,7 +102,9 @@ static uint32_t find_faults(void) {
     if (latched.fast.overcurrent) {
         faults |= BOARD_FAULT_OVERCURRENT;
     }
-    if (watchdog_current_loop_dead()) {
+    /* Four inputs with one code all the time: it is the converter that is stuck. */
+    const bool stuck = latched.fast.window.count > 0 && !latched.fast.inputs_differ;
+    if (stuck || watchdog_current_loop_dead()) {
         faults |= BOARD_FAULT_CONVERTER;
     }
     /* A node that is alone on the bus is error-passive, too; it matters while current flows. */

@@ -46,6 +46,9 @@ static void add_to_report(const analog_sample_t *sample) {
         window->bus_voltage += sample->bus_voltage;
         window->temperature += sample->temperature;
     }
+    report.inputs_differ |= sample->current != sample->load_cell ||
+                            sample->current != sample->bus_voltage ||
+                            sample->current != sample->temperature;
     report.load_cell_at_rail |= sample->load_cell <= FAST_LOOP_RAIL_CODES ||
                                 sample->load_cell >= 4095 - FAST_LOOP_RAIL_CODES;
     report.load_cell_moved |= sample->load_cell != last_load_cell;

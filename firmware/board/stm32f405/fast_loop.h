@@ -21,6 +21,7 @@
 typedef struct {
     scaling_window_t window;
     bool overcurrent;       /* by a sample, or by the bridge's own fault line */
+    bool inputs_differ;     /* not every sample had the same code on all four inputs */
     bool load_cell_at_rail; /* any sample */
     bool load_cell_moved;   /* its code was not the same in all samples, the one before included */
 } fast_loop_report_t;

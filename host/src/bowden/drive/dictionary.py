@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0x9E202729
+HASH = 0x665B6251
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -93,7 +93,7 @@ TABLE = Table(
         Entry(0x1A02, 6, 'tpdo3_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A02, 7, 'tpdo3_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A02, 8, 'tpdo3_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x9e202729, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x665b6251, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -165,12 +165,15 @@ EMERGENCIES = (
     Emergency(0x0000, 'no_error', 0, 'error reset', ''),
     Emergency(0x2310, 'overcurrent', 2, 'bridge overcurrent', 'check the motor wiring and motor_torque_limit'),
     Emergency(0x3220, 'undervoltage', 4, 'bus voltage too low', 'check the supply'),
+    Emergency(0x5210, 'converter_fault', 128, 'no new samples of current, load cell, bus voltage', 'power-cycle; replace the board if it returns'),
     Emergency(0x5300, 'clock_fault', 128, 'crystal failed', 'power-cycle; replace the board if it returns'),
+    Emergency(0x6010, 'restarted', 128, 'the firmware crashed or hung and was started anew', 'report it with the crash record (docs/hardware.md)'),
     Emergency(0x6100, 'tick_overrun', 128, 'a control tick was not finished in its period', 'use fewer segments'),
     Emergency(0x6320, 'configuration_refused', 128, 'configuration cannot run', 'read configuration_error'),
     Emergency(0x7305, 'encoder_fault', 128, 'an encoder is broken', 'check the encoder wires'),
     Emergency(0x7380, 'load_cell_fault', 128, 'load cell stuck or out of range', 'check the load-cell amplifier'),
     Emergency(0x8110, 'can_overrun', 16, 'CAN frames lost', 'lower the bus load'),
+    Emergency(0x8120, 'can_passive', 16, 'the CAN controller went error-passive while the bridge was on', 'check the bus wiring and its termination'),
     Emergency(0x8130, 'heartbeat_lost', 16, 'the host went silent while the drive ran', 'restart the host tool; the bridge is off'),
     Emergency(0x8140, 'bus_off_recovered', 16, 'recovered from bus-off', 'check termination and bit rate'),
     Emergency(0x8200, 'protocol_error', 16, 'RPDO carries a value out of range; the whole frame was ignored', 'check the sender against the ranges of the dictionary'),
