@@ -3,7 +3,7 @@
 ``*.c`` is the machine: the core on libunicorn, register models from the reference manual RM0090
 and the programming manual PM0214. ``machine.py`` drives it from Python;
 ``hil_tests.targets.emulated`` wires it to the simulated rig. It notes what a program does against
-the manual (``Stm32F405.notes``) and every use of what is not modelled.
+the manual (``Stm32F405.notes``) and every use of what is not modelled (``.unmodelled``).
 
 What it cannot show: cycles (it counts instructions; wait states, branches and loads cost extra on
 the chip: the option ``cycles_per_instruction``), interrupt latency below a block of instructions,

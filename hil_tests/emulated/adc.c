@@ -272,7 +272,7 @@ static void write_cr2(machine_t *m, int n, uint32_t value) {
         schedule(m, EVENT_ADC + n, NEVER);
     }
     if (value & (1u << 8 | 3u << 28)) {
-        note(m, "ADC%d: DMA and external regular triggers are not modelled", n + 1);
+        unmodelled(m, "ADC%d: DMA and external regular triggers are not modelled", n + 1);
     }
     if (value & 1u << 22) { /* JSWSTART */
         start_injected(m, n, m->now);
@@ -286,7 +286,7 @@ void adc_write(machine_t *m, uint32_t offset, uint32_t value) {
     if (offset >= 0x300) {
         m->adcs.ccr = offset == 0x304 ? value : m->adcs.ccr;
         if (offset == 0x304 && (value & 0x1Fu)) {
-            note(m, "ADC: dual and triple mode are not modelled");
+            unmodelled(m, "ADC: dual and triple mode are not modelled");
         }
         return;
     }
@@ -304,7 +304,7 @@ void adc_write(machine_t *m, uint32_t offset, uint32_t value) {
     case 0x04:
         a->cr1 = value & 0x07C0FFFFu;
         if (value & 7u << 10) {
-            note(m, "ADC%d: JAUTO and discontinuous mode are not modelled", n + 1);
+            unmodelled(m, "ADC%d: JAUTO and discontinuous mode are not modelled", n + 1);
         }
         break;
     case 0x08:

@@ -116,6 +116,7 @@ uint32_t machine_peek(machine_t *m, uint32_t address); /* a peripheral register,
 /* Rules of the manual that the program broke, or what it used that is not modelled; each once. */
 int machine_note_count(const machine_t *m);
 const char *machine_note(const machine_t *m, int index);
+bool machine_note_is_unmodelled(const machine_t *m, int index);
 crash_t machine_crash(const machine_t *m);
 void machine_clear_crash(machine_t *m);
 int machine_reset_count(const machine_t *m);

@@ -78,20 +78,32 @@ static const block_t BLOCKS[] = {
 
 static const block_t *block_of[512]; /* by address / 1 KiB; the same for every machine */
 
-void note(machine_t *m, const char *format, ...) {
-    char text[sizeof m->notes[0]];
-    va_list arguments;
-    va_start(arguments, format);
+static void add_note(machine_t *m, bool is_unmodelled, const char *format, va_list arguments) {
+    char text[sizeof m->notes[0].text];
     vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
     for (int i = 0; i < m->note_count; i++) {
-        if (strcmp(m->notes[i], text) == 0) {
+        if (strcmp(m->notes[i].text, text) == 0) {
             return;
         }
     }
     if (m->note_count < (int)(sizeof m->notes / sizeof m->notes[0])) {
-        memcpy(m->notes[m->note_count++], text, sizeof text);
+        memcpy(m->notes[m->note_count].text, text, sizeof text);
+        m->notes[m->note_count++].is_unmodelled = is_unmodelled;
     }
+}
+
+void note(machine_t *m, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    add_note(m, false, format, arguments);
+    va_end(arguments);
+}
+
+void unmodelled(machine_t *m, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    add_note(m, true, format, arguments);
+    va_end(arguments);
 }
 
 /* The access is abandoned on its instruction, so the fault is precise. */
@@ -153,7 +165,7 @@ static uint32_t read_block(machine_t *m, const block_t *block, uint32_t offset) 
         memcpy(&value, m->pwr.backup + (offset & 0xFFCu), 4);
         return value;
     default:
-        note(m, "%s is not modelled", block->name);
+        unmodelled(m, "%s is not modelled", block->name);
         return 0;
     }
 }
@@ -196,7 +208,7 @@ static void write_block(machine_t *m, const block_t *block, uint32_t offset, uin
         }
         break;
     default:
-        note(m, "%s is not modelled", block->name);
+        unmodelled(m, "%s is not modelled", block->name);
         break;
     }
 }

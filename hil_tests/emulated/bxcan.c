@@ -224,10 +224,10 @@ static void write_mcr(machine_t *m, uint32_t value) {
         return;
     }
     if (value & TTCM) {
-        note(m, "CAN1: time-triggered mode is not modelled");
+        unmodelled(m, "CAN1: time-triggered mode is not modelled");
     }
     if (value & AWUM) {
-        note(m, "CAN1: automatic wake-up is not modelled");
+        unmodelled(m, "CAN1: automatic wake-up is not modelled");
     }
     c->mcr = value & 0x100FFu;
     enter_requested_mode(m);
@@ -312,7 +312,7 @@ void bxcan_write(machine_t *m, uint32_t offset, uint32_t value) {
             c->btr = value & 0xC37F03FFu;
         }
         if (value >> 30) {
-            note(m, "CAN1: loop-back and silent mode are not modelled");
+            unmodelled(m, "CAN1: loop-back and silent mode are not modelled");
         }
     }
     bxcan_update(m);

@@ -219,7 +219,7 @@ static int why_stopped(machine_t *m, uc_err error) {
             return -1;
         }
         if (m->nvic.scr & 1u << 2) {
-            note(m, "SCR.SLEEPDEEP: stop and standby are not modelled, taken as sleep");
+            unmodelled(m, "SCR.SLEEPDEEP: stop and standby are not modelled, taken as sleep");
         }
         m->cpu.sleeping = true;
         account_sleep(m);

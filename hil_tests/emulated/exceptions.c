@@ -175,7 +175,7 @@ void exception_enter(machine_t *m, int exception) {
     m->nvic.pending[taken >> 6] &= ~bit(taken);
     uint32_t lr = m->nvic.depth == 0 ? 0xFFFFFFF9u : 0xFFFFFFF1u;
     if (cpu_get(m, UC_ARM_REG_CONTROL) & 2u) {
-        note(m, "CONTROL.SPSEL: the process stack is not modelled");
+        unmodelled(m, "CONTROL.SPSEL: the process stack is not modelled");
     }
     m->nvic.active[m->nvic.depth++] = (uint8_t)taken;
     account_enter(m);

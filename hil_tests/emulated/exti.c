@@ -79,7 +79,7 @@ void syscfg_write(machine_t *m, uint32_t offset, uint32_t value) {
     if (offset >= 0x08 && offset <= 0x14) {
         m->exti.exticr[(offset - 8) / 4] = value & 0xFFFFu;
     } else if (offset == 0 && (value & 3u) != 0) {
-        note(m, "SYSCFG: remapping memory at 0 is not modelled");
+        unmodelled(m, "SYSCFG: remapping memory at 0 is not modelled");
     }
 }
 

@@ -217,7 +217,7 @@ void flash_write(machine_t *m, uint32_t offset, uint32_t value) {
         break;
     case 0x08:
     case 0x14:
-        note(m, "FLASH: changing the option bytes is not modelled");
+        unmodelled(m, "FLASH: changing the option bytes is not modelled");
         break;
     default:
         break;

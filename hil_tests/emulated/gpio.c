@@ -116,7 +116,7 @@ void gpio_write(machine_t *m, int port, uint32_t offset, uint32_t value) {
         g->odr = (g->odr & ~(value >> 16)) | (value & 0xFFFFu);
         break; /* set wins */
     case 0x1C:
-        note(m, "GPIO: the configuration lock is not modelled");
+        unmodelled(m, "GPIO: the configuration lock is not modelled");
         break;
     case 0x20:
         g->afr[0] = value;

@@ -172,7 +172,11 @@ int machine_note_count(const machine_t *m) {
 }
 
 const char *machine_note(const machine_t *m, int index) {
-    return index >= 0 && index < m->note_count ? m->notes[index] : "";
+    return index >= 0 && index < m->note_count ? m->notes[index].text : "";
+}
+
+bool machine_note_is_unmodelled(const machine_t *m, int index) {
+    return index >= 0 && index < m->note_count && m->notes[index].is_unmodelled;
 }
 
 crash_t machine_crash(const machine_t *m) {

@@ -276,7 +276,9 @@ void bridge_check_enabled(machine_t *m);      /* and this after it */
 
 /* ---- bus.c: which register model answers an address ---- */
 void bus_map(machine_t *m);
+/* A rule of the manual that the program broke; a use of what the emulator does not do. */
 void note(machine_t *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void unmodelled(machine_t *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void bus_fault(machine_t *m, uint32_t address); /* of the running access */
 
 /* ---- cpu.c ---- */
@@ -335,7 +337,10 @@ struct machine {
     crash_t crash;
     reset_record_t resets[16];
     int reset_count;
-    char notes[64][96];
+    struct {
+        char text[96];
+        bool is_unmodelled;
+    } notes[64];
     int note_count;
     bool peeking; /* a read for the bench: no side effects */
     uint8_t *flash_memory, *sram, *ccm, *system;

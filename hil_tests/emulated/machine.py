@@ -257,9 +257,22 @@ class Stm32F405:
     # ---- what happened ----
     @property
     def notes(self) -> list[str]:
-        """Rules of the manual that the program broke, and uses of what is not modelled."""
-        count = self._lib.machine_note_count(self._m)
-        texts: list[Any] = [ffi.string(self._lib.machine_note(self._m, i)) for i in range(count)]
+        """Rules of the manual that the program broke, each once, and the emulator's own trouble."""
+        return self._notes(unmodelled=False)
+
+    @property
+    def unmodelled(self) -> list[str]:
+        """What the program used that the emulator does not do, each once."""
+        return self._notes(unmodelled=True)
+
+    def _notes(self, unmodelled: bool) -> list[str]:
+        lib, m = self._lib, self._m
+        wanted = [
+            i
+            for i in range(lib.machine_note_count(m))
+            if lib.machine_note_is_unmodelled(m, i) == unmodelled
+        ]
+        texts: list[Any] = [ffi.string(lib.machine_note(m, i)) for i in wanted]
         return [text.decode() for text in texts]
 
     @property

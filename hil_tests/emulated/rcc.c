@@ -221,7 +221,7 @@ static void write_cr(machine_t *m, uint32_t value) {
         pll_hz(m); /* notes what is out of range */
     }
     if (value & 1u << 26) {
-        note(m, "RCC: the I2S PLL is not modelled");
+        unmodelled(m, "RCC: the I2S PLL is not modelled");
     }
 }
 

@@ -188,7 +188,7 @@ static void write_scb(machine_t *m, uint32_t offset, uint32_t value) {
     case 0xD14:
         n->ccr = value & 0x31Bu;
         if (value & 0x18u) {
-            note(m, "CCR: traps on division by zero and unaligned access are not modelled");
+            unmodelled(m, "CCR: traps on division by zero and unaligned access are not modelled");
         }
         break;
     case 0xD24:

@@ -195,7 +195,7 @@ static void generate(machine_t *m, int n, uint32_t value) {
         pwm_software_break(m);
     }
     if (value & 0x7Eu) {
-        note(m, "TIM%d: EGR %02x is not modelled", n, value & 0x7Eu);
+        unmodelled(m, "TIM%d: EGR %02x is not modelled", n, value & 0x7Eu);
     }
 }
 
@@ -226,11 +226,11 @@ static void write_ccr(machine_t *m, int n, int channel, uint32_t value) {
 static void note_unmodelled(machine_t *m, int n, uint32_t offset, uint32_t value) {
     uint32_t slave = value & 7u;
     if (offset == 0x08 && (slave >= 4 || (value & 1u << 14))) {
-        note(m, "TIM%d: slave mode %u is not modelled", n, slave);
+        unmodelled(m, "TIM%d: slave mode %u is not modelled", n, slave);
     } else if (offset == 0x0C && (value & ~(UIE | BIE | 0u))) {
-        note(m, "TIM%d: DIER %04x: only UIE and BIE are modelled", n, value);
+        unmodelled(m, "TIM%d: DIER %04x: only UIE and BIE are modelled", n, value);
     } else if (is_advanced(n) && n != 1 && offset == 0x44) {
-        note(m, "TIM8: outputs are not modelled");
+        unmodelled(m, "TIM8: outputs are not modelled");
     }
 }
 
