@@ -1,4 +1,4 @@
-"""Error counters, bus-off and broken buses of the emulated bxCAN (RM0090 32.7.6, CAN 2.0 part 8)."""
+"""Error counters, bus-off and broken buses of the emulated bxCAN (RM0090 32.7.6, CAN 2.0)."""
 
 from __future__ import annotations
 
