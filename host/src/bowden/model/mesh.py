@@ -24,6 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.model.friction.coulomb import slide_exponent
+from bowden.model.friction.stiction import breakaway_excess
 from bowden.model.transmission import FloatArray, Transmission
 
 RELEASE, PULL = 0, 1
@@ -119,21 +121,17 @@ def cut(transmission: Transmission) -> Mesh:
     return Mesh(np.diff(place), wrap)
 
 
-def slide_exponent(transmission: Transmission, mesh: Mesh) -> FloatArray:
-    """Return a = mu_d ds/R by cable and direction (0: towards the motor), shape (2, 2, N)."""
+def slide_exponents(transmission: Transmission, mesh: Mesh) -> FloatArray:
+    """Return a = mu_d ds/R by cable and direction of motion, shape (2, 2, N)."""
     law = transmission.friction
-    base = law.mu_d * mesh.wrap_rad
-    plus, minus = base * (1 + law.direction_asymmetry), base * (1 - law.direction_asymmetry)
-    # The pair moves to positive angle when cable a runs to the motor and cable b to the load.
-    return np.array([[plus, minus], [minus, plus]])
+    return slide_exponent(law.mu_d, law.direction_asymmetry, mesh.wrap_rad)
 
 
-def breakaway_excess(transmission: Transmission, mesh: Mesh) -> FloatArray:
-    """Return (mu_s - mu_d) l_s/R, what a segment holds beyond its sliding friction."""
+def breakaway_excesses(transmission: Transmission, mesh: Mesh) -> FloatArray:
+    """Return what each segment holds at rest beyond its sliding friction, shape (N,)."""
     law = transmission.friction
-    stiction_m = mesh.length_m if law.stiction_length_m is None else law.stiction_length_m
-    excess: FloatArray = (law.mu_s - law.mu_d) * stiction_m * mesh.wrap_rad / mesh.length_m
-    return excess
+    lengths = mesh.length_m, mesh.wrap_rad
+    return breakaway_excess(law.mu_s, law.mu_d, law.stiction_length_m, *lengths)
 
 
 def tables(transmission: Transmission) -> Tables:
@@ -141,8 +139,8 @@ def tables(transmission: Transmission) -> Tables:
     law = transmission.friction
     mesh = cut(transmission)
     n = mesh.length_m.size
-    exponent = slide_exponent(transmission, mesh)
-    excess = breakaway_excess(transmission, mesh)
+    exponent = slide_exponents(transmission, mesh)
+    excess = breakaway_excesses(transmission, mesh)
     compliance = mesh.length_m / transmission.axial_stiffness_n
 
     decay = np.empty((2, 2, 2, n + 1))

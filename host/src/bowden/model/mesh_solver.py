@@ -10,14 +10,16 @@ import numpy as np
 
 from bowden.model import mesh_events, mesh_rates
 from bowden.model.errors import ModelError
+from bowden.model.friction.coulomb import slide_exponent
 from bowden.model.mesh import (
-    breakaway_excess,
+    breakaway_excesses,
     cut,
     rest_state,
-    slide_exponent,
+    slide_exponents,
     sliding_weight,
     tables,
 )
+from bowden.model.mesh_rate_chain import RateState, RateTables
 from bowden.model.trajectory import FloatArray, Mode, Trajectory
 from bowden.model.transmission import Transmission
 
@@ -83,19 +85,21 @@ def simulate_mesh(
     return trajectory_of(transmission, mode, time_s, motor, load, out)
 
 
-def rate_tables(transmission: Transmission) -> mesh_rates.RateTables:
+def rate_tables(transmission: Transmission) -> RateTables:
     """Compute the constants of `mesh_rates`."""
     law, mesh = transmission.friction, cut(transmission)
-    exponent = slide_exponent(transmission, mesh)
+    exponent = slide_exponents(transmission, mesh)
     half = sliding_weight(exponent[0].mean(axis=0)) * mesh.length_m
+    wrap = slide_exponent(1.0, law.direction_asymmetry, mesh.wrap_rad)
     compliance = np.zeros(mesh.length_m.size + 1)
     compliance[:-1] += half
     compliance[1:] += half
-    return mesh_rates.RateTables(
-        exponent=exponent,
-        excess=breakaway_excess(transmission, mesh),
+    return RateTables(
+        wrap=wrap,
+        mu_d=law.mu_d,
+        mu_v_s_per_m=law.mu_v_s_per_m,
+        excess=breakaway_excesses(transmission, mesh),
         stiffness=transmission.axial_stiffness_n / compliance,
-        viscous_s_per_m=law.mu_v_s_per_m / law.mu_d if law.mu_d > 0 else 0.0,
         stribeck_gain=law.stribeck_gain,
         stribeck_speed_m_per_s=law.stribeck_speed_m_per_s,
         tension_exponent=law.tension_exponent,
@@ -104,14 +108,14 @@ def rate_tables(transmission: Transmission) -> mesh_rates.RateTables:
     )
 
 
-def rate_state(transmission: Transmission) -> mesh_rates.RateState:
+def rate_state(transmission: Transmission) -> RateState:
     """Return both cables at rest for `mesh_rates`."""
     rest = rest_state(transmission)
     n = rest.node_n.shape[1] - 1
-    return mesh_rates.RateState(
+    return RateState(
         tension=rest.node_n.copy(),
         speed=np.zeros((2, n)),
-        slides=np.where(slide_exponent(transmission, cut(transmission))[:, 0] == 0, 1, 0),
+        slides=np.where(slide_exponents(transmission, cut(transmission))[:, 0] == 0, 1, 0),
         rested=np.ones((2, n), dtype=np.int64),
         gap_m=rest.gap_m.copy(),
         slip=np.zeros((2, n)),

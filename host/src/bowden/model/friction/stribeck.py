@@ -1,0 +1,32 @@
+"""Stribeck's term: friction that falls as sliding gets faster, before a viscous term takes over.
+
+    mu(v) = mu_d (1 + b exp(-(v/v_s)^2))         b no unit, v_s in m/s
+
+Source: Stribeck 1902, in the Gaussian form of Armstrong-Helouvry 1991. Limit: b = 0, or speeds far
+above v_s.
+
+Where friction falls with speed the quasi-static problem has no unique answer. So v is a filtered
+speed: it follows the segment's speed with the time constant `memory_s`, and the term takes it as it
+was one sample ago. Below v_s the motion then is stick-slip, whose single slips depend on the mesh
+and on the memory; what is robust is the friction of steady sliding and the first breakaway.
+"""
+
+from __future__ import annotations
+
+import math
+
+from bowden.model.compiled import compiled_in_place
+
+
+@compiled_in_place
+def stribeck_term(gain: float, stribeck_speed: float, speed: float) -> float:
+    """Return b exp(-(v/v_s)^2); speeds in m/s."""
+    if gain == 0.0:
+        return 0.0
+    return gain * math.exp(-((speed / stribeck_speed) ** 2))
+
+
+@compiled_in_place
+def filtered(before: float, speed: float, memory_s: float, dt: float) -> float:
+    """Return the speed behind a first-order low-pass filter, one backward Euler step on."""
+    return before + dt / (memory_s + dt) * (speed - before)
