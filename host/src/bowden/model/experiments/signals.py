@@ -63,7 +63,7 @@ def ramps_with_dwells(
     steps = (quarter, dwell_s, 2 * quarter, dwell_s, quarter)
     corners = np.concatenate(([0.0], np.cumsum(steps)))
     levels = np.array([0.0, peak, peak, -peak, -peak, 0.0])
-    return np.interp(np.mod(time_s, corners[-1]), corners, levels)
+    return np.asarray(np.interp(np.mod(time_s, corners[-1]), corners, levels))
 
 
 def sine(time_s: FloatArray, amplitude: float, frequency_hz: float) -> FloatArray:
