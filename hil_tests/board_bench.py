@@ -52,6 +52,8 @@ class Board:
         What the person does; `still` unless told otherwise.
     options : Options
         Of the chip.
+    rig : Rig
+        Everything else.
     elf : Path
         What is flashed.
 
@@ -61,12 +63,16 @@ class Board:
     """
 
     def __init__(
-        self, hand: Hand | None = None, options: Options | None = None, elf: Path = ELF
+        self,
+        hand: Hand | None = None,
+        options: Options | None = None,
+        rig: Rig | None = None,
+        elf: Path = ELF,
     ) -> None:
         self.target = EmulatedTarget(elf, options=options)
         self.chip = self.target.chip
-        rig = SimulatedRig(rig_with(hand or Hand(motion="still")), 0)
-        self.bench = Bench(rig, self.target, trace=True)
+        simulated = SimulatedRig(rig_with(hand or Hand(motion="still"), rig), 0)
+        self.bench = Bench(simulated, self.target, trace=True)
         self.host = LockstepHost(VirtualBus(self.bench))
 
     # ---- time and traffic ----

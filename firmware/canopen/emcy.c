@@ -88,7 +88,7 @@ void emcy_tick(emcy_t *emcy, uint8_t node_id, bool allowed, uint32_t now_us, fra
     if (emcy->inhibited && now_us - emcy->sent_us >= emcy->inhibit_us) {
         emcy->inhibited = false;
     }
-    if (!allowed || emcy->inhibited || emcy->waiting_count == 0) {
+    if (!allowed || emcy->inhibited || emcy->waiting_count == 0 || frame_queue_is_full(tx)) {
         return;
     }
     const emcy_error_t *error = &emcy->waiting[0];

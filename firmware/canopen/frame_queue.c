@@ -1,8 +1,12 @@
 /* frame_queue.c: see frame_queue.h. */
 #include "frame_queue.h"
 
+bool frame_queue_is_full(const frame_queue_t *queue) {
+    return queue->count == FRAME_QUEUE_CAPACITY;
+}
+
 void frame_queue_push(frame_queue_t *queue, const can_frame_t *frame) {
-    if (queue->count == FRAME_QUEUE_CAPACITY) {
+    if (frame_queue_is_full(queue)) {
         queue->overflow_count++;
         return;
     }

@@ -20,6 +20,9 @@ typedef struct {
 
 void frame_queue_push(frame_queue_t *queue, const can_frame_t *frame);
 
+/* Would the next frame be lost? For what can wait. */
+bool frame_queue_is_full(const frame_queue_t *queue);
+
 /* Returns false when the queue is empty. */
 bool frame_queue_pop(frame_queue_t *queue, can_frame_t *frame);
 

@@ -14,6 +14,9 @@
 /* Between two attempts to come back from bus-off: 100 ms. */
 #define RECOVERY_TICKS (100000u / BOARD_CONTROL_PERIOD_US)
 
+/* Error-passive is reported when it lasts: 10 ms. On the way to bus-off it is over in 3 ms. */
+#define PASSIVE_TICKS (10000u / BOARD_CONTROL_PERIOD_US)
+
 enum { BANK_FIXED, BANK_RPDO, BANK_HEARTBEAT };
 
 #define NMT_COB_ID 0x000u
@@ -31,7 +34,7 @@ static struct {
 
 static volatile bool rx_overrun;
 static uint16_t listened[CAN_RPDOS];
-static uint32_t since_recovery; /* ticks */
+static uint32_t since_recovery, passive; /* ticks */
 
 static bool wait_for_initialisation(bool on) {
     const uint32_t wanted = on ? CAN_MSR_INAK : 0u;
@@ -168,7 +171,12 @@ uint32_t can_tick(void) {
     if ((esr & CAN_ESR_BOFF) != 0 || (CAN1->MSR & CAN_MSR_INAK) != 0) {
         faults |= BOARD_FAULT_CAN_BUS_OFF;
         recover();
-    } else if ((esr & CAN_ESR_EPVF) != 0) {
+        passive = 0;
+    } else if ((esr & CAN_ESR_EPVF) == 0) {
+        passive = 0;
+    } else if (passive < PASSIVE_TICKS) {
+        passive++;
+    } else {
         faults |= BOARD_FAULT_CAN_PASSIVE;
     }
     if (rx_overrun) {

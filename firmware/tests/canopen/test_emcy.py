@@ -67,6 +67,18 @@ def test_a_storm_of_errors_ends_with_the_state_that_remains(node: Any) -> None:
     assert sent[-1][1] == bytes(8)
 
 
+def test_an_emergency_outlasts_a_bus_that_is_blocked(operational: Any) -> None:
+    node = operational
+    for _ in range(400):  # 100 ms without a frame leaving: TPDOs fill the queue
+        node.tick()
+    assert node.lib.node_tx_overflow_count(node.node) > 0
+    set_error(node, LOST)
+    for _ in range(400):
+        node.tick()
+    assert 0x90 not in {cob_id for cob_id, _ in node.frames()}  # the bus is free again
+    assert len(emergencies(node, 10_000)) == 1
+
+
 def test_stopped_node_keeps_its_emergency_for_later(node: Any) -> None:
     node.nmt(2)
     set_error(node, OVERCURRENT)
