@@ -32,6 +32,8 @@ COMMANDS = {
     "compare": "compare recordings with the offline model",
     "calibrate": "fit named parameters of a model to recordings",
     "experiment": "run one of the paper's experiments on the offline model",
+    "estimate": "stiffness, friction or pretension from recordings, with intervals",
+    "sweep": "run an experiment over a grid or random draws of parameters",
     "convert": "turn other recordings into the exchange form (CSV)",
 }
 
