@@ -117,6 +117,37 @@ def test_a_dead_load_cell_is_seen_in_a_quarter_of_a_second(monkeypatch: pytest.M
     board.restart_after_fault()
 
 
+@pytest.mark.parametrize("code", [0.0, 4095.0])
+def test_a_load_cell_at_a_rail_is_seen_in_the_next_tick(
+    code: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board = running()
+    start_us = board.chip.time_us
+    monkeypatch.setattr(board_map, "LOAD_CELL_ZERO_CODE", code)
+    board.run(0.01)
+    assert off_after_us(board, start_us) < 3 * TICK_US
+    assert board.emergencies() == [0x7380]
+    monkeypatch.undo()
+    board.run(0.01)
+    board.restart_after_fault()
+
+
+def test_an_index_that_fails_to_come_is_seen_in_two_turns() -> None:
+    board = running(0.0)
+    chip, turn = board.chip, 2000
+    for counts in range(0, turn + 50, 50):
+        chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, counts)
+        chip.run_until(chip.time_us + TICK_US)
+    chip.break_encoder_wire(board_map.MOTOR_ENCODER_TIMER, "index", 0)
+    for counts in range(turn + 50, 3 * turn + 200, 50):
+        assert chip.bridge().enabled or counts > 3 * turn
+        chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, counts)
+        chip.run_until(chip.time_us + TICK_US)
+    chip.run_until(chip.time_us + 2 * TICK_US)
+    assert not chip.bridge().enabled
+    assert faults(board) == [0x7305]
+
+
 @pytest.mark.parametrize("line", ["a", "b"])
 def test_an_encoder_wire_that_breaks_is_seen_at_the_next_index(line: str) -> None:
     board = running(0.0)

@@ -45,7 +45,7 @@ static void set_field(volatile uint32_t *reg, uint32_t index, uint32_t width, ui
 
 void pins_start(void) {
     RCC->AHB1ENR |= RCC_AHB1ENR_GPIOAEN | RCC_AHB1ENR_GPIOBEN | RCC_AHB1ENR_GPIOCEN;
-    core_barrier(); /* the clock needs two cycles to arrive (RM0090 7.3.10, errata 2.1.13) */
+    core_barrier(); /* the clock needs two cycles to arrive (ES0182, delay after clock enabling) */
     pins_lamp(false);
     for (uint32_t i = 0; i < sizeof PINS / sizeof PINS[0]; i++) {
         const pin_t *p = &PINS[i];

@@ -1,0 +1,88 @@
+"""The flashed ELF: its share of the core, and that it is the native drive bit for bit.
+
+Needs build/stm32f405/bowden.elf (`make firmware`). The table of every interrupt and scenario goes
+to stderr; the figures are the worst of them.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Final
+
+from hil_tests.benchmarks.measurement import Figure
+from hil_tests.board_budget import CYCLES_PER_INSTRUCTION, SCENARIOS, measure, table
+from hil_tests.board_parity import EXPERIMENTS, compare
+from hil_tests.targets.emulated import ELF
+
+_PARITY_S: Final = 60.0
+_COUNT_S: Final = 4.0
+
+
+def figures() -> list[Figure]:
+    """Measure; nothing where the ELF has not been built."""
+    if not ELF.is_file():
+        sys.stderr.write(f"  skipped: {ELF} is missing; run 'make firmware'\n")
+        return []
+    return [*_budget(), *_parity()]
+
+
+def _budget() -> list[Figure]:
+    found = {scenario.name: measure(scenario, _COUNT_S) for scenario in SCENARIOS}
+    sys.stderr.write(table(found))
+    by_interrupt = {
+        share.interrupt: [shares[i] for shares in found.values()]
+        for i, share in enumerate(next(iter(found.values())))
+    }
+    tick = max(by_interrupt[14], key=lambda s: s.worst)
+    loop = max(by_interrupt[16 + 18], key=lambda s: s.worst)
+    load = max(sum(s.load for s in shares) for shares in found.values())
+    context = f"{len(found)} scenarios of {_COUNT_S:g} s on the emulated chip, 20 segments a cable"
+    cycles = f"cycles taken as {CYCLES_PER_INSTRUCTION} x instructions"
+    return [
+        Figure(
+            "drive.tick.worst_instructions",
+            float(tick.worst),
+            "instructions",
+            f"the worst control tick: {context}",
+            "14000, half of its 250 us at 168 MHz",
+        ),
+        Figure(
+            "drive.current_loop.worst_instructions",
+            float(loop.worst),
+            "instructions",
+            f"the worst 20 kHz interrupt: {context}",
+            "2800, half of its 50 us at 168 MHz",
+        ),
+        Figure("drive.core_load", load, "1", f"the busiest scenario of {context}; {cycles}", "0.5"),
+    ]
+
+
+def _parity() -> list[Figure]:
+    rows = []
+    start = time.perf_counter()
+    for experiment in EXPERIMENTS:
+        found = compare(experiment, _PARITY_S)
+        if found.difference:
+            sys.stderr.write(f"  Experiment {experiment.name}: {found.difference}\n")
+        rows.append(
+            Figure(
+                f"drive.parity.experiment_{experiment.name[0]}.differences",
+                float(bool(found.difference)),
+                "1",
+                f"Experiment {experiment.name}: actuators of {found.ticks} ticks and "
+                f"{found.frames} CAN frames, ELF against native; SHA-256 {found.digest}",
+                "0",
+            )
+        )
+    factor = len(rows) * _PARITY_S / (time.perf_counter() - start)
+    rows.append(
+        Figure(
+            "emulated.realtime_factor",
+            factor,
+            "simulated s per s",
+            "emulated board, rig, native drive and comparison in one process",
+            "1",
+        )
+    )
+    return rows
