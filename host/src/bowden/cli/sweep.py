@@ -176,7 +176,7 @@ def _on_cluster(
                 client.submit(run_points, text, sweep.experiment, _points(sweep, task), pure=False)
                 for task in tasks
             ]
-            for future in cast(Any, as_completed)(futures):
+            for future in cast(Any, as_completed)(futures, loop=client.loop):
                 yield future.result()
                 future.release()
 
