@@ -26,9 +26,6 @@ NEEDS_ELF: Final = pytest.mark.skipif(
     not ELF.is_file(), reason="build/stm32f405/bowden.elf is missing; run 'make firmware'"
 )
 
-# What the emulator says of a program that does everything right.
-HARMLESS_NOTES: Final = ("CCR: traps on division by zero",)  # not modelled; the firmware sets them
-
 TORQUE_MODE: Final = -2
 ENABLED: Final = 0x27
 FAULT: Final = 0x08

@@ -43,10 +43,11 @@ def off_after_us(board: Board, start_us: float) -> float:
 # ---- what the board measures ----
 
 
-def test_the_bridges_own_fault_line_works_without_the_core() -> None:
+@pytest.mark.parametrize("level", [0, None], ids=["low", "cut"])
+def test_the_bridges_own_fault_line_works_without_the_core(level: int | None) -> None:
     board = running()
     start_us = board.chip.time_us
-    board.chip.set_pin(board_map.BRIDGE_FAULT, 0)
+    board.chip.set_pin(board_map.BRIDGE_FAULT, level)
     assert not board.chip.bridge().enabled  # asynchronously: no time has passed
     assert board.chip.bridge_off_us == pytest.approx(start_us, abs=0.01)
     for _ in range(40):  # the rig would mend it with its next sample

@@ -15,14 +15,14 @@ typedef struct {
     uint8_t pin, mode, alternate, pull;
 } pin_t;
 
-/* Pulls choose what a broken wire looks like: no overcurrent report lost (break is active low and
- * its wire is pulled up by the bridge as well), no index pulses. */
+/* The pulls choose what a cut wire looks like: a fault of the bridge, gates off, no index pulses.
+ */
 static const pin_t PINS[] = {
     {GPIOA, 8, ALTERNATE, 1, PULL_DOWN},  /* bridge leg A high, TIM1_CH1 */
     {GPIOB, 13, ALTERNATE, 1, PULL_DOWN}, /* bridge leg A low, TIM1_CH1N */
     {GPIOA, 9, ALTERNATE, 1, PULL_DOWN},  /* bridge leg B high, TIM1_CH2 */
     {GPIOB, 14, ALTERNATE, 1, PULL_DOWN}, /* bridge leg B low, TIM1_CH2N */
-    {GPIOB, 12, ALTERNATE, 1, FLOATING},  /* bridge fault, TIM1_BKIN */
+    {GPIOB, 12, ALTERNATE, 1, PULL_DOWN}, /* bridge fault, TIM1_BKIN, active low */
     {GPIOC, 6, ALTERNATE, 2, PULL_UP},    /* motor encoder A, TIM3_CH1 */
     {GPIOC, 7, ALTERNATE, 2, PULL_UP},    /* motor encoder B, TIM3_CH2 */
     {GPIOC, 8, INPUT, 0, PULL_DOWN},      /* motor encoder index, EXTI8 */
