@@ -396,6 +396,18 @@ def test_a_stack_overflow_runs_into_the_guard() -> None:
     assert found["cfsr"] & 0x92  # access or stacking violation
 
 
+def test_the_bridge_is_off_before_anything_is_recorded() -> None:
+    """Even when the crash handler itself can do no more than its first instructions."""
+    board = running()
+    start_us = board.chip.time_us
+    board.patch("crash_keep", HANG)
+    board.patch("drive_tick", store_to(0x0800_2000))
+    board.chip.run_until(start_us + 2 * TICK_US)
+    assert off_after_us(board, start_us) < TICK_US + 10
+    board.chip.run_until(start_us + WATCHDOG_US)
+    assert board.restarts()[0] == ResetCause.WATCHDOG | ResetCause.PIN
+
+
 def test_crashes_are_counted_until_power_off() -> None:
     board = running()
     for count in (1, 2):
