@@ -2,14 +2,15 @@
 # quick when it is there already.
 
 PYTHON ?= python3
-TARGET ?= native
+TARGET ?= native# where the drive runs in `make demo` and `make test`: native or emulated
+PROBE ?= openocd# for `make flash`: openocd, st-flash or dfu-util
 VENV := .venv
 BIN := $(VENV)/bin
 PYTEST_FLAGS ?= -n 2
 C_FILES = $(shell git ls-files 'firmware/*.c' 'firmware/*.h' 'hil_tests/*.c' 'hil_tests/*.h' | grep -v 'drive/dictionary\.[ch]')
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format firmware generate bench lock clean setup setup-firmware native
+.PHONY: help demo test lint format firmware flash debug generate bench lock clean setup setup-firmware native
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -33,8 +34,14 @@ format: setup ## format Python and C in place
 	$(BIN)/ruff check --fix .
 	$(BIN)/clang-format -i $(C_FILES)
 
-firmware: setup-firmware ## cross-compile for the Cortex-M4 and prove it holds no float
-	$(MAKE) --no-print-directory -C firmware proof BUILD=$(CURDIR)/build
+firmware: setup-firmware ## build the board's ELF; prove: no float, include rules, size, worst-case stack
+	$(MAKE) --no-print-directory -C firmware proof elf BUILD=$(CURDIR)/build
+
+flash: setup-firmware ## write the firmware to a board and verify it (PROBE=openocd|st-flash|dfu-util)
+	$(MAKE) --no-print-directory -C firmware flash PROBE=$(PROBE) BUILD=$(CURDIR)/build
+
+debug: setup-firmware ## gdb on a running board, through OpenOCD
+	$(MAKE) --no-print-directory -C firmware debug BUILD=$(CURDIR)/build
 
 native: setup ## build the firmware as a shared library for this machine
 	$(MAKE) --no-print-directory -C firmware native BUILD=$(CURDIR)/build
@@ -42,7 +49,7 @@ native: setup ## build the firmware as a shared library for this machine
 generate: setup ## remake everything that comes from shared/object_dictionary.yaml
 	$(BIN)/python -m shared.dictionary
 
-bench: native ## measure; results in build/bench.json
+bench: firmware native ## measure; results in build/bench.json
 	$(BIN)/python -m hil_tests.benchmarks --output build/bench.json
 
 lock: setup ## resolve requirements.lock anew (needs uv)
@@ -76,7 +83,7 @@ $(VENV)/.ready: requirements.lock host/pyproject.toml pyproject.toml
 	@echo "bowden: making the virtual environment in $(VENV)" >&2
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e host -e .
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e host -e .
 	@touch $@
 
 setup-firmware: setup
