@@ -184,28 +184,69 @@ class Rig(Part):
     load_cell_noise_nm: NotNegative | None = None
 
 
+class BoucWenBranch(Part):
+    """Shape of the modified Bouc-Wen hysteresis in one direction."""
+
+    sigma: Positive | None = None
+    exponent: Positive | None = None
+    limit: Positive | None = None
+
+
+LAW_KEYS: dict[str, tuple[str, ...]] = {
+    "coulomb": (),
+    "stiction": ("mu_s", "stiction_length_m"),
+    "dahl": ("presliding_m", "exponent"),
+    "lugre": (
+        "presliding_m",
+        "stiction_ratio",
+        "stribeck_speed_m_per_s",
+        "bristle_damping_s",
+        "viscous_s_per_m",
+    ),
+    "bouc_wen": ("presliding_m", "forward", "backward", "alpha_per_m", "nu"),
+}
+"""What a friction law may have beside ``mu_d``; the first of each is needed."""
+
+BRISTLE_LAWS = ("dahl", "lugre", "bouc_wen")
+
+
 class Friction(Part):
     """The law between cable and conduit; `bowden.model.friction` has the equations."""
 
-    law: Literal["coulomb", "stiction"]
+    law: Literal["coulomb", "stiction", "dahl", "lugre", "bouc_wen"]
     mu_d: NotNegative
+    memory_s: NotNegative | None = None
     mu_s: NotNegative | None = None
     stiction_length_m: Positive | None = None
-    memory_s: NotNegative | None = None
+    presliding_m: Positive | None = None
+    exponent: NotNegative | None = None
+    stiction_ratio: Positive | None = None
+    stribeck_speed_m_per_s: Positive | None = None
+    bristle_damping_s: NotNegative | None = None
+    viscous_s_per_m: NotNegative | None = None
+    forward: BoucWenBranch | None = None
+    backward: BoucWenBranch | None = None
+    alpha_per_m: NotNegative | None = None
+    nu: Finite | None = None
 
     @model_validator(mode="after")
     def _fits_law(self) -> Friction:
-        if self.law == "coulomb":
-            for name in ("mu_s", "stiction_length_m"):
-                if getattr(self, name) is not None:
+        own = LAW_KEYS[self.law]
+        for law, keys in LAW_KEYS.items():
+            for key in keys:
+                if key not in own and getattr(self, key) is not None:
                     raise PydanticCustomError(
                         "law",
-                        "found {name} with law coulomb, accepted: law: stiction",
-                        {"name": name},
+                        "found {key} with law {found}, accepted: law: {law}",
+                        {"key": key, "found": self.law, "law": law},
                     )
-        elif self.mu_s is None:
-            raise PydanticCustomError("law", "found law stiction without mu_s, accepted: mu_s")
-        elif self.mu_s.value < self.mu_d.value:
+        if own and getattr(self, own[0]) is None:
+            raise PydanticCustomError(
+                "law",
+                "found law {law} without {key}, accepted: {key}",
+                {"law": self.law, "key": own[0]},
+            )
+        if self.mu_s is not None and self.mu_s.value < self.mu_d.value:
             raise PydanticCustomError(
                 "law",
                 "found mu_s {mu_s} below mu_d {mu_d}, accepted: mu_s >= mu_d",
@@ -214,26 +255,47 @@ class Friction(Part):
         return self
 
 
+SOLVER_KEYS: dict[str, tuple[str, ...]] = {
+    "mesh": ("segments", "grading", "rest_time_s", "velocity_dead_band_m_per_s"),
+    "mesh_free": (),
+    "lumped": ("elements", "cable_mass_kg_per_m", "damping_s", "motor_inertia_kg_m2"),
+}
+"""What may be said beside the solver's name; keys without a name choose their solver."""
+
+
 class Numerics(Part):
     """How the equations are solved; all of it may be left out."""
 
-    solver: Literal["mesh", "mesh_free"] | None = None
+    solver: Literal["mesh", "mesh_free", "lumped"] | None = None
     segments: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
     grading: Literal["uniform", "curvature"] | None = None
     rest_time_s: NotNegative | None = None
     velocity_dead_band_m_per_s: NotNegative | None = None
+    elements: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None = None
+    cable_mass_kg_per_m: Positive | None = None
+    damping_s: NotNegative | None = None
+    motor_inertia_kg_m2: NotNegative | None = None
 
     @model_validator(mode="after")
     def _fits_solver(self) -> Numerics:
-        if self.solver == "mesh_free":
-            for name in ("segments", "grading"):
-                if getattr(self, name) is not None:
+        for solver, keys in SOLVER_KEYS.items():
+            for key in keys:
+                if getattr(self, key) is not None and self.chosen() != solver:
                     raise PydanticCustomError(
                         "solver",
-                        "found {name} with solver mesh_free, accepted: solver: mesh",
-                        {"name": name},
+                        "found {key} with solver {found}, accepted: solver: {solver}",
+                        {"key": key, "found": str(self.chosen()), "solver": solver},
                     )
         return self
+
+    def chosen(self) -> str | None:
+        """Return the solver that the file names, or that a key of it implies."""
+        if self.solver is not None:
+            return self.solver
+        implied = [
+            s for s, keys in SOLVER_KEYS.items() for k in keys if getattr(self, k) is not None
+        ]
+        return implied[0] if implied else None
 
 
 class ModelFile(Part):

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from bowden.model.description import Model
+from bowden.model.lumped import simulate_lumped
 from bowden.model.mesh_free import simulate_mesh_free
 from bowden.model.mesh_solver import simulate_mesh
 from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
@@ -43,6 +44,8 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
     time_s, motor, load = inputs.for_mode(mode)
     if model.solver == "mesh":
         return simulate_mesh(model.transmission, mode, time_s, motor, load)
+    if model.solver == "lumped":
+        return simulate_lumped(model.transmission, model.lumped, mode, time_s, motor, load)
     return _mesh_free_from_first_sample(model.transmission, mode, time_s, motor, load)
 
 
