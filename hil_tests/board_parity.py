@@ -174,6 +174,7 @@ def compare(
     experiment: Experiment,
     duration_s: float,
     distort: Callable[[Sensors], Sensors] = undistorted,
+    babbler: can.Message | None = None,
 ) -> Comparison:
     """Run an experiment on both and compare, from power-on.
 
@@ -184,11 +185,14 @@ def compare(
         Of the experiment itself, after boot and enabling.
     distort : callable
         See `Shadow`.
+    babbler : can.Message
+        Sent by another node without a pause, so that frames pile up in the mailboxes.
     """
     board = Board(hand=experiment.hand)
     shadow = Shadow(board, distort)
     _watch(board, shadow)
     board.run(0.05)
+    board.chip.set_babbling(babbler)
     board.host.enable(TUNNEL_MODE if experiment.torque_nm is None else TORQUE_MODE)
     for i in range(round(duration_s / HOST_PERIOD_S)):
         if experiment.torque_nm is not None:

@@ -18,6 +18,7 @@ pytestmark = NEEDS_ELF
 
 MOTOR_ENCODER, LOAD_ENCODER = 0x2020, 0x2021
 LOAD_TORQUE, MOTOR_CURRENT, BUS_VOLTAGE, TEMPERATURE = 0x2025, 0x2026, 0x2027, 0x2028
+TIM1_BDTR = 0x40010044
 TORQUE_CONSTANT_NM_PER_A = 0.060
 CODE_A = board_map.CURRENT_UA_PER_CODE * 1e-6
 SENSORS = (
@@ -101,6 +102,7 @@ def test_the_bridge_is_on_in_operation_enabled_only() -> None:
     assert bridge.enabled
     assert bridge.frequency_hz == pytest.approx(20_000)
     assert bridge.dead_time_s == pytest.approx(0.5e-6)
+    assert board.chip.peripheral(TIM1_BDTR) & 0x300 == 0x100  # a stray write cannot change it
     for leave in (0x06, 0x00):
         board.enable()
         board.host.write(CONTROLWORD, 0, leave, 2)

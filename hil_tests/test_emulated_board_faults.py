@@ -21,6 +21,7 @@ pytestmark = NEEDS_ELF
 
 TICK_US = 250.0
 STUCK_LOOP_US = 2500.0  # 2 ms and the quantum of the check
+CAN_ESR = 0x40006418
 WATCHDOG_US = 38_000.0  # of the slowest oscillator; nominal 20 ms
 
 
@@ -38,6 +39,14 @@ def off_after_us(board: Board, start_us: float) -> float:
     assert not board.chip.bridge().enabled
     assert board.chip.bridge_off_us >= start_us
     return board.chip.bridge_off_us - start_us
+
+
+def just_after_a_tick(board: Board) -> float:
+    """Run until a control tick has begun: the next is nearly 250 us away. Returns the time."""
+    before = board.chip.word("ticks")
+    while board.chip.word("ticks") == before:
+        board.chip.run_until(board.chip.time_us + 5.0)
+    return board.chip.time_us
 
 
 # ---- what the board measures ----
@@ -61,10 +70,11 @@ def test_the_bridges_own_fault_line_works_without_the_core(level: int | None) ->
 @pytest.mark.parametrize("code", [0, 4095])
 def test_a_stuck_converter_that_reads_too_much_current_opens_the_bridge_at_once(code: int) -> None:
     board = running()
-    start_us = board.chip.time_us
+    start_us = just_after_a_tick(board)
     board.chip.stick_adc(1, code)
-    board.run(0.01)
+    board.chip.run_until(start_us + 200)
     assert off_after_us(board, start_us) < 2 * 50.0 + 10  # the group under way, and the next
+    board.run(0.01)
     assert board.emergencies() == [0x2310]
     board.chip.stick_adc(1, None)
     board.run(0.01)
@@ -171,6 +181,18 @@ def test_an_encoder_wire_that_breaks_is_seen_at_the_next_index(line: str) -> Non
     assert faults(board) == [0x7305]
 
 
+def test_an_index_line_that_chatters_costs_one_interrupt_a_tick() -> None:
+    board = running(0.0)
+    chip = board.chip
+    chip.reset_accounts()
+    for i in range(400):
+        chip.set_pin(board_map.MOTOR_ENCODER_INDEX, i % 2)
+        chip.run_until(chip.time_us + 5.0)
+    assert chip.account(14).activations == 8
+    assert 7 <= chip.account(16 + 23).activations <= 9
+    assert chip.bridge().enabled
+
+
 def faults(board: Board) -> list[int]:
     """EMCY codes on the wire, for tests that move the chip without the bench."""
     found = []
@@ -205,8 +227,7 @@ def test_bus_off_is_left_at_a_bounded_rate_and_told_afterwards() -> None:
     board.run(0.5)
     # 32 destroyed frames of at most 160 bits, and the tick that sees it
     assert off_after_us(board, start_us) < 32 * 160 + 2 * TICK_US
-    esr = 0x40006418
-    assert board.chip.peripheral(esr) & 1 << 2
+    assert board.chip.peripheral(CAN_ESR) & 1 << 2
     board.chip.set_can_fault(CanFault.NONE)
     mended_us = board.chip.time_us
     board.run(0.2)
@@ -237,6 +258,18 @@ def test_error_passive_with_current_in_the_motor_is_a_fault() -> None:
     board.run(0.1)
     assert board.emergencies() == [0x8120]
     board.restart_after_fault()
+
+
+def test_short_disturbances_do_not_add_up_to_a_fault() -> None:
+    board = running()
+    for _ in range(6):
+        board.chip.set_can_fault(CanFault.NO_ACK)
+        board.run(0.008)
+        assert board.chip.peripheral(CAN_ESR) & 1 << 1  # error-passive, for less than 10 ms
+        board.chip.set_can_fault(CanFault.NONE)
+        board.run(0.02)
+    assert board.chip.bridge().enabled
+    assert board.emergencies() == []
 
 
 def test_alone_on_the_bus_is_no_fault_while_the_bridge_is_off() -> None:
