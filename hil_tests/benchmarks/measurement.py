@@ -1,7 +1,7 @@
 """One measured figure, and how times are taken: interleaved, as medians, in this one process.
 
-Knows no subject. Ratios come from one run in which the contestants take turns, so that a busy
-machine slows all of them alike.
+Knows no subject. Times are this process's own on its core, not the wall clock's; ratios come from
+one run in which the contestants take turns, so that a busy machine slows all of them alike.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Figure:
 
 
 def medians_s(contestants: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, float]:
-    """Time callables in turns and return each one's median, s; each runs once before, unmeasured.
+    """Time callables in turns; return each one's median of core time, s, after an unmeasured run.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ def medians_s(contestants: Mapping[str, Callable[[], object]], rounds: int) -> d
     times: dict[str, list[float]] = {name: [] for name in contestants}
     for _ in range(rounds):
         for name, run in contestants.items():
-            start = time.perf_counter()
+            start = time.process_time()
             run()
-            times[name].append(time.perf_counter() - start)
+            times[name].append(time.process_time() - start)
     return {name: statistics.median(values) for name, values in times.items()}
 
 

@@ -138,7 +138,7 @@ def _dense() -> Figure:
         "model.dense_solve.slowdown_n100",
         dense_s / mesh_s,
         "x",
-        f"the paper's equations as one dense system a step (numpy), {1e6 * dense_s:.0f} us, against "
+        f"one dense solve a step (numpy) of the paper's equations, {1e6 * dense_s:.0f} us, against "
         f"the mesh's {1e6 * mesh_s:.2f} us; pair, 100 segments, sliding as a whole, so without the "
         f"search for the last moving nodes; both agree to {difference:.0e} N m",
     )
