@@ -72,6 +72,9 @@ class Board:
         self.bench = Bench(simulated, self.target, trace=True)
         self.host = LockstepHost(VirtualBus(self.bench))
 
+    def __del__(self) -> None:
+        self.host.bus.shutdown()
+
     # ---- time and traffic ----
     def run(self, duration_s: float) -> list[can.Message]:
         """Let time pass; the frames that came."""
