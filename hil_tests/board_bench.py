@@ -29,6 +29,7 @@ NEEDS_ELF: Final = pytest.mark.skipif(
 TORQUE_MODE: Final = -2
 ENABLED: Final = 0x27
 FAULT: Final = 0x08
+TICK_US: Final = 250.0
 STATE_BITS: Final = 0x6F
 TARGET_TORQUE: Final = 0x2040
 
@@ -145,3 +146,19 @@ def start_node(board: Board) -> None:
     board.run(0.01)
     board.host.nmt(NMT_START)
     board.run(0.005)
+
+
+def running(torque_nm: float = 0.1, options: Options | None = None) -> Board:
+    """Return a board in operation enabled with current in the motor."""
+    board = Board(hand=Hand(motion="locked"), options=options)
+    board.run(0.02)
+    board.enable(torque_nm)
+    assert board.chip.bridge().enabled
+    return board
+
+
+def off_after_us(board: Board, start_us: float) -> float:
+    """From the fault to the moment when the bridge went off."""
+    assert not board.chip.bridge().enabled
+    assert board.chip.bridge_off_us >= start_us
+    return board.chip.bridge_off_us - start_us

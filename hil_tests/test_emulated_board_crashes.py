@@ -1,0 +1,198 @@
+"""What can go wrong in the program or with its power: bridge off in time, told, started anew.
+
+The ELF is the one that is flashed; its faults are made by overwriting instructions or memory behind
+its back. The times are those of docs/hardware.md.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from hil_tests.board_bench import (
+    FAULT,
+    HANG,
+    NEEDS_ELF,
+    TICK_US,
+    Board,
+    off_after_us,
+    running,
+    store_to,
+)
+from hil_tests.emulated.records import Options, ResetCause
+from hil_tests.lockstep_host import CONTROLWORD
+from hil_tests.rig.parameters import Hand
+
+pytestmark = NEEDS_ELF
+
+STUCK_LOOP_US = 2500.0  # 2 ms and the quantum of the check
+WATCHDOG_US = 38_000.0  # of the slowest oscillator; nominal 20 ms
+
+
+def test_a_late_tick_is_a_fault() -> None:
+    """A core six times slower: ticks are late in motion, none so late that the watchdog bites."""
+    board = Board(hand=Hand(motion="sine"), options=Options(cycles_per_instruction=6.0))
+    board.run(0.1)
+    board.enable(0.1)
+    board.run(0.5)
+    assert not board.chip.bridge().enabled
+    assert board.emergencies() == [0x6100]
+    assert board.state() == FAULT
+    assert board.restarts() == []
+    board.host.write(CONTROLWORD, 0, 0x80, 2)
+    board.run(0.01)
+    assert board.state() == 0x40
+
+
+@pytest.mark.parametrize("function", ["drive_tick", "current_loop_step", "pins_lamp"])
+def test_a_loop_that_hangs_is_ended_with_the_bridge_off_before(function: str) -> None:
+    board = running()
+    start_us = board.chip.time_us
+    sound = board.chip.read_memory(board.chip.image.symbols[function].address, 2)
+    board.patch(function, HANG)
+    latest_us = {"pins_lamp": 12_500.0}.get(function, STUCK_LOOP_US)
+    board.chip.run_until(start_us + latest_us)
+    assert off_after_us(board, start_us) < latest_us
+    assert board.restarts() == []  # the bridge went first
+    board.chip.run_until(start_us + latest_us + WATCHDOG_US)
+    assert board.restarts()[-1] == ResetCause.WATCHDOG | ResetCause.PIN
+    assert not board.chip.bridge().enabled
+    board.patch(function, sound)
+    catch_up(board)
+    board.run(0.1)
+    assert set(board.emergencies()) == {0x6010}
+    board.restart_after_fault()
+
+
+def catch_up(board: Board) -> None:
+    """Let the bench's clock reach the chip's, which a test has run on its own."""
+    board.run(board.chip.time_us * 1e-6 - board.bench.time_s)
+
+
+def crash_of(board: Board, function: str, code: bytes) -> None:
+    """Let a function run other code; then judge what a crash must look like."""
+    sound = board.chip.read_memory(board.chip.image.symbols[function].address, len(code))
+    start_us = board.chip.time_us
+    board.patch(function, code)
+    board.chip.run_until(start_us + 2 * TICK_US)
+    # the fault comes with the next call; its handler's first stores open the bridge
+    assert off_after_us(board, start_us) < TICK_US + 10
+    assert board.restarts() == [ResetCause.SOFTWARE | ResetCause.PIN]
+    board.patch(function, sound)
+    catch_up(board)
+    board.run(0.05)
+    assert board.emergencies() == [0x6010]
+    assert board.host.read(0x1001)[0] & 0x80
+    board.restart_after_fault()
+
+
+def record(board: Board) -> dict[str, int]:
+    """The firmware's crash_record (crash.h)."""
+    names = ("magic", "count", "exception", "pc", "lr", "sp", "cfsr", "hfsr", "mmfar", "bfar")
+    return {name: board.chip.word("crash_record", i) for i, name in enumerate(names)}
+
+
+def test_a_wild_write_to_the_flash_is_caught() -> None:
+    board = running()
+    at = board.chip.image.symbols["drive_tick"].address
+    crash_of(board, "drive_tick", store_to(0x0800_2000))
+    found = record(board)
+    assert found["count"] == 1
+    assert found["exception"] == 3  # HardFault, escalated from the memory protection's
+    assert found["cfsr"] & 0x82 == 0x82  # data access violation with its address
+    assert found["mmfar"] == 0x0800_2000
+    assert found["pc"] == at + 8  # the store
+    # the flash is what it was
+    code = next(data for address, data in board.chip.image.segments if address == 0x08000000)
+    assert board.chip.read_memory(0x08000000, len(code)) == code
+
+
+@pytest.mark.parametrize("address", [0x0000_0000, 0x1000_0000, 0x6000_0000, 0x2002_0000])
+def test_a_wild_write_to_nowhere_is_caught(address: int) -> None:
+    board = running()
+    crash_of(board, "drive_tick", store_to(address))
+    assert record(board)["mmfar"] == address
+
+
+def test_code_in_ram_is_not_executed() -> None:
+    board = running()
+    to_sensors = board.chip.image.symbols["sensors"].address | 1
+    load = b"\x00\x48\x00\x47" + struct.pack("<I", to_sensors)  # ldr r0, [pc]; bx r0
+    at = board.chip.image.symbols["drive_tick"].address
+    assert at % 4 == 0
+    crash_of(board, "drive_tick", load)
+    assert record(board)["cfsr"] & 1  # instruction access violation
+
+
+def test_a_stack_overflow_runs_into_the_guard() -> None:
+    board = running()
+    at = board.chip.image.symbols["drive_tick"].address
+    endless = b"\x00\xb5\xff\xf7\xfd\xff"  # push {lr}; bl drive_tick
+    assert at % 2 == 0
+    crash_of(board, "drive_tick", endless)
+    found = record(board)
+    guard = board.chip.image.symbols["_stack_guard"].address
+    assert guard <= found["sp"] < guard + 256
+    assert found["cfsr"] & 0x92  # access or stacking violation
+
+
+def test_the_bridge_is_off_before_anything_is_recorded() -> None:
+    """Even when the crash handler itself can do no more than its first instructions."""
+    board = running()
+    start_us = board.chip.time_us
+    board.patch("crash_keep", HANG)
+    board.patch("drive_tick", store_to(0x0800_2000))
+    board.chip.run_until(start_us + 2 * TICK_US)
+    assert off_after_us(board, start_us) < TICK_US + 10
+    board.chip.run_until(start_us + WATCHDOG_US)
+    assert board.restarts()[0] == ResetCause.WATCHDOG | ResetCause.PIN
+
+
+def test_crashes_are_counted_until_power_off() -> None:
+    board = running()
+    for count in (1, 2):
+        sound = board.chip.read_memory(board.chip.image.symbols["drive_tick"].address, 12)
+        board.patch("drive_tick", store_to(0x0800_2000))
+        board.run(0.0005)  # the start-up takes longer: one crash
+        board.patch("drive_tick", sound)
+        board.run(0.05)
+        assert len(board.restarts()) == count
+        assert record(board)["count"] == count
+    board.chip.pin_reset()
+    board.run(0.05)
+    assert board.state() == 0x40  # told once, but still there to be looked at
+    assert record(board)["count"] == 2
+    board.target.reset()
+    board.run(0.05)
+    assert board.state() == 0x40  # nothing is reported of before the power was off
+
+
+def test_a_reset_in_mid_motion_leaves_no_fault() -> None:
+    board = Board(hand=Hand(motion="sine"))
+    board.run(0.02)
+    board.enable(0.2)
+    board.run(0.5)
+    start_us = board.chip.time_us
+    board.chip.pin_reset()
+    board.chip.run_until(start_us + 1.0)
+    assert not board.chip.bridge().enabled
+    board.run(0.1)
+    assert board.boots() == 2  # this is how the host learns of it
+    assert board.state() == 0x40
+    assert board.emergencies() == []
+    board.enable()
+    assert board.chip.bridge().enabled
+
+
+def test_a_failing_supply_stops_the_bridge_and_waits() -> None:
+    board = running()
+    start_us = board.chip.time_us
+    board.chip.set_supply_mv(2850)
+    board.run(0.1)
+    assert off_after_us(board, start_us) < 10.0
+    assert not board.chip.bridge().enabled
+    board.chip.set_supply_mv(3300)
+    board.run(0.1)
+    assert board.emergencies() == [0x6010]
+    board.restart_after_fault()
