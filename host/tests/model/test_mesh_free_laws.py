@@ -10,6 +10,7 @@ import dataclasses
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from typing import Any
 
 import bowden.model.mesh_free as solver
@@ -212,6 +213,25 @@ def test_torque_fed_back_returns_the_angle_to_rounding() -> None:
     ends = run(rig, Mode.POSITION_POSITION, 5.2 * angle + 0.05 * np.sin(3 * angle), angle)
     back = run(rig, Mode.TORQUE_POSITION, ends.motor_torque_nm, angle)
     np.testing.assert_allclose(back.motor_angle_rad, ends.motor_angle_rad, rtol=0, atol=1e-12)
+
+
+def test_a_motor_that_is_held_while_a_cable_goes_slack_stays_where_it_is() -> None:
+    # With the motor held, the load slackens cable a while b's motor end has not felt it yet: the
+    # torque is then that of b's untouched pretension, at which any rounding would set b free.
+    rig = replace(
+        plain_rig(axial_stiffness_n=500.0, pretension_n=19.354277527459846),
+        piece_length_m=np.array([1.25, 2.0]),
+        piece_curvature_per_m=np.array([20.0, 0.0]),
+        friction=FrictionLaw(mu_d=0.16, mu_s=0.16),
+        motor_pulley_radius_m=0.03125,
+        load_pulley_radius_m=0.125,
+    )
+    for most in np.linspace(1.3, 1.6, 200):
+        load = np.linspace(0.0, most, 4)
+        held = run(rig, Mode.POSITION_POSITION, np.zeros(4), load)
+        assert held.slack[-1] == 1
+        back = run(rig, Mode.TORQUE_POSITION, held.motor_torque_nm, load)
+        np.testing.assert_allclose(back.motor_angle_rad, 0.0, atol=1e-9)
 
 
 def plain_rig(**changes: Any) -> Transmission:

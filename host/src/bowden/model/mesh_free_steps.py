@@ -268,6 +268,8 @@ def _balance(pair: Pair, force: float, guess: float) -> float:
             trial = lowest
         elif not lower < trial < upper:
             trial = 0.5 * (lower + upper) if upper < math.inf else 2.0 * mean
+        if excess < 0.0 and trial <= lowest * (1.0 + _ROUNDING):
+            trial = lowest  # 0 N less rounding is slack: its end is free, a taut one's is not
         if trial == mean:
             break
         mean = trial
