@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -42,8 +41,9 @@ def printed(segments: int = 100, **changes: Any) -> Transmission:
 
 def through(*corners: float, steps: int = 200) -> FloatArray:
     """Straight lines from corner to corner, so many steps each."""
-    lines = [np.linspace(a, b, steps + 1)[1:] for a, b in pairwise(corners)]
-    return np.concatenate([np.array([corners[0]], dtype=np.float64), *lines]).astype(np.float64)
+    at = np.arange((len(corners) - 1) * steps + 1) / steps
+    found: FloatArray = np.interp(at, np.arange(len(corners)), corners).astype(np.float64)
+    return found
 
 
 def times(series: FloatArray, step_s: float = 1e-3) -> FloatArray:

@@ -149,7 +149,7 @@ print(json.dumps(out))
         )
         for disabled in ("0", "1")
     ]
-    # The compiler may contract a multiplication and an addition: rounding, some hundred steps of it.
+    # The compiler may contract a product and a sum: rounding, some hundred steps of it.
     np.testing.assert_allclose(runs[0], runs[1], rtol=1e-9, atol=1e-11)
 
 

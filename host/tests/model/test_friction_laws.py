@@ -1,0 +1,163 @@
+"""Each friction law on the mesh: its closed form in steady sliding, and its limit as Coulomb's."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bowden.model import FrictionLaw, Mode, ModelError, Trajectory
+from bowden.model.friction.coulomb import slide_exponent
+from bowden.model.friction.stiction import breakaway_excess
+from bowden.model.friction.stribeck import filtered, stribeck_term
+from bowden.model.friction.tension_dependent import tension_factor
+from bowden.model.friction.viscous import viscous_term
+from bowden.model.mesh_solver import simulate_mesh
+
+from .rigs import LENGTH_M, MU, R_LOAD_M, RADIUS_M, RHO, FloatArray, M, printed
+
+SEGMENTS = 50
+TP, PP = Mode.TORQUE_POSITION, Mode.POSITION_POSITION
+# What an implicit step of 1 ms and a^2/12 of missing pretension leave at N = 50.
+MESH = 2e-4
+
+
+def at_constant_speed(speed_rad_s: float, seconds: float = 1.0, **law: float) -> Trajectory:
+    """Both ends move together, the tension ratio is the capstan's at that speed."""
+    t = np.arange(0, seconds, 1e-3)
+    angle = speed_rad_s * t
+    return simulate_mesh(printed(SEGMENTS, **law), PP, t, RHO * angle, angle)
+
+
+def wrap_friction(found: Trajectory) -> float:
+    """ln(T1a/TLa) at the end: mu times the wrap angle."""
+    return float(np.log(found.motor_tension_a_n[-1] / found.load_tension_a_n[-1]))
+
+
+def hand(speed: float, **law: float) -> FloatArray:
+    t = np.arange(0, 2, 1e-3)
+    angle = 0.6 * np.sin(speed * t)
+    return simulate_mesh(printed(20, **law), TP, t, np.zeros_like(t), angle).load_torque_nm
+
+
+@pytest.mark.parametrize("speed", [0.1, 1.0, 3.0])
+def test_viscous_friction_in_steady_sliding(speed: float) -> None:
+    found = at_constant_speed(speed, 2.0 if speed < 1 else 1.0, mu_v_s_per_m=0.3)
+    expected = (MU + 0.3 * speed * R_LOAD_M) * LENGTH_M / RADIUS_M
+    assert wrap_friction(found) == pytest.approx(expected, rel=1e-9)
+
+
+def test_viscous_friction_without_coulombs() -> None:
+    found = at_constant_speed(1.0, mu_d=0.0, mu_v_s_per_m=0.5)
+    assert wrap_friction(found) == pytest.approx(0.5 * R_LOAD_M * LENGTH_M / RADIUS_M, rel=1e-9)
+
+
+def test_viscous_friction_tends_to_coulomb_when_slow() -> None:
+    fast, slow = (hand(speed, mu_v_s_per_m=0.3) for speed in (3.0, 0.03))
+    plain_slow = hand(0.03, mu_v_s_per_m=1e-15)
+    assert np.abs(slow - plain_slow).max() < 0.05
+    assert np.abs(fast - hand(3.0)).max() > 0.5
+    np.testing.assert_allclose(hand(3.0, mu_v_s_per_m=1e-15), hand(3.0), atol=5e-2)
+
+
+def test_viscous_friction_does_not_depend_on_the_step() -> None:
+    """First order in the step; no spike where motion begins or turns."""
+
+    def run(step_s: float) -> FloatArray:
+        t = np.arange(0, 1.2, step_s)
+        angle = 0.5 * np.sin(5 * t)
+        pair = printed(20, mu_v_s_per_m=0.3)
+        return simulate_mesh(pair, TP, t, np.zeros_like(t), angle).load_torque_nm
+
+    fine, coarse, coarser = run(5e-4), run(1e-3), run(4e-3)
+    assert np.abs(coarse - fine[::2]).max() < 0.08
+    assert np.abs(coarser - fine[::8]).max() < 8 * 0.08
+    # Nowhere more than the top speed's friction, (mu_d + mu_v v) for mu_d alone.
+    assert np.abs(coarser).max() < 3.12 * (MU + 0.3 * 0.5 * 5 * R_LOAD_M) / MU
+
+
+def test_stribeck_in_steady_sliding_slow_and_fast() -> None:
+    fast = at_constant_speed(3.0, stribeck_gain=0.5, stribeck_speed_m_per_s=0.01)
+    assert wrap_friction(fast) == pytest.approx(M, rel=1e-6)
+    between = at_constant_speed(1.0, stribeck_gain=0.5, stribeck_speed_m_per_s=0.104)
+    assert wrap_friction(between) == pytest.approx(M * (1 + 0.5 * np.exp(-1)), rel=1e-3)
+
+
+def test_stribeck_without_gain_is_coulomb() -> None:
+    np.testing.assert_allclose(hand(3.0, stribeck_gain=1e-15), hand(3.0), atol=5e-2)
+
+
+def test_friction_that_falls_with_tension_in_steady_sliding() -> None:
+    """d(T^p)/ds = p mu T0^p / R: T1^p - TL^p = p m T0^p on the pulled side."""
+    p = 0.25
+    found = at_constant_speed(1.0, tension_exponent=p)
+    t_1, t_l = found.motor_tension_a_n[-1], found.load_tension_a_n[-1]
+    # The mesh takes mu at the mean tension of a segment: second order in ds.
+    assert (t_1**p - t_l**p) / 10**p == pytest.approx(p * M, rel=1e-4)
+
+
+def test_friction_that_falls_with_tension_tends_to_coulomb() -> None:
+    np.testing.assert_allclose(hand(3.0, tension_exponent=1e-12), hand(3.0), atol=5e-2)
+
+
+def test_direction_asymmetry_in_steady_sliding() -> None:
+    forth = at_constant_speed(1.0, direction_asymmetry=0.2)
+    back = at_constant_speed(-1.0, direction_asymmetry=0.2)
+    assert wrap_friction(forth) == pytest.approx(1.2 * M, rel=1e-9)
+    assert wrap_friction(back) == pytest.approx(-0.8 * M, rel=1e-9)
+    b = np.log(forth.load_tension_b_n[-1] / forth.motor_tension_b_n[-1])
+    assert b == pytest.approx(1.2 * M, rel=1e-9)
+
+
+def test_stiction_at_mu_d_is_coulomb() -> None:
+    assert np.array_equal(hand(3.0, mu_s=MU, stiction_length_m=0.1), hand(3.0))
+
+
+def test_stiction_shows_at_breakaway_only() -> None:
+    torque = hand(3.0, mu_s=0.63, stiction_length_m=0.1)
+    plain = hand(3.0)
+    assert np.abs(torque).max() > 1.05 * np.abs(plain).max()
+    assert torque[400] == pytest.approx(plain[400], rel=2e-2)
+
+
+def test_terms_by_themselves() -> None:
+    assert viscous_term(0.3, -2.0) == pytest.approx(0.6)
+    assert stribeck_term(0.5, 0.01, 0.01) == pytest.approx(0.5 * np.exp(-1))
+    assert stribeck_term(0.0, 0.01, 0.0) == 0.0
+    assert filtered(1.0, 3.0, memory_s=0.01, dt=0.01) == pytest.approx(2.0)
+    assert filtered(1.0, 3.0, memory_s=0.0, dt=0.01) == 3.0
+    assert tension_factor(20.0, 10.0, 0.25) == pytest.approx(2**-0.25)
+    assert tension_factor(0.0, 10.0, 0.25) == pytest.approx(1000**0.25)
+    wrap = np.array([1.0, 0.0])
+    assert slide_exponent(0.2, 0.1, wrap)[0, 0] == pytest.approx([0.22, 0.0])
+    assert slide_exponent(0.2, 0.1, wrap)[1, 0] == pytest.approx([0.18, 0.0])
+    lengths = np.array([0.5, 0.5])
+    assert breakaway_excess(0.6, 0.2, 0.25, lengths, wrap) == pytest.approx([0.2, 0.0])
+    assert breakaway_excess(0.6, 0.2, None, lengths, wrap) == pytest.approx([0.4, 0.0])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"mu_d": -0.1, "mu_s": 0.1},
+        {"mu_s": 0.1},
+        {"stiction_length_m": 0.0},
+        {"mu_v_s_per_m": -1.0},
+        {"stribeck_speed_m_per_s": 0.0},
+        {"tension_exponent": 1.0},
+        {"direction_asymmetry": -1.0},
+        {"memory_s": float("nan")},
+    ],
+)
+def test_impossible_laws_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ModelError, match=next(iter(wrong))):
+        replace(printed(), friction=FrictionLaw(**{"mu_d": MU, "mu_s": MU, **wrong}))
+
+
+def test_speeds_beyond_any_cable_are_an_error_or_numbers_never_nan() -> None:
+    t = np.arange(0, 0.05, 1e-3)
+    angle = 300.0 * np.sin(100 * t)
+    with contextlib.suppress(ModelError):
+        found = simulate_mesh(printed(10, mu_v_s_per_m=1.0), TP, t, np.zeros_like(t), angle)
+        assert np.all(np.isfinite(found.load_torque_nm))
