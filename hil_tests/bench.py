@@ -8,6 +8,7 @@ rig. Frames for the drive wait in `to_drive`, frames from it in `from_drive`; `v
 from __future__ import annotations
 
 from collections import deque
+from copy import copy
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,6 +22,7 @@ from hil_tests.targets.target import Target
 
 TICKS_PER_S: Final = 1_000_000 // CONTROL_PERIOD_US
 EMCY: Final = 0x80
+FRAMES_KEPT: Final = 100_000  # half a minute of process data
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Bench:
     target : Target
         Reset when the bench starts.
     trace : bool
-        Keep the truth of every tick, for `truth`.
+        Keep the truth of every tick, for `truth`, and the last frames both ways, in `traffic`.
     """
 
     def __init__(self, rig: SimulatedRig, target: Target, trace: bool = False) -> None:
@@ -65,6 +67,7 @@ class Bench:
         self.to_drive: deque[can.Message] = deque()
         self.from_drive: deque[can.Message] = deque()
         self.emergencies: list[can.Message] = []
+        self.traffic: deque[can.Message] = deque(maxlen=FRAMES_KEPT if trace else 0)
         self._rows: list[NDArray[np.float64]] | None = [] if trace else None
         self._enabled: list[bool] = []
         target.reset()
@@ -78,13 +81,17 @@ class Bench:
         """Let one control period pass."""
         target = self.target
         while self.to_drive:
-            target.send(self.to_drive.popleft())
+            sent = self.to_drive.popleft()
+            target.send(sent)
+            if self._rows is not None:
+                self._note_sent(sent)
         actuators = target.tick(self.rig.sensors)
         self.ticks += 1
         while (message := target.receive()) is not None:
             message.timestamp = self.time_s
             self._note_emergency(message)
             self.from_drive.append(message)
+            self.traffic.append(message)
         if actuators.reset_requested:
             target.reset()
             actuators = Actuators()
@@ -113,6 +120,12 @@ class Bench:
             hand_work_j=rows[:, m.HAND_WORK],
             bridge_enabled=np.array(self._enabled, dtype=np.bool_),
         )
+
+    def _note_sent(self, message: can.Message) -> None:
+        """Keep a frame for the drive, as of now: its owner may send the same object again."""
+        noted = copy(message)
+        noted.timestamp, noted.is_rx = self.time_s, False
+        self.traffic.append(noted)
 
     def _note_emergency(self, message: can.Message) -> None:
         """Keep error messages (EMCY with a code other than 0, "error reset") for the verdict."""

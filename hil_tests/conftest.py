@@ -1,62 +1,58 @@
-"""Fixtures of the bench tests: a bench to order, and a verdict on it when the test is over."""
+"""Fixtures of the bench tests: a bench or a wire to order, a verdict at the end, and what is left.
+
+What a target cannot do is resolved here and nowhere else: ``@pytest.mark.needs("several")``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from pathlib import Path
 
 import pytest
 
-from hil_tests.bench import Bench
-from hil_tests.frame_loss import Loss
-from hil_tests.lockstep_host import FAULT_BIT, LockstepHost
-from hil_tests.rig.parameters import Rig
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import DEFAULT_NODE_ID, make_target
-from hil_tests.virtual_bus import VirtualBus
+from hil_tests.artefacts import directory_of, keep
+from hil_tests.benches import Benches, verdict
+from hil_tests.lockstep_host import LockstepHost, Wire
+from hil_tests.targets.hardware import Guard, open_wire
+from hil_tests.targets.target import CAPABILITIES, SIMULATED_RIG, capabilities_of
+
+BUILD = Path(__file__).resolve().parents[1] / "build"
 
 
-class Benches:
-    """Builds benches for one test and judges them at its end.
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip (or fail, with --require-target) a test that needs what the target has not got."""
+    needed = {str(name) for mark in item.iter_markers("needs") for name in mark.args}
+    if not needed:
+        return
+    if needed - CAPABILITIES:
+        pytest.fail(
+            f"needs: found {sorted(needed - CAPABILITIES)}; accepted: {sorted(CAPABILITIES)}",
+            pytrace=False,
+        )
+    name = str(item.config.getoption("--target"))
+    missing = needed - capabilities_of(name, bool(item.config.getoption("--allow-motion")))
+    if missing:
+        text = f"target {name} lacks: {', '.join(sorted(missing))}"
+        if item.config.getoption("--require-target"):
+            pytest.fail(text, pytrace=False)
+        pytest.skip(text)
 
-    A test that provokes an error says so beforehand: ``benches.expected = {0x8130}``.
-    """
 
-    def __init__(self, target_name: str) -> None:
-        self.expected: set[int] = set()
-        self._target_name = target_name
-        self._hosts: list[LockstepHost] = []
-
-    def __call__(
-        self,
-        rig: Rig | None = None,
-        seed: int = 0,
-        node_id: int = DEFAULT_NODE_ID,
-        drop: Loss | None = None,
-        trace: bool = False,
-    ) -> LockstepHost:
-        target = make_target(self._target_name, node_id)
-        bus = VirtualBus(Bench(SimulatedRig(rig, seed), target, trace), drop)
-        self._hosts.append(LockstepHost(bus, node_id))
-        return self._hosts[-1]
-
-    def complaints(self) -> list[str]:
-        """What is wrong: unexpected emergencies, and a drive in fault without an expected one."""
-        found = []
-        for host in self._hosts:
-            bench = host.bus.bench
-            codes = {int.from_bytes(m.data[:2], "little") for m in bench.emergencies}
-            found += [f"unexpected EMCY {code:04X}h" for code in sorted(codes - self.expected)]
-            found += [f"EMCY {code:04X}h never came" for code in sorted(self.expected - codes)]
-            if bench.ticks and not self.expected:
-                # over a wire of its own: the test may have shut, filtered or thinned out the other
-                with VirtualBus(bench) as bus:
-                    if LockstepHost(bus, host.node_id).statusword() & FAULT_BIT:
-                        found.append("the drive is in Fault")
-        return found
-
-    def close(self) -> None:
-        for host in self._hosts:
-            host.bus.shutdown()
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Keep traces of a failed test and say where they are."""
+    report = yield
+    fixtures = getattr(item, "funcargs", None) or {}
+    made = fixtures.get("benches")
+    if report.failed and report.when != "setup" and isinstance(made, Benches):
+        directory = directory_of(BUILD / "artifacts", item.nodeid)
+        kept = [path for k, b in enumerate(made.benches) for path in keep(directory, b, k)]
+        if kept:
+            lines = "\n".join(str(path) for path in kept)
+            report.sections.append(("kept for this failure", lines))
+    return report
 
 
 @pytest.fixture
@@ -66,4 +62,26 @@ def benches(target_name: str) -> Iterator[Benches]:
     yield made
     complaints = made.complaints()
     made.close()
+    assert not complaints
+
+
+@pytest.fixture
+def host(request: pytest.FixtureRequest, target_name: str) -> Iterator[LockstepHost[Wire]]:
+    """A host on the wire of one drive that has just booted, whatever the target; judged as well."""
+    option = request.config.getoption
+    if SIMULATED_RIG in capabilities_of(target_name, allow_motion=False):
+        yield request.getfixturevalue("benches")()
+        return
+    wire = open_wire(
+        option("--can-interface"),
+        option("--can-channel"),
+        option("--can-bitrate"),
+        Guard(option("--node-id"), option("--allow-motion")),
+    )
+    with wire:
+        talker: LockstepHost[Wire] = LockstepHost(wire, option("--node-id"))
+        wire.restart(talker)
+        yield talker
+        talker.disable()
+        complaints = verdict(talker.frames, talker.statusword(), wire.error_frames)
     assert not complaints

@@ -1,6 +1,7 @@
 """The simulated rig as a process of its own: a CANopen node on any python-can bus, in real time.
 
     python -m hil_tests.rig_process -i socketcan -c vcan0 --human sine --drop-probability 0.001
+    python -m hil_tests.rig_process --target emulated     the flashed ELF on the emulated chip
 
 Runs the bench in slices of 1 ms beside the wall clock and carries frames between the drive and the
 bus. Without -i it uses UDP multicast that never leaves the machine. Ends on SIGINT, SIGTERM, after
@@ -30,7 +31,7 @@ from hil_tests.frame_loss import SeededLoss
 from hil_tests.pacing import Pace
 from hil_tests.rig import parameters
 from hil_tests.rig.rig import Actuators, SimulatedRig
-from hil_tests.targets.target import DEFAULT_NODE_ID, Target, make_target
+from hil_tests.targets.target import DEFAULT_NODE_ID, Target, fitted, make_target
 
 DEFAULT_INTERFACE: Final = "udp_multicast"
 DEFAULT_CHANNEL: Final = "239.74.163.2"
@@ -60,7 +61,9 @@ def main(arguments: list[str] | None = None) -> int:
         return 3
     listen_until_s = time.monotonic() + LISTEN_S
     try:
-        bench = Bench(SimulatedRig(description, options.seed), _warm_target(options, description))
+        target = _warm_target(options, description)
+        rig = SimulatedRig(fitted(description, target.capabilities), options.seed)
+        bench = Bench(rig, target)
         if taken(bus, options.node_id, listen_until_s):
             _say(f"node {options.node_id} is on this bus already; stop it or pass --node-id")
             return 3
@@ -68,9 +71,14 @@ def main(arguments: list[str] | None = None) -> int:
         with _signals() as stopping:
             pace = _run(bridge, options, stopping)
         _report(bridge, pace, options.drop_log)
+        for complaint in bench.target.complaints():
+            _say(complaint)
     except FileNotFoundError as error:
         _say(str(error))
         return 3
+    except ValueError as error:
+        _say(str(error))
+        return 2
     except can.CanError as error:
         _say(f"the bus failed: {_advice(error)}")
         return 3
@@ -179,7 +187,7 @@ def _report(bridge: Bridge, pace: Pace, drop_log: Path | None) -> None:
 
 def _warm_target(options: argparse.Namespace, description: parameters.Rig) -> Target:
     """Load library and compiled plant before time starts to count."""
-    target = make_target("native", options.node_id)
+    target = make_target(options.target, options.node_id, description)
     SimulatedRig(description).step(Actuators())
     return target
 
@@ -228,6 +236,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     can.cli.add_bus_arguments(parser, group_title=f"bus (default: -i {DEFAULT_INTERFACE})")
     add = parser.add_argument
+    add("--target", choices=("native", "emulated"), default="native", help="runs the firmware")
     add("--node-id", type=int, default=DEFAULT_NODE_ID, choices=range(1, 128), metavar="1..127")
     add("--seed", type=int, default=0, help="of the sensors' noise and of the dropped frames")
     add("--human", choices=("still", "sine", "locked", "free"), default="sine")

@@ -11,6 +11,7 @@ from hil_tests.bench import Bench
 from hil_tests.frame_loss import SeededLoss
 from hil_tests.rig.rig import Actuators, SimulatedRig
 from hil_tests.rig.sensors import Sensors
+from hil_tests.targets.target import Converters
 from hil_tests.virtual_bus import VirtualBus
 
 
@@ -18,6 +19,7 @@ class Echo:
     """Answers each frame with the same data under its COB-ID + 1, and counts every 4th tick."""
 
     name = "echo"
+    converters = Converters()
     capabilities: frozenset[str] = frozenset()
 
     def reset(self) -> None:
@@ -38,6 +40,9 @@ class Echo:
 
     def receive(self) -> can.Message | None:
         return self.out.popleft() if self.out else None
+
+    def complaints(self) -> list[str]:
+        return []
 
 
 def frame(cob_id: int, data: bytes = b"") -> can.Message:

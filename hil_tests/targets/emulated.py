@@ -8,6 +8,7 @@ controls the current itself, and shares the bus with the host frame by frame.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Final
 
@@ -20,17 +21,32 @@ from hil_tests.emulated.records import Options
 from hil_tests.rig.rig import CONTROL_PERIOD_US, Actuators
 from hil_tests.rig.sensors import Sensors
 from hil_tests.targets import board_map as board
-from hil_tests.targets.target import SEVERAL, VIRTUAL_TIME
+from hil_tests.targets.target import (
+    CHIP,
+    MEASURED_CURRENT,
+    MOTION,
+    SEVERAL,
+    SIMULATED_RIG,
+    VIRTUAL_TIME,
+    Converters,
+)
 
 ELF: Final = Path(__file__).resolve().parents[2] / "build" / "stm32f405" / "bowden.elf"
-CHIP: Final = "chip"  # runs on an STM32F405: registers, interrupts, counted instructions, faults
-MEASURED_CURRENT: Final = (
-    "measured-current"  # Actuators carry the motor's current, not its set value
-)
 
 BOARD_FAULT_OVERCURRENT: Final = 1 << 0  # board.h
 SPEED_FILTER: Final = 0.125  # of the back-EMF's speed: a time constant of 2 ms
 ADC_NOISE_CODES: Final = 0.5
+CAN1_ESR: Final = 0x40006418
+NOT_MODELLED: Final = "division by zero"  # its trap: the firmware sets it, and never divides by 0
+
+# A control tick takes the mean of five conversions. Each has half a code of noise and the step of
+# the converter, 1/12 code^2: 5 sigma of the mean are 1.3 codes.
+CODES: Final = 5.0 * math.sqrt((ADC_NOISE_CODES**2 + 1.0 / 12.0) / 5.0)
+TORQUE_CONSTANT_NM_PER_A: Final = 0.060
+# A back-EMF that changes by k alpha a second takes the 1 kHz current loop k alpha / (2 pi 1 kHz R)
+# away from its set value; alpha at most that of a free motor under 0.2 N m, the tunnel's limit.
+REGULATION_NM: Final = TORQUE_CONSTANT_NM_PER_A**2 * (0.2 / 3.0e-5) / (2e3 * math.pi * 0.6)
+LOAD_CELL_NM_PER_CODE: Final = 200e-6 * board.LOAD_CELL_COUNTS_PER_CODE
 
 
 class EmulatedTarget:
@@ -55,7 +71,13 @@ class EmulatedTarget:
     """
 
     name = "emulated"
-    capabilities = frozenset({VIRTUAL_TIME, SEVERAL, CHIP, MEASURED_CURRENT})
+    capabilities = frozenset({VIRTUAL_TIME, SIMULATED_RIG, SEVERAL, MOTION, CHIP, MEASURED_CURRENT})
+    converters = Converters(
+        motor_torque_nm=CODES * 1e-6 * board.CURRENT_UA_PER_CODE * TORQUE_CONSTANT_NM_PER_A,
+        load_torque_nm=CODES * LOAD_CELL_NM_PER_CODE,
+        regulation_nm=REGULATION_NM,
+        sampling_ticks=2,  # its clock starts when it boots, and its ticks are not the bench's
+    )
 
     def __init__(
         self,
@@ -139,6 +161,21 @@ class EmulatedTarget:
     def receive(self) -> can.Message | None:
         """Next frame that the board has put on the bus, or None."""
         return self.chip.can_receive()
+
+    def complaints(self) -> list[str]:
+        """Rules of the chip that the program broke, a crash, and the CAN controller's errors."""
+        chip = self.chip
+        said = [f"chip: {note}" for note in chip.notes]
+        said += [f"chip, not modelled: {n}" for n in chip.unmodelled if NOT_MODELLED not in n]
+        if chip.crash is not None:
+            said.append(f"crash: {chip.crash}")
+        status = chip.peripheral(CAN1_ESR)
+        if status:
+            said.append(
+                f"CAN controller: {status >> 16 & 0xFF} transmit errors, {status >> 24} receive "
+                f"errors, ESR {status:08X}h"
+            )
+        return said
 
 
 def temperature_code(mdegc: int) -> float:

@@ -15,7 +15,15 @@ import cffi
 
 from hil_tests.rig.rig import Actuators
 from hil_tests.rig.sensors import Sensors
-from hil_tests.targets.target import DEFAULT_NODE_ID, SEVERAL, VIRTUAL_TIME
+from hil_tests.targets.target import (
+    DEFAULT_NODE_ID,
+    MOTION,
+    NODE_ID,
+    SEVERAL,
+    SIMULATED_RIG,
+    VIRTUAL_TIME,
+    Converters,
+)
 
 BUILD: Final = Path(__file__).resolve().parents[2] / "build" / "native"
 DRIVE_ALIGNMENT: Final = 16  # malloc's, which is any C type's
@@ -45,7 +53,8 @@ class NativeTarget:
     """
 
     name = "native"
-    capabilities = frozenset({VIRTUAL_TIME, SEVERAL})
+    capabilities = frozenset({VIRTUAL_TIME, SIMULATED_RIG, SEVERAL, NODE_ID, MOTION})
+    converters = Converters()
 
     def __init__(self, node_id: int = DEFAULT_NODE_ID, serial_number: int = 1) -> None:
         self._ffi, self._lib = _library()
@@ -106,3 +115,7 @@ class NativeTarget:
             is_extended_id=False,
             data=bytes(self._ffi.buffer(frame.data, frame.length)),
         )
+
+    def complaints(self) -> list[str]:
+        """Nothing: this drive has no chip that could be misused."""
+        return []

@@ -1,23 +1,56 @@
-"""The one interface of everything that runs the drive's firmware.
+"""The one interface of everything that runs the drive's firmware, and what each of them can do.
 
-Native build, emulated microcontroller and real board are interchangeable behind it: sensors in, one
-control tick, actuators out, CAN frames both ways. `bench` drives a target; tests ask for its
-capabilities instead of its name. `make_target` finds one by the name that pytest --target takes.
+Native build, emulated board and real board: `bench` drives the first two (sensors in, one control
+tick, actuators out, CAN frames both ways); a real board is only a wire (`hardware`). Tests ask for
+capabilities, never for names: ``@pytest.mark.needs("simulated-rig")``.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import can
 
+from hil_tests.rig.parameters import Rig
 from hil_tests.rig.rig import Actuators
 from hil_tests.rig.sensors import Sensors
 
 DEFAULT_NODE_ID: Final = 16
+TARGETS: Final = ("native", "emulated", "hardware")
 
-VIRTUAL_TIME: Final = "virtual-time"  # a tick takes no wall-clock time of its own
+VIRTUAL_TIME: Final = "virtual-time"  # time passes only while somebody waits; reproducible
+SIMULATED_RIG: Final = "simulated-rig"  # motor, cables, hand and the truth about them
 SEVERAL: Final = "several"  # many drives can live at once
+NODE_ID: Final = "node-id"  # the node id can be chosen
+MOTION: Final = "motion"  # the bridge may be switched on
+CHIP: Final = "chip"  # an STM32F405: registers, interrupts, counted instructions, faults
+MEASURED_CURRENT: Final = "measured-current"  # Actuators carry the real current, not its set value
+CAPABILITIES: Final = frozenset(
+    {VIRTUAL_TIME, SIMULATED_RIG, SEVERAL, NODE_ID, MOTION, CHIP, MEASURED_CURRENT}
+)
+
+FAST_AMPLIFIER_HZ: Final = 10_000.0
+
+
+@dataclass(frozen=True)
+class Converters:
+    """What a target's own converters add to the error of the rig's sensors; SI units.
+
+    Parameters
+    ----------
+    motor_torque_nm, load_torque_nm : float
+        Quantisation and noise of one sample, 5 sigma.
+    regulation_nm : float
+        Most that the motor torque is away from what the drive asked for while the back-EMF changes.
+    sampling_ticks : int
+        A sample was taken within so many control ticks of what its time stamp says.
+    """
+
+    motor_torque_nm: float = 0.0
+    load_torque_nm: float = 0.0
+    regulation_nm: float = 0.0
+    sampling_ticks: int = 0
 
 
 class Target(Protocol):
@@ -29,10 +62,13 @@ class Target(Protocol):
         As given to pytest --target.
     capabilities : frozenset of str
         What a test may ask of it.
+    converters : Converters
+        How much less precisely than the rig's sensors it measures.
     """
 
     name: str
     capabilities: frozenset[str]
+    converters: Converters
 
     def reset(self) -> None:
         """Power the drive off and on: as after the first power-up, boot-up frame pending."""
@@ -46,11 +82,63 @@ class Target(Protocol):
     def receive(self) -> can.Message | None:
         """Next frame that the drive wants on the bus, or None."""
 
+    def complaints(self) -> list[str]:
+        """Say what went wrong inside that no frame tells; empty where all is well."""
 
-def make_target(name: str, node_id: int = DEFAULT_NODE_ID) -> Target:
-    """Build the target of that name; ValueError for an unknown one."""
+
+def make_target(name: str, node_id: int = DEFAULT_NODE_ID, rig: Rig | None = None) -> Target:
+    """Build the target of that name, for a rig with these encoders.
+
+    Raises
+    ------
+    ValueError
+        An unknown name, or a node id that the target cannot have.
+    FileNotFoundError
+        Its firmware has not been built; the text names the make target.
+    """
+    # imported here: each loads a library that the others do without
     if name == "native":
-        from hil_tests.targets.native import NativeTarget  # noqa: PLC0415  (loads the library)
+        from hil_tests.targets.native import NativeTarget  # noqa: PLC0415
 
         return NativeTarget(node_id)
-    raise ValueError(f"target: found {name!r}; accepted: native")
+    if name == "emulated":
+        from hil_tests.targets.emulated import ELF, EmulatedTarget  # noqa: PLC0415
+
+        if not ELF.is_file():
+            raise FileNotFoundError(f"{ELF} is missing; run 'make firmware'")
+        if node_id != DEFAULT_NODE_ID:
+            raise ValueError(
+                f"node id: found {node_id}; accepted: {DEFAULT_NODE_ID}, which is in the ELF"
+            )
+        sensing = (rig or Rig()).sensing
+        return EmulatedTarget(
+            motor_counts_per_turn=sensing.motor_counts_per_turn,
+            load_counts_per_turn=sensing.load_counts_per_turn,
+        )
+    raise ValueError(f"target: found {name!r}; accepted: native, emulated")
+
+
+def capabilities_of(name: str, allow_motion: bool) -> frozenset[str]:
+    """Tell what the target of that name can do, without making one.
+
+    `allow_motion` matters to a real board alone: a simulated rig cannot hurt anybody.
+    """
+    if name == "native":
+        from hil_tests.targets.native import NativeTarget  # noqa: PLC0415
+
+        return NativeTarget.capabilities
+    if name == "emulated":
+        from hil_tests.targets.emulated import EmulatedTarget  # noqa: PLC0415
+
+        return EmulatedTarget.capabilities
+    if name == "hardware":
+        return frozenset({MOTION}) if allow_motion else frozenset()
+    raise ValueError(f"target: found {name!r}; accepted: {', '.join(TARGETS)}")
+
+
+def fitted(rig: Rig, capabilities: frozenset[str]) -> Rig:
+    """Return the rig without those of its parts that a target brings itself: the amplifier."""
+    if MEASURED_CURRENT not in capabilities:
+        return rig
+    bandwidth_hz = max(rig.motor.amplifier_bandwidth_hz, FAST_AMPLIFIER_HZ)
+    return replace(rig, motor=replace(rig.motor, amplifier_bandwidth_hz=bandwidth_hz))

@@ -20,7 +20,7 @@ from bowden.cli.compare import compare_files, show
 from bowden.cli.configure import wanted_configuration
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.cli.record import record_to, summary
-from bowden.cli.rig import rig_command, stop
+from bowden.cli.rig import add_target_argument, rig_command, stop
 from bowden.drive.bus_options import (
     DEFAULT_INTERFACE,
     BusOptions,
@@ -41,8 +41,14 @@ from bowden.model import Mode, format_model, parse_model, table_1
 EXAMPLES = """examples:
   bowden demo
   bowden demo --duration 60 --output /tmp/demo --json
+  bowden demo --target emulated               the flashed firmware, on an emulated chip
   bowden demo --drop-probability 0.001        frames are lost on purpose, and reported
 """
+
+_RUNS_ON = {
+    "native": "compiled for this machine",
+    "emulated": "the ELF that is flashed, on an emulated STM32F405",
+}
 
 #: Starting the rig compiles its simulation the first time; slow machines take a minute for it.
 _RIG_STARTS_WITHIN_S = 180.0
@@ -62,6 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="P",
         help="lose this share of the frames on purpose, to see them reported",
     )
+    add_target_argument(parser)
     add_json_argument(parser)
     add_bus_arguments(parser)
 
@@ -83,11 +90,19 @@ def run(args: argparse.Namespace) -> int:
 
     figures = summary(capture, run_path)
     if args.json:
-        print_json({**figures, "comparison": comparison.to_document(), "report": str(report_path)})
+        print_json(
+            {
+                **figures,
+                "target": args.target,
+                "comparison": comparison.to_document(),
+                "report": str(report_path),
+            }
+        )
     console().print(
         f"\n[bold]report[/]       {report_path.resolve()}\n"
         f"[bold]gap[/]          {1e3 * comparison.figures.gap:.1f} mN m RMS of the load torque\n"
         f"[bold]frames lost[/]  {figures['frames_lost']}\n"
+        f"[bold]target[/]       {args.target}: {_RUNS_ON[args.target]}\n"
         "[bold]next[/]         look at the report. Table I has extra friction at rest, "
         "the simulated rig has not:\n"
         f"             bowden compare docs/examples/table_1_coulomb.yaml {run_path} "
@@ -102,9 +117,13 @@ def run(args: argparse.Namespace) -> int:
 def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Capture:
     """Start the rig, configure its drive, record the tunnel; drive and rig are off afterwards."""
     options = _own_bus(bus_options(args))
-    rig_arguments = ["--seed", str(args.seed), "--drop-probability", str(args.drop_probability)]
+    rig_arguments = [
+        *("--target", args.target, "--seed", str(args.seed)),
+        *("--drop-probability", str(args.drop_probability)),
+    ]
     log_path = run_path.with_name("rig.log")
     _say("starting the simulated rig in a process of its own")
+    _say(f"target {args.target}: the drive's firmware is {_RUNS_ON[args.target]}")
     with open_connection(options) as connection, _rig(options, rig_arguments, log_path) as process:
         drive = Drive(connection, _find(connection, process, log_path))
         drive.check_dictionary()
@@ -121,7 +140,10 @@ def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Captu
             run_path,
             args.duration,
             Run(DriveMode.TUNNEL),
-            {"rig": "simulated", "notes": "bowden demo: Experiment 2, error-reduction tunnel"},
+            {
+                "rig": f"simulated, {args.target} target",
+                "notes": "bowden demo: Experiment 2, error-reduction tunnel",
+            },
         )
         _say("the drive is off")
         return capture

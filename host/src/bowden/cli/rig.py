@@ -19,11 +19,13 @@ from bowden.errors import BadInput, DriveFailed
 
 EXAMPLES = """examples:
   bowden rig                                  on this machine only, no CAN hardware needed
+  bowden rig --target emulated                the firmware that is flashed, on an emulated chip
   bowden rig -- --human still                 nobody moves the handle
   bowden rig -i socketcan -c vcan0            on a virtual CAN interface of the kernel
 """
 
 _PROCESS = "hil_tests.rig_process"
+TARGETS = ("native", "emulated")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node", type=int, default=DEFAULT_NODE_ID, metavar="N", help="its node id (default 16)"
     )
+    add_target_argument(parser)
     parser.add_argument("--rig-help", action="store_true", help="show the rig's own arguments")
     parser.add_argument(
         "rig_arguments", nargs="*", metavar="-- RIG ARGUMENT", help="handed to the rig"
@@ -38,10 +41,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bus_arguments(parser)
 
 
+def add_target_argument(parser: argparse.ArgumentParser) -> None:
+    """Add ``--target``: how the simulated rig's drive runs its firmware."""
+    parser.add_argument(
+        "--target",
+        choices=TARGETS,
+        default="native",
+        help="the drive's firmware: compiled for this machine (native, the default), or the very "
+        "ELF that is flashed, on an emulated STM32F405 (emulated; needs `make firmware`)",
+    )
+
+
 def run(args: argparse.Namespace) -> int:
     """Run the rig until it ends or is interrupted."""
     further = ["--help"] if args.rig_help else args.rig_arguments
-    process = subprocess.Popen(rig_command(bus_options(args), args.node, further))
+    command = rig_command(bus_options(args), args.node, ["--target", args.target, *further])
+    process = subprocess.Popen(command)
     try:
         status = process.wait()
     except KeyboardInterrupt:

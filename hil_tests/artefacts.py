@@ -1,0 +1,79 @@
+"""What a failed test leaves: the CAN trace (BLF), the rig's truth (npz) and a plot of it (HTML).
+
+Called by `conftest` with the benches of the test. Open the plot in any browser; ``numpy.load`` the
+truth; `bowden`'s readers and any CAN tool take the trace.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+import can
+import numpy as np
+from bowden.report.canvas import MEASURED, PRESCRIBED, RESIDUAL, SIMULATED, draw, dress
+from plotly.subplots import make_subplots
+
+from hil_tests.bench import Bench, Truth
+
+POINTS: Final = 4000
+
+
+def directory_of(root: Path, test: str) -> Path:
+    """Return an empty folder for that test's artefacts (not yet made)."""
+    file, _, name = test.partition("::")
+    name = re.sub(r"[^\w.-]+", "-", f"{Path(file).stem}-{name}").strip("-")
+    directory = root / name
+    shutil.rmtree(directory, ignore_errors=True)
+    return directory
+
+
+def keep(directory: Path, bench: Bench, number: int) -> list[Path]:
+    """Write down what a bench has kept; the files, none where it never ran."""
+    if not bench.ticks:
+        return []
+    directory.mkdir(parents=True, exist_ok=True)
+    trace, truth_path, plot = (
+        directory / f"{stem}-{number}.{ending}"
+        for stem, ending in (("can", "blf"), ("truth", "npz"), ("plot", "html"))
+    )
+    with can.BLFWriter(trace) as writer:
+        for message in bench.traffic:
+            writer.on_message_received(message)
+    truth = bench.truth()
+    np.savez_compressed(truth_path, **asdict(truth))
+    _plot(truth, plot)
+    return [trace, truth_path, plot]
+
+
+def _plot(truth: Truth, path: Path) -> None:
+    """Angles, torques and tensions against time, one above the other."""
+    figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04)
+    panels = (
+        (
+            "angle (°)",
+            ("motor angle", np.degrees(truth.motor_angle_rad), SIMULATED),
+            ("load angle", np.degrees(truth.load_angle_rad), MEASURED),
+        ),
+        (
+            "torque (N m)",
+            ("motor torque", truth.motor_torque_nm, SIMULATED),
+            ("load torque", truth.load_torque_nm, MEASURED),
+        ),
+        (
+            "tension (N)",
+            ("cable a at the load", truth.load_tension_a_n, SIMULATED),
+            ("cable b at the load", truth.load_tension_b_n, PRESCRIBED),
+        ),
+        ("bridge", ("bridge on", truth.bridge_enabled.astype(np.float64), RESIDUAL)),
+    )
+    for row, (title, *curves) in enumerate(panels, start=1):
+        for name, values, line in curves:
+            draw(figure, (truth.time_s, values), name, line, points=POINTS, row=row)
+        figure.update_yaxes(title=title, row=row, col=1)
+    figure.update_xaxes(title="time (s)", row=len(panels), col=1)
+    dress(figure, 900)
+    figure.write_html(path, include_plotlyjs=True)
