@@ -15,11 +15,14 @@ from typing import Final
 import can
 import numpy as np
 from bowden.report.canvas import MEASURED, PRESCRIBED, RESIDUAL, SIMULATED, draw, dress
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from hil_tests.bench import Bench, Truth
 
 POINTS: Final = 4000
+
+_Curve = tuple[str, NDArray[np.float64], dict[str, object]]  # name, values, line
 
 
 def directory_of(root: Path, test: str) -> Path:
@@ -52,25 +55,31 @@ def keep(directory: Path, bench: Bench, number: int) -> list[Path]:
 def _plot(truth: Truth, path: Path) -> None:
     """Angles, torques and tensions against time, one above the other."""
     figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    panels = (
+    panels: tuple[tuple[str, tuple[_Curve, ...]], ...] = (
         (
             "angle (°)",
-            ("motor angle", np.degrees(truth.motor_angle_rad), SIMULATED),
-            ("load angle", np.degrees(truth.load_angle_rad), MEASURED),
+            (
+                ("motor angle", np.degrees(truth.motor_angle_rad), SIMULATED),
+                ("load angle", np.degrees(truth.load_angle_rad), MEASURED),
+            ),
         ),
         (
             "torque (N m)",
-            ("motor torque", truth.motor_torque_nm, SIMULATED),
-            ("load torque", truth.load_torque_nm, MEASURED),
+            (
+                ("motor torque", truth.motor_torque_nm, SIMULATED),
+                ("load torque", truth.load_torque_nm, MEASURED),
+            ),
         ),
         (
             "tension (N)",
-            ("cable a at the load", truth.load_tension_a_n, SIMULATED),
-            ("cable b at the load", truth.load_tension_b_n, PRESCRIBED),
+            (
+                ("cable a at the load", truth.load_tension_a_n, SIMULATED),
+                ("cable b at the load", truth.load_tension_b_n, PRESCRIBED),
+            ),
         ),
-        ("bridge", ("bridge on", truth.bridge_enabled.astype(np.float64), RESIDUAL)),
+        ("bridge", (("bridge on", truth.bridge_enabled.astype(np.float64), RESIDUAL),)),
     )
-    for row, (title, *curves) in enumerate(panels, start=1):
+    for row, (title, curves) in enumerate(panels, start=1):
         for name, values, line in curves:
             draw(figure, (truth.time_s, values), name, line, points=POINTS, row=row)
         figure.update_yaxes(title=title, row=row, col=1)

@@ -15,9 +15,11 @@ import can
 import pytest
 
 from hil_tests.bench import Bench
+from hil_tests.board_bench import NEEDS_ELF
 from hil_tests.frame_loss import SeededLoss
 from hil_tests.rig.rig import SimulatedRig
 from hil_tests.rig_process import DEFAULT_CHANNEL, Bridge, main, taken
+from hil_tests.targets import emulated
 from hil_tests.targets.target import make_target
 
 COMMAND = [sys.executable, "-m", "hil_tests.rig_process"]
@@ -50,10 +52,17 @@ def frame(cob_id: int, data: bytes) -> can.Message:
     return can.Message(arbitration_id=cob_id, is_extended_id=False, data=data)
 
 
+def boot(bridge: Bridge) -> None:
+    """Let time pass until the drive has said that it is there."""
+    while not bridge.sent:
+        bridge.slice()
+
+
+@pytest.mark.needs("simulated-rig", "virtual-time")
 def test_bridge_ignores_its_own_echo_and_hears_others(target_name: str) -> None:
     with EchoingBus() as bus:
         bridge = Bridge(Bench(SimulatedRig(), make_target(target_name)), bus, SeededLoss(0.0))
-        bridge.slice()
+        boot(bridge)
         bus.heard.append(frame(0x000, bytes([0x01, 16])))
         for _ in range(1000):
             bridge.slice()
@@ -62,9 +71,11 @@ def test_bridge_ignores_its_own_echo_and_hears_others(target_name: str) -> None:
         assert bridge.sent == bus.sent == pytest.approx(3011, abs=6)
 
 
+@pytest.mark.needs("simulated-rig", "virtual-time")
 def test_bridge_keeps_a_record_of_what_it_drops(target_name: str) -> None:
     with EchoingBus() as bus:
         bridge = Bridge(Bench(SimulatedRig(), make_target(target_name)), bus, SeededLoss(0.1, 7))
+        boot(bridge)
         bus.heard.append(frame(0x000, bytes([0x01, 16])))
         for _ in range(1000):
             bridge.slice()
@@ -134,6 +145,30 @@ def test_bus_that_cannot_be_opened_is_one_line_and_status_3(
     assert said.startswith("rig: cannot open the bus: ")
     assert "/dev/no-such-adapter" in said
     assert said.count("\n") == 1
+
+
+def test_missing_firmware_is_one_line_that_names_the_cure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(emulated, "ELF", tmp_path / "bowden.elf")
+    assert main(["-i", "virtual", "-c", "no firmware", "--target", "emulated"]) == 3
+    said = capsys.readouterr().err
+    assert said == f"rig: {tmp_path / 'bowden.elf'} is missing; run 'make firmware'\n"
+
+
+@NEEDS_ELF
+def test_emulated_board_as_a_process(capsys: pytest.CaptureFixture[str]) -> None:
+    on = ["-i", "virtual", "-c", "emulated rig process", "--target", "emulated"]
+    with can.Bus(interface="virtual", channel="emulated rig process") as bus:
+        assert main([*on, "--duration-s", "0.1"]) == 0
+        first = bus.recv(0)
+    assert first is not None
+    assert (first.arbitration_id, bytes(first.data)) == (0x710, b"\x00")
+    assert "rig: ready: node 16, emulated target" in capsys.readouterr().err
+    assert main([*on, "--node-id", "17"]) == 2
+    assert capsys.readouterr().err == (
+        "rig: node id: found 17; accepted: 16, which is in the ELF\n"
+    )
 
 
 @pytest.fixture
