@@ -49,7 +49,7 @@ def test_heartbeat_says_pre_operational_and_nothing_else_is_sent(host: Host) -> 
     heard = host.listen(1.05)
     assert {f.arbitration_id for f in heard} == {0x700 + host.node_id}
     assert {bytes(f.data) for f in heard} == {b"\x7f"}
-    assert len(heard) == pytest.approx(10, abs=1)  # every 100 ms
+    assert len(heard) == pytest.approx(21, abs=1)  # every 50 ms
 
 
 def test_identity_and_dictionary_are_those_of_this_host(host: Host) -> None:

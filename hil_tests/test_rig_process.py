@@ -67,8 +67,8 @@ def test_bridge_ignores_its_own_echo_and_hears_others(target_name: str) -> None:
         for _ in range(1000):
             bridge.slice()
         assert bridge.received == 1
-        # boot-up, ten heartbeats a second, three TPDOs a millisecond: no storm
-        assert bridge.sent == bus.sent == pytest.approx(3011, abs=6)
+        # boot-up, twenty heartbeats a second, three TPDOs a millisecond: no storm
+        assert bridge.sent == bus.sent == pytest.approx(3021, abs=6)
 
 
 @pytest.mark.needs("simulated-rig", "virtual-time")
@@ -80,7 +80,7 @@ def test_bridge_keeps_a_record_of_what_it_drops(target_name: str) -> None:
         for _ in range(1000):
             bridge.slice()
         assert 220 < len(bridge.dropped) < 390  # 0.1 of 3000, 5 sigma = 82
-        assert bridge.sent + len(bridge.dropped) == pytest.approx(3011, abs=6)
+        assert bridge.sent + len(bridge.dropped) == pytest.approx(3021, abs=6)
 
 
 @pytest.mark.parametrize(("cob_id", "is_taken"), [(0x710, True), (0x190, True), (0x711, False)])

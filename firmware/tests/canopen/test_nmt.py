@@ -55,7 +55,7 @@ def test_reset_communication_restores_its_parameters_and_nothing_else(operationa
     node.nmt(0x82)
     assert node.frames() == [(0x710, b"\0")]
     assert node.lib.node_state(node.node) == PRE_OPERATIONAL
-    assert node.read(0x1017) == (100).to_bytes(2, "little")
+    assert node.read(0x1017) == (50).to_bytes(2, "little")
     assert node.read(0x2107) == (123_456).to_bytes(4, "little")
     assert node.read(0x1018, 4) == (1234).to_bytes(4, "little")
 
@@ -75,8 +75,8 @@ def test_heartbeat_carries_the_state_every_period(
 ) -> None:
     node = make_node(now_us=start_us)
     node.frames()
-    assert heartbeats(node.run(300_000)) == [
-        (t, PRE_OPERATIONAL) for t in (100_000, 200_000, 300_000)
+    assert heartbeats(node.run(150_000)) == [
+        (t, PRE_OPERATIONAL) for t in (50_000, 100_000, 150_000)
     ]
 
 

@@ -15,7 +15,7 @@ def abort(index: int, sub: int, code: int) -> bytes:
 
 def test_expedited_read_bytes(node: Any) -> None:
     assert node.sdo(bytes.fromhex("40 00 10 00 00000000")) == bytes.fromhex("43 001000 92010200")
-    assert node.sdo(bytes.fromhex("40 17 10 00 00000000")) == bytes.fromhex("4b 171000 64000000")
+    assert node.sdo(bytes.fromhex("40 17 10 00 00000000")) == bytes.fromhex("4b 171000 32000000")
     assert node.sdo(bytes.fromhex("40 18 10 00 00000000")) == bytes.fromhex("4f 181000 04000000")
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0x665B6251
+HASH = 0x2434EA67
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -30,7 +30,7 @@ TABLE = Table(
         Entry(0x1015, 0, 'emcy_inhibit_time', 'u16', 'rw', 'config', 100, high=65535, unit='s', scale=0.0001, doc='least time between two EMCY frames'),
         Entry(0x1016, 0, 'consumer_heartbeat.count', 'u8', 'const', 'communication', 1, high=255, doc='highest sub-index'),
         *array(1, Entry(0x1016, 1, 'consumer_heartbeat', 'u32', 'rw', 'config', 0x0, high=8388607, doc='bits 16..22 node id of the host, bits 0..15 time in ms; 0 is off. A host that goes silent while the drive runs is a fault (8130h)')),
-        Entry(0x1017, 0, 'producer_heartbeat', 'u16', 'rw', 'config', 100, high=65535, unit='s', scale=0.001),
+        Entry(0x1017, 0, 'producer_heartbeat', 'u16', 'rw', 'config', 50, high=65535, unit='s', scale=0.001),
         Entry(0x1018, 0, 'identity.count', 'u8', 'const', 'communication', 4, high=255, doc='highest sub-index'),
         Entry(0x1018, 1, 'identity.vendor_number', 'u32', 'const', 'identity', 0x0, high=4294967295),
         Entry(0x1018, 2, 'identity.product_code', 'u32', 'const', 'identity', 0xb0de4, high=4294967295),
@@ -93,7 +93,7 @@ TABLE = Table(
         Entry(0x1A02, 6, 'tpdo3_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A02, 7, 'tpdo3_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A02, 8, 'tpdo3_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x665b6251, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x2434ea67, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
