@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from bowden.model.errors import ModelError
 from bowden.model.transmission import Transmission
 
 CATALOGUE = (
@@ -70,7 +71,9 @@ def _asymmetry(pair: Transmission, p: Mapping[str, float]) -> Transmission:
 
 
 def _wrap(pair: Transmission, p: Mapping[str, float]) -> Transmission:
-    factor = 1.0 + p["extra_wrap_rad"] / pair.wrap_rad if pair.wrap_rad > 0 else 1.0
+    if pair.wrap_rad == 0:
+        raise ModelError("extra_wrap_rad: found a straight path, accepted: one with a bend")
+    factor = 1.0 + p["extra_wrap_rad"] / pair.wrap_rad
     return replace(pair, piece_curvature_per_m=pair.piece_curvature_per_m * factor)
 
 

@@ -12,7 +12,8 @@ displacements standing in for w_{-1} and w_N. It obeys
 
 with v_j the segment's own speed behind a low-pass filter. The viscous term takes it as it is at the
 end of the sample; the term that falls with speed as it was before, for with a slope below zero the
-present speed would have no unique answer.
+present speed would have no unique answer. With stiction a segment that is at rest at the end of a
+sample holds (mu_s - mu_d) l_s/R more from the next one on.
 """
 
 # ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
