@@ -14,25 +14,26 @@ from hil_tests.artefacts import directory_of, keep
 from hil_tests.benches import Benches, verdict
 from hil_tests.lockstep_host import LockstepHost, Wire
 from hil_tests.targets.hardware import Guard, open_wire
-from hil_tests.targets.target import CAPABILITIES, SIMULATED_RIG, capabilities_of
+from hil_tests.targets.target import CAPABILITIES, SIMULATED_RIG, capabilities_of, missing_firmware
 
 BUILD = Path(__file__).resolve().parents[1] / "build"
+MADE = pytest.StashKey[Benches]()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip (or fail, with --require-target) a test that needs what the target has not got."""
+    name = str(item.config.getoption("--target"))
+    if "target_name" in getattr(item, "fixturenames", ()) and (missing := missing_firmware(name)):
+        pytest.fail(missing, pytrace=False)
     needed = {str(name) for mark in item.iter_markers("needs") for name in mark.args}
-    if not needed:
-        return
     if needed - CAPABILITIES:
         pytest.fail(
             f"needs: found {sorted(needed - CAPABILITIES)}; accepted: {sorted(CAPABILITIES)}",
             pytrace=False,
         )
-    name = str(item.config.getoption("--target"))
-    missing = needed - capabilities_of(name, bool(item.config.getoption("--allow-motion")))
-    if missing:
-        text = f"target {name} lacks: {', '.join(sorted(missing))}"
+    lacking = needed - capabilities_of(name, bool(item.config.getoption("--allow-motion")))
+    if lacking:
+        text = f"target {name} lacks: {', '.join(sorted(lacking))}"
         if item.config.getoption("--require-target"):
             pytest.fail(text, pytrace=False)
         pytest.skip(text)
@@ -44,9 +45,8 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Keep traces of a failed test and say where they are."""
     report = yield
-    fixtures = getattr(item, "funcargs", None) or {}
-    made = fixtures.get("benches")
-    if report.failed and report.when != "setup" and isinstance(made, Benches):
+    made = item.stash.get(MADE, None)
+    if report.failed and made is not None:
         directory = directory_of(BUILD / "artifacts", item.nodeid)
         kept = [path for k, b in enumerate(made.benches) for path in keep(directory, b, k)]
         if kept:
@@ -56,9 +56,9 @@ def pytest_runtest_makereport(
 
 
 @pytest.fixture
-def benches(target_name: str) -> Iterator[Benches]:
+def benches(request: pytest.FixtureRequest, target_name: str) -> Iterator[Benches]:
     """A factory of benches; fails the test at its end on any error that it did not announce."""
-    made = Benches(target_name)
+    made = request.node.stash[MADE] = Benches(target_name)
     yield made
     complaints = made.complaints()
     made.close()

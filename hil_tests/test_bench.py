@@ -8,13 +8,16 @@ coarser than the rig's sensors, `converters` says by how much, and the tolerance
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import can
 import canopen
 import numpy as np
 import pytest
 
+from hil_tests.artefacts import directory_of, keep
 from hil_tests.benches import Benches
+from hil_tests.emulated.records import CanFault
 from hil_tests.frame_loss import SeededLoss
 from hil_tests.lockstep_host import (
     MODE,
@@ -25,6 +28,7 @@ from hil_tests.lockstep_host import (
     samples,
 )
 from hil_tests.rig.parameters import Cable, Hand, Rig, Sensing
+from hil_tests.targets.emulated import EmulatedTarget
 from hil_tests.virtual_bus import VirtualBus
 
 pytestmark = pytest.mark.needs("simulated-rig", "virtual-time")
@@ -224,3 +228,34 @@ def test_verdict_finds_an_error_that_was_not_announced(target_name: str) -> None
     judged.expected = {0x7380, 0x8130}
     assert judged.complaints() == ["EMCY 8130h never came"]
     judged.close()
+
+
+@pytest.mark.needs("chip")
+def test_verdict_finds_bus_errors_that_no_frame_tells(target_name: str) -> None:
+    judged = Benches(target_name)
+    host = judged()
+    target = host.bus.bench.target
+    assert isinstance(target, EmulatedTarget)  # what the chip's capability means
+    target.chip.set_can_fault(CanFault.NO_ACK)
+    host.listen(0.06)  # one heartbeat at least, sent again and again
+    target.chip.set_can_fault(CanFault.NONE)
+    (complaint,) = judged.complaints()
+    assert "transmit errors" in complaint
+    judged.close()
+
+
+def test_failed_test_leaves_trace_truth_and_plot(benches: Benches, tmp_path: Path) -> None:
+    host = benches()
+    host.enable(TORQUE)
+    directory = directory_of(tmp_path, "hil_tests/test_bench.py::test_x[a/b c]")
+    assert directory == tmp_path / "test_bench-test_x-a-b-c"
+    trace, truth, plot = keep(directory, host.bus.bench, 0)
+    with can.BLFReader(trace) as reader:
+        cob_ids = {message.arbitration_id for message in reader}
+    assert {0x000, 0x610, 0x590, 0x710, 0x190} <= cob_ids  # both ways
+    with np.load(truth) as kept:
+        assert len(kept["load_torque_nm"]) == host.bus.bench.ticks
+        assert kept["bridge_enabled"][-1]
+    page = plot.read_text(encoding="utf-8")
+    assert "tension (N)" in page
+    assert "src=" not in page.split("<body>")[1][:200]  # nothing is loaded from elsewhere

@@ -102,10 +102,10 @@ def make_target(name: str, node_id: int = DEFAULT_NODE_ID, rig: Rig | None = Non
 
         return NativeTarget(node_id)
     if name == "emulated":
-        from hil_tests.targets.emulated import ELF, EmulatedTarget  # noqa: PLC0415
+        from hil_tests.targets.emulated import EmulatedTarget  # noqa: PLC0415
 
-        if not ELF.is_file():
-            raise FileNotFoundError(f"{ELF} is missing; run 'make firmware'")
+        if missing := missing_firmware(name):
+            raise FileNotFoundError(missing)
         if node_id != DEFAULT_NODE_ID:
             raise ValueError(
                 f"node id: found {node_id}; accepted: {DEFAULT_NODE_ID}, which is in the ELF"
@@ -116,6 +116,16 @@ def make_target(name: str, node_id: int = DEFAULT_NODE_ID, rig: Rig | None = Non
             load_counts_per_turn=sensing.load_counts_per_turn,
         )
     raise ValueError(f"target: found {name!r}; accepted: native, emulated")
+
+
+def missing_firmware(name: str) -> str:
+    """Tell what has to be built first for that target, in one line; empty where all is there."""
+    if name == "emulated":
+        from hil_tests.targets import emulated  # noqa: PLC0415
+
+        if not emulated.ELF.is_file():
+            return f"{emulated.ELF} is missing; run 'make firmware'"
+    return ""
 
 
 def capabilities_of(name: str, allow_motion: bool) -> frozenset[str]:
