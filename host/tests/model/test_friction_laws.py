@@ -15,7 +15,7 @@ from bowden.model.friction.tension_dependent import tension_factor
 from bowden.model.friction.viscous import viscous_term
 from bowden.model.mesh_solver import simulate_mesh
 
-from .rigs import LENGTH_M, MU, R_LOAD_M, RADIUS_M, RHO, FloatArray, M, printed
+from .rigs import LENGTH_M, MU, R_LOAD_M, RADIUS_M, RHO, FloatArray, M, printed, through, times
 
 SEGMENTS = 50
 TP, PP = Mode.TORQUE_POSITION, Mode.POSITION_POSITION
@@ -119,6 +119,18 @@ def test_stiction_shows_at_breakaway_only() -> None:
     plain = hand(3.0)
     assert np.abs(torque).max() > 1.05 * np.abs(plain).max()
     assert torque[400] == pytest.approx(plain[400], rel=2e-2)
+
+
+@pytest.mark.parametrize("rates", [{}, {"mu_v_s_per_m": 1e-12, "memory_s": 0.0}])
+def test_stiction_holds_the_same_with_and_without_rate_terms(rates: dict[str, float]) -> None:
+    """T0 exp(m + (mu_s - mu_d) l_s/R) breaks the whole cable away, in both kernels."""
+    torque = through(0, 1.6, steps=4000)
+    pair = printed(SEGMENTS, mu_s=0.63, stiction_length_m=0.05, **rates)
+    found = simulate_mesh(pair, TP, times(torque), torque, np.zeros_like(torque))
+    # The implicit step lets the last node move by rounding before it breaks away.
+    first = int(np.argmax(found.load_tension_a_n > 10.0 + 1e-3))
+    expected = 10 * np.exp(M + (0.63 - MU) * 0.05 / RADIUS_M)
+    assert found.motor_tension_a_n[first - 1] == pytest.approx(expected, rel=5e-3)
 
 
 def test_terms_by_themselves() -> None:
