@@ -1,13 +1,14 @@
 """What a failed test leaves: the CAN trace (BLF), the rig's truth (npz) and a plot of it (HTML).
 
-Called by `conftest` with the benches of the test. Open the plot in any browser; ``numpy.load`` the
-truth; `bowden`'s readers and any CAN tool take the trace.
+Called by `conftest` with the benches of the test; of a real board there is only the trace. Open the
+plot in any browser; ``numpy.load`` the truth; `bowden`'s readers and any CAN tool take the trace.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
@@ -38,18 +39,22 @@ def keep(directory: Path, bench: Bench, number: int) -> list[Path]:
     """Write down what a bench has kept; the files, none where it never ran."""
     if not bench.ticks:
         return []
-    directory.mkdir(parents=True, exist_ok=True)
-    trace, truth_path, plot = (
-        directory / f"{stem}-{number}.{ending}"
-        for stem, ending in (("can", "blf"), ("truth", "npz"), ("plot", "html"))
-    )
-    with can.BLFWriter(trace) as writer:
-        for message in bench.traffic:
-            writer.on_message_received(message)
+    trace = keep_traffic(directory, bench.traffic, number)
+    truth_path, plot = directory / f"truth-{number}.npz", directory / f"plot-{number}.html"
     truth = bench.truth()
     np.savez_compressed(truth_path, **asdict(truth))
     _plot(truth, plot)
     return [trace, truth_path, plot]
+
+
+def keep_traffic(directory: Path, traffic: Iterable[can.Message], number: int) -> Path:
+    """Write down the frames of one wire, all that there is of a real board."""
+    directory.mkdir(parents=True, exist_ok=True)
+    path = directory / f"can-{number}.blf"
+    with can.BLFWriter(path) as writer:
+        for message in traffic:
+            writer.on_message_received(message)
+    return path
 
 
 def _plot(truth: Truth, path: Path) -> None:

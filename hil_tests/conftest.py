@@ -10,13 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from hil_tests.artefacts import directory_of, keep
+from hil_tests.artefacts import directory_of, keep, keep_traffic
 from hil_tests.benches import Benches, verdict
 from hil_tests.lockstep_host import LockstepHost, Wire
-from hil_tests.targets.hardware import Guard, open_wire
+from hil_tests.targets.hardware import Guard, HardwareWire, open_wire
 from hil_tests.targets.target import CAPABILITIES, SIMULATED_RIG, capabilities_of, missing_firmware
 
 BUILD = Path(__file__).resolve().parents[1] / "build"
+WIRE = pytest.StashKey[HardwareWire]()
 MADE = pytest.StashKey[Benches]()
 
 
@@ -45,13 +46,17 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Keep traces of a failed test and say where they are."""
     report = yield
-    made = item.stash.get(MADE, None)
-    if report.failed and made is not None:
+    made, wire = item.stash.get(MADE, None), item.stash.get(WIRE, None)
+    if report.failed and (made or wire):
         directory = directory_of(BUILD / "artifacts", item.nodeid)
-        kept = [path for k, b in enumerate(made.benches) for path in keep(directory, b, k)]
-        if kept:
-            lines = "\n".join(str(path) for path in kept)
-            report.sections.append(("kept for this failure", lines))
+        kept = (
+            [path for k, b in enumerate(made.benches) for path in keep(directory, b, k)]
+            if made
+            else []
+        )
+        if wire:
+            kept.append(keep_traffic(directory, wire.traffic, 0))
+        report.sections.append(("kept for this failure", "\n".join(map(str, kept))))
     return report
 
 
@@ -78,6 +83,7 @@ def host(request: pytest.FixtureRequest, target_name: str) -> Iterator[LockstepH
         option("--can-bitrate"),
         Guard(option("--node-id"), option("--allow-motion")),
     )
+    request.node.stash[WIRE] = wire
     with wire:
         talker: LockstepHost[Wire] = LockstepHost(wire, option("--node-id"))
         wire.restart(talker)

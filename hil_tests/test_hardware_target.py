@@ -87,6 +87,7 @@ def test_wire_hides_its_own_echo_and_counts_error_frames() -> None:
         assert got is not None
         assert got.arbitration_id == 0x710
         assert wire.error_frames == 1
+        assert [m.arbitration_id for m in wire.traffic] == [0x000, 0x710]
 
 
 def _multicast_works() -> bool:

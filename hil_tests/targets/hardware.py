@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from copy import copy
 from dataclasses import dataclass
 from typing import Final
 
 import can
 
+from hil_tests.bench import FRAMES_KEPT
 from hil_tests.lockstep_host import CONTROLWORD, NMT_RESET_NODE, LockstepHost, Wire
 
 BOOT_PATIENCE_S: Final = 2.0
@@ -57,12 +59,15 @@ class HardwareWire(can.BusABC):
     ----------
     error_frames : int
         Reported by the adapter so far.
+    traffic : deque of can.Message
+        The last frames both ways.
     """
 
     def __init__(self, bus: can.BusABC, guard: Guard) -> None:
         super().__init__(channel=bus.channel_info)
         self.channel_info = bus.channel_info
         self.error_frames = 0
+        self.traffic: deque[can.Message] = deque(maxlen=FRAMES_KEPT)
         self._bus = bus
         self._guard = guard
         self._ready: deque[can.Message] = deque()
@@ -88,6 +93,9 @@ class HardwareWire(can.BusABC):
         self._guard.check(msg)
         self._own_cob_ids.add(msg.arbitration_id)
         self._bus.send(msg, timeout)
+        noted = copy(msg)
+        noted.timestamp, noted.is_rx = time.time(), False  # as adapters stamp what they receive
+        self.traffic.append(noted)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Next frame of another node, or None after `timeout`."""
@@ -101,6 +109,7 @@ class HardwareWire(can.BusABC):
             if message.is_error_frame:
                 self.error_frames += 1
             elif message.arbitration_id not in self._own_cob_ids:
+                self.traffic.append(message)
                 return message
 
     def restart(self, host: LockstepHost[Wire]) -> None:
