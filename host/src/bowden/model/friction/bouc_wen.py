@@ -124,7 +124,8 @@ def bouc_wen_step(
 ) -> tuple[float, float, float]:
     """Friction over Fc after a slip, its derivative by the slip (1/m), and the new state.
 
-    Runge-Kutta of order 4 in the slip, in steps of at most x_p/4; beyond 30 x_p it slides.
+    Runge-Kutta of order 4 in the slip, in steps over which the state's rate changes by at most a
+    quarter of its greatest slope; beyond 30 x_p it slides.
     """
     s = 1.0 if slip_m >= 0.0 else -1.0
     at = 1 if slip_m >= 0.0 else 4
@@ -134,7 +135,8 @@ def bouc_wen_step(
     if travel >= 30.0:
         level = 1.0
     else:
-        steps = int(4.0 * travel) + 1
+        steepest = exponent * max(1.0, 2.0 * sigma - 1.0)
+        steps = int(4.0 * steepest * travel) + 1
         h = travel / steps
         for _ in range(steps):
             if abs(1.0 - level) < 1e-12:
