@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 from bowden.model import ModelError, format_model, parse_model, table_1
-from bowden.model.experiments import PiGains, as_printed, run_experiment, single_case
+from bowden.model.closed_loop import simulate_closed_loop
+from bowden.model.experiments import PiFollower, as_printed, run_experiment, single_case
 from bowden.model.experiments.locked_load import front_depth_m
-from bowden.model.experiments.position_controller import follow
 from bowden.model.experiments.signals import ramps_with_dwells, sample_times, sine
 from bowden.model.experiments.tunnel import tunnel_torque, velocity_slope
 from bowden.model.experiments.variants import (
@@ -206,11 +206,10 @@ def test_the_ideal_follower_carries_exactly_half_and_a_real_one_less() -> None:
 
 
 def test_the_controllers_loop_is_closed() -> None:
-    gains = PiGains(5.0, 10.0)
+    gains = PiFollower(5.0, 10.0)
     time_s = sample_times(3.0, 1000.0)
     angle = sine(time_s, 0.7, 0.5)
-    run, mismatch = follow(as_printed(), time_s, angle, gains)
-    assert mismatch < 1e-8
+    run = simulate_closed_loop(as_printed(), gains, time_s, angle)
     error = RHO * angle - run.motor_angle_rad
     integral = 1e-3 * np.concatenate(([0.0], np.cumsum(error[1:])))
     assert run.motor_torque_nm == pytest.approx(5.0 * error + 10.0 * integral, abs=1e-7)
@@ -218,7 +217,7 @@ def test_the_controllers_loop_is_closed() -> None:
 
 def test_stiffer_followers_come_closer_to_half() -> None:
     shares = [
-        run_experiment("3", gains=PiGains(kp, 0.0)).cases[1].steady.motor_share
+        run_experiment("3", gains=PiFollower(kp, 0.0)).cases[1].steady.motor_share
         for kp in (1.0, 5.0, 20.0)
     ]
     assert shares == sorted(shares)  # type: ignore[type-var]
@@ -228,7 +227,7 @@ def test_stiffer_followers_come_closer_to_half() -> None:
 @pytest.mark.parametrize("gains", [(0.0, 1.0), (-1.0, 0.0), (1.0, -1.0), (np.inf, 0.0)])
 def test_gains_that_are_none_are_refused(gains: tuple[float, float]) -> None:
     with pytest.raises(ModelError, match="gains"):
-        PiGains(*gains)
+        PiFollower(*gains)
 
 
 # ---- the frame

@@ -58,11 +58,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the experiment, write the page, print the figures."""
-    from bowden.model.experiments import PiGains, run_experiment  # noqa: PLC0415  (fast --help)
+    from bowden.model.experiments import PiFollower, run_experiment  # noqa: PLC0415  (fast --help)
 
     if args.gains and args.experiment != "3":
         raise BadInput("--gains", f"experiment {args.experiment}", "experiment 3")
-    gains = PiGains(*args.gains) if args.gains else None
+    gains = PiFollower(*args.gains) if args.gains else None
     result = run_experiment(args.experiment, _model(args), args.preset, gains)
     if args.report:
         from bowden.recording.atomic import replace_whole  # noqa: PLC0415

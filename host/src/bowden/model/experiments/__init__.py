@@ -5,6 +5,7 @@ models of a series, `locked_load`, `tunnel` and `follower` are Experiments 1, 2 
 experiment` shows the `Experiment` that `run_experiment` returns; `sweep` takes single cases.
 """
 
+from bowden.model.closed_loop import PiFollower
 from bowden.model.experiments.catalogue import (
     EXPERIMENTS,
     PRESETS,
@@ -12,7 +13,6 @@ from bowden.model.experiments.catalogue import (
     run_experiment,
     single_case,
 )
-from bowden.model.experiments.position_controller import PiGains
 from bowden.model.experiments.result import Case, Experiment
 
 __all__ = [
@@ -20,7 +20,7 @@ __all__ = [
     "PRESETS",
     "Case",
     "Experiment",
-    "PiGains",
+    "PiFollower",
     "as_printed",
     "run_experiment",
     "single_case",

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from bowden.model.closed_loop import PiFollower
 from bowden.model.description import Model, table_1
 from bowden.model.errors import ModelError
 from bowden.model.experiments.follower import follower, ideal_case
 from bowden.model.experiments.locked_load import locked_load_case, loop_series, pretension_series
-from bowden.model.experiments.position_controller import PiGains
 from bowden.model.experiments.result import Case, Experiment
 from bowden.model.experiments.tunnel import tunnel, tunnel_case
 from bowden.model.experiments.variants import without_mesh, without_stiction_length
@@ -46,7 +46,7 @@ def run_experiment(
     name: str,
     model: Model | None = None,
     preset: str = "printed",
-    gains: PiGains | None = None,
+    gains: PiFollower | None = None,
 ) -> Experiment:
     """Run one of the paper's experiments.
 
@@ -59,7 +59,7 @@ def run_experiment(
     preset : str
         ``printed`` is the paper's regime. ``transmitting`` has a pretension with which torque
         arrives (1a: 1, 1.5, 2, 2.4 N; 1b: 0.6 N; 2 and 3: 2 N).
-    gains : PiGains, optional
+    gains : PiFollower, optional
         Of the controller in Experiment 3; the others have none.
 
     Returns

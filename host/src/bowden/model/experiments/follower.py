@@ -1,13 +1,13 @@
 """Experiment 3: the motor follows the load's position, and both ends share the friction (Fig. 8).
 
 Position-position mode for the ideal, infinitely stiff follower; for the realistic one a PI
-controller on the motor angle, closed over the model.
+controller on the motor angle, closed over the mesh (with 100 segments where the model names none).
 """
 
 from __future__ import annotations
 
+from bowden.model.closed_loop import PiFollower, simulate_closed_loop
 from bowden.model.description import Model
-from bowden.model.experiments.position_controller import PiGains, follow
 from bowden.model.experiments.result import Case, Experiment, case_of, pulley_ratio, run_case
 from bowden.model.experiments.signals import sample_times, sine
 from bowden.model.experiments.tunnel import AMPLITUDE_RAD, FREQUENCY_HZ, RATE_HZ
@@ -26,27 +26,26 @@ def ideal_case(model: Model, label: str = "ideal follower") -> Case:
     return run_case(label, model, Mode.POSITION_POSITION, inputs, 1.0 / FREQUENCY_HZ)
 
 
-def realistic_case(model: Model, gains: PiGains) -> Case:
+def realistic_case(model: Model, gains: PiFollower) -> Case:
     """Run the follower with a PI controller."""
     time_s = sample_times(DURATION_S, RATE_HZ)
     angle = sine(time_s, AMPLITUDE_RAD, FREQUENCY_HZ)
-    trajectory, mismatch = follow(model, time_s, angle, gains)
+    trajectory = simulate_closed_loop(model, gains, time_s, angle)
     figures: dict[str, float | None] = {
         "kp_nm_per_rad": gains.kp_nm_per_rad,
         "ki_nm_per_rad_s": gains.ki_nm_per_rad_s,
-        "controller_mismatch_nm": mismatch,
     }
     return case_of(
         "PI follower", model, Mode.TORQUE_POSITION, trajectory, 1.0 / FREQUENCY_HZ, figures
     )
 
 
-def follower(model: Model, preset: str, gains: PiGains | None = None) -> Experiment:
+def follower(model: Model, preset: str, gains: PiFollower | None = None) -> Experiment:
     """Run Experiment 3: the ideal follower and one with a PI controller."""
     pretension = PRETENSION_N[preset]
     if pretension is not None:
         model = with_pretension(model, pretension)
-    cases = ideal_case(model), realistic_case(model, gains or PiGains())
+    cases = ideal_case(model), realistic_case(model, gains or PiFollower())
     title = "Experiment 3: the motor follows the load's position"
     return Experiment("3", preset, title, _finding(*cases), cases)
 
