@@ -2,7 +2,7 @@
 # quick when it is there already.
 
 PYTHON ?= python3
-TARGET ?= native# where the drive runs in `make demo` and `make test`: native or emulated
+TARGET ?= native# where the drive runs in `make demo`: native or emulated
 PROBE ?= openocd# for `make flash`: openocd, st-flash or dfu-util
 VENV := .venv
 BIN := $(VENV)/bin
@@ -15,11 +15,12 @@ C_FILES = $(shell git ls-files 'firmware/*.c' 'firmware/*.h' 'hil_tests/*.c' 'hi
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-demo: native ## the main job on the simulated rig: configure, run the tunnel, record, compare, report
-	$(BIN)/bowden demo --output build/demo
+demo: native $(if $(filter emulated,$(TARGET)),firmware) ## the main job on the simulated rig: configure, run the tunnel, record, compare, report
+	$(BIN)/bowden demo --output build/demo --target $(TARGET)
 
 test: lint firmware native ## lint, prove the firmware integer-only, run every test
-	$(BIN)/pytest $(PYTEST_FLAGS) --target=$(TARGET)
+	$(BIN)/pytest $(PYTEST_FLAGS)
+	$(BIN)/pytest $(PYTEST_FLAGS) hil_tests/test_bench.py hil_tests/test_drive.py --target=emulated --require-target
 
 lint: setup ## ruff, mypy strict, import contracts, clang-format
 	$(BIN)/ruff check .
