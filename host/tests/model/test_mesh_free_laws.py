@@ -234,6 +234,23 @@ def test_a_motor_that_is_held_while_a_cable_goes_slack_stays_where_it_is() -> No
         np.testing.assert_allclose(back.motor_angle_rad, 0.0, atol=1e-9)
 
 
+def test_a_neutral_point_beside_a_straight_piece_is_found() -> None:
+    # Both ends of cable a release; the slope of the balance jumps where the straight piece begins.
+    rig = replace(
+        plain_rig(axial_stiffness_n=500.0, pretension_n=0.5),
+        piece_length_m=np.array([0.5, 0.5]),
+        piece_curvature_per_m=np.array([1 / 0.28, 0.0]),
+        friction=FrictionLaw(mu_d=0.5, mu_s=0.5),
+        motor_pulley_radius_m=0.03125,
+        load_pulley_radius_m=0.125,
+    )
+    for most in np.linspace(0.2, 2.0, 50):
+        motor, load = np.linspace(0, -0.01472 * most, 4), np.linspace(0, 1.6e-5 * most, 4)
+        ends = run(rig, Mode.POSITION_POSITION, motor, load)
+        back = run(rig, Mode.TORQUE_POSITION, ends.motor_torque_nm, load)
+        np.testing.assert_allclose(back.motor_angle_rad, motor, rtol=0, atol=1e-10)
+
+
 def plain_rig(**changes: Any) -> Transmission:
     rig = Transmission(
         axial_stiffness_n=4000.0,

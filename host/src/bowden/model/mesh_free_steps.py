@@ -68,6 +68,8 @@ CARRIED_FIELDS = 4
 ROOM = 3  # breakpoints that a step may need beyond those in use, at each end
 
 _ROUNDING = 4.5e-16
+# Halley needs two or three; at a neutral point beside a straight piece it can run in a circle.
+_TRUSTED_ROUNDS = 8
 
 
 @inlined
@@ -247,7 +249,7 @@ def _balance(pair: Pair, force: float, guess: float) -> float:
     lowest = abs(0.5 * force)
     lower, upper = lowest, math.inf
     mean = max(guess, lowest)
-    for _ in range(200):  # halving from any bracket takes under 100
+    for k in range(200):  # halving from any bracket takes under 100
         for cable in range(2):
             _try_tension(pair, cable, mean + (0.5 - cable) * force)
         u_a, u_b = pair.plan[0, NEAR_U], pair.plan[1, NEAR_U]
@@ -266,7 +268,7 @@ def _balance(pair: Pair, force: float, guess: float) -> float:
         trial = mean + excess * slope / divisor if divisor > 0.0 else math.inf
         if trial <= lowest < mean:
             trial = lowest
-        elif not lower < trial < upper:
+        elif not lower < trial < upper or (k >= _TRUSTED_ROUNDS and upper < math.inf):
             trial = 0.5 * (lower + upper) if upper < math.inf else 2.0 * mean
         if excess < 0.0 and trial <= lowest * (1.0 + _ROUNDING):
             trial = lowest  # 0 N less rounding is slack: its end is free, a taut one's is not
