@@ -8,14 +8,12 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 from bowden.model.description import Model
 from bowden.model.lumped import simulate_lumped
 from bowden.model.mesh_free import simulate_mesh_free
 from bowden.model.mesh_solver import simulate_mesh
-from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
-from bowden.model.transmission import Transmission
+from bowden.model.trajectory import Inputs, Mode, Trajectory
 
 
 def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
@@ -46,7 +44,7 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
         return simulate_mesh(model.transmission, mode, time_s, motor, load)
     if model.solver == "lumped":
         return simulate_lumped(model.transmission, model.lumped, mode, time_s, motor, load)
-    return _mesh_free_from_first_sample(model.transmission, mode, time_s, motor, load)
+    return simulate_mesh_free(model.transmission, mode, time_s, motor, load)
 
 
 def simulate_batch(
@@ -85,20 +83,3 @@ def simulate_batch(
             for i in range(count)
         ]
         return [job.result() for job in jobs]
-
-
-def _mesh_free_from_first_sample(
-    pair: Transmission, mode: Mode, time_s: FloatArray, motor: FloatArray, load: FloatArray
-) -> Trajectory:
-    """Let the mesh-free solution, which starts at angle 0, start at the first sample's angles."""
-    ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
-    motor_0 = ratio * load[0] if mode is Mode.TORQUE_POSITION else motor[0]
-    load_0 = motor[0] / ratio if mode is Mode.POSITION_TORQUE else load[0]
-    first = motor if mode is Mode.TORQUE_POSITION else motor - motor_0
-    second = load if mode is Mode.POSITION_TORQUE else load - load_0
-    found = simulate_mesh_free(pair, mode, time_s, first, second)
-    return replace(
-        found,
-        motor_angle_rad=found.motor_angle_rad + motor_0,
-        load_angle_rad=found.load_angle_rad + load_0,
-    )
