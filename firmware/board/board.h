@@ -58,10 +58,21 @@ typedef struct {
     bool reset_requested;     /* NMT reset node: the board restarts the drive */
 } board_actuators_t;
 
-/* Who this board is; fixed from power-on. */
+/* How the program before this one ended, entry crash_record; all zero when it did not crash since
+ * power-on. */
+typedef struct {
+    uint32_t crashes;         /* since power-on */
+    uint32_t cause;           /* number of the exception; 16 + n is interrupt n */
+    uint32_t program_counter; /* 0 when unknown */
+    uint32_t stack_pointer;
+    uint32_t tick; /* control ticks from that program's start to its end */
+} board_crash_t;
+
+/* Who this board is and how it came here; fixed from power-on. */
 typedef struct {
     uint8_t node_id;        /* CANopen node id, 1 .. 127 */
     uint32_t serial_number; /* 0x1018 sub 4; 32 bits of the chip's unique id */
+    board_crash_t crash;
 } board_identity_t;
 
 #endif

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x2434EA67)
+#define DICTIONARY_HASH UINT32_C(0x86FD3BA6)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 130
+#define DICTIONARY_COUNT 165
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -48,6 +48,10 @@ typedef struct {
     uint8_t tpdo3_communication_transmission_type;     /* 0x1802 */
     uint16_t tpdo3_communication_inhibit_time_100us;   /* 0x1802 */
     uint16_t tpdo3_communication_event_timer_ms;       /* 0x1802 */
+    uint32_t tpdo4_communication_cob_id;               /* 0x1803 */
+    uint8_t tpdo4_communication_transmission_type;     /* 0x1803 */
+    uint16_t tpdo4_communication_inhibit_time_100us;   /* 0x1803 */
+    uint16_t tpdo4_communication_event_timer_ms;       /* 0x1803 */
     uint8_t tpdo1_mapping_count;                       /* 0x1A00 */
     uint32_t tpdo1_mapping_object_1;                   /* 0x1A00 */
     uint32_t tpdo1_mapping_object_2;                   /* 0x1A00 */
@@ -75,6 +79,15 @@ typedef struct {
     uint32_t tpdo3_mapping_object_6;                   /* 0x1A02 */
     uint32_t tpdo3_mapping_object_7;                   /* 0x1A02 */
     uint32_t tpdo3_mapping_object_8;                   /* 0x1A02 */
+    uint8_t tpdo4_mapping_count;                       /* 0x1A03 */
+    uint32_t tpdo4_mapping_object_1;                   /* 0x1A03 */
+    uint32_t tpdo4_mapping_object_2;                   /* 0x1A03 */
+    uint32_t tpdo4_mapping_object_3;                   /* 0x1A03 */
+    uint32_t tpdo4_mapping_object_4;                   /* 0x1A03 */
+    uint32_t tpdo4_mapping_object_5;                   /* 0x1A03 */
+    uint32_t tpdo4_mapping_object_6;                   /* 0x1A03 */
+    uint32_t tpdo4_mapping_object_7;                   /* 0x1A03 */
+    uint32_t tpdo4_mapping_object_8;                   /* 0x1A03 */
     uint32_t device_time_us;                           /* 0x2001 */
     uint16_t sample_counter;                           /* 0x2002 */
     uint8_t sample_counter_low;                        /* 0x2003 */
@@ -82,6 +95,11 @@ typedef struct {
     uint32_t saturation_count;                         /* 0x2005 */
     uint32_t configuration_error;                      /* 0x2006 */
     uint32_t tx_overflow_count;                        /* 0x2007 */
+    uint32_t crash_record_crashes;                     /* 0x2008 */
+    uint32_t crash_record_cause;                       /* 0x2008 */
+    uint32_t crash_record_program_counter;             /* 0x2008 */
+    uint32_t crash_record_stack_pointer;               /* 0x2008 */
+    uint32_t crash_record_tick;                        /* 0x2008 */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */
@@ -98,6 +116,15 @@ typedef struct {
     uint32_t model_tension_load_a_un;                  /* 0x2032 */
     uint32_t model_tension_motor_b_un;                 /* 0x2032 */
     uint32_t model_tension_load_b_un;                  /* 0x2032 */
+    int32_t wanted_load_torque_unm;                    /* 0x2033 */
+    int32_t estimated_load_torque_unm;                 /* 0x2034 */
+    uint8_t estimate_confidence;                       /* 0x2035 */
+    uint8_t slip_state;                                /* 0x2036 */
+    uint8_t compensation_active_law;                   /* 0x2037 */
+    uint16_t compensation_fallback;                    /* 0x2038 */
+    int32_t rendered_energy_uj;                        /* 0x2039 */
+    uint32_t adapted_friction_factor_ppm;              /* 0x203A */
+    uint32_t adapted_pretension_un;                    /* 0x203B */
     int32_t target_torque_unm;                         /* 0x2040 */
     uint32_t motor_pulley_radius_nm;                   /* 0x2100 */
     uint32_t load_pulley_radius_nm;                    /* 0x2101 */
@@ -120,6 +147,12 @@ typedef struct {
     uint32_t tunnel_stiffness_unm_per_rad;             /* 0x2121 */
     uint32_t tunnel_torque_limit_unm;                  /* 0x2122 */
     uint8_t tunnel_angle_source;                       /* 0x2123 */
+    uint8_t compensation_law;                          /* 0x2130 */
+    uint8_t compensation_use_load_cell;                /* 0x2131 */
+    uint32_t compensation_fallback_step_unm;           /* 0x2132 */
+    uint16_t compensation_clean_time_ms;               /* 0x2133 */
+    uint32_t compensation_tolerance_unm;               /* 0x2134 */
+    uint8_t adaptation_enabled;                        /* 0x2135 */
     uint16_t error_code;                               /* 0x603F */
     uint16_t controlword;                              /* 0x6040 */
     uint16_t statusword;                               /* 0x6041 */
@@ -168,6 +201,9 @@ enum {
     EMCY_PROTOCOL_ERROR_REGISTER = 0x11,
     EMCY_PDO_LENGTH = 0x8210, /* RPDO shorter than its mapping */
     EMCY_PDO_LENGTH_REGISTER = 0x11,
+    EMCY_COMPENSATION_FALLBACK = 0xFF01, /* a warning: a lesser compensation law runs than the one
+                                            configured; the drive does not stop */
+    EMCY_COMPENSATION_FALLBACK_REGISTER = 0x81,
 };
 
 #endif

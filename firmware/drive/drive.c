@@ -20,7 +20,13 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
         .seen_revision = UINT32_MAX,
     };
     node_init(&drive->node, DICTIONARY, DICTIONARY_COUNT, &drive->dictionary, identity->node_id, 0);
-    drive->dictionary.identity_serial_number = identity->serial_number;
+    dictionary_t *dictionary = &drive->dictionary;
+    dictionary->identity_serial_number = identity->serial_number;
+    dictionary->crash_record_crashes = identity->crash.crashes;
+    dictionary->crash_record_cause = identity->crash.cause;
+    dictionary->crash_record_program_counter = identity->crash.program_counter;
+    dictionary->crash_record_stack_pointer = identity->crash.stack_pointer;
+    dictionary->crash_record_tick = identity->crash.tick;
 }
 
 void drive_receive(drive_t *drive, const can_frame_t *frame) {

@@ -26,6 +26,7 @@ from shared.dictionary.wire_types import WIRE_TYPES, WireType
 HASH_NAME = "schema_hash"
 PDO_SLOTS = 8  # entries of at least 8 bits in a frame of 64
 NO_RTR = 0x4000_0000  # bit 30 of a TPDO's COB-ID: remote frames are not answered
+PDO_DOES_NOT_EXIST = 0x8000_0000  # bit 31 of a COB-ID
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,8 @@ def _sub0(highest: int) -> Variable:
 
 def _pdo_communication(name: str, base: int, pdo: Pdo) -> Object:
     receives = name.startswith("rpdo")
-    cob_id = _plain(1, "cob_id", "u32", pdo.cob_id | (0 if receives else NO_RTR))
+    flags = (0 if receives else NO_RTR) | (0 if pdo.enabled else PDO_DOES_NOT_EXIST)
+    cob_id = _plain(1, "cob_id", "u32", pdo.cob_id | flags)
     variables = [
         _sub0(2 if receives else 5),
         replace(cob_id, node_id_added=True, doc="bit 31 set: the PDO does not exist"),

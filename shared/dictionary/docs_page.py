@@ -59,6 +59,8 @@ def _pdo_row(name: str, pdo: Pdo) -> str:
         when = f"every {pdo.event_ms} ms"
     else:
         when = "by the host" if name.startswith("R") else f"type {pdo.type}"
+    if not pdo.enabled:
+        when += ", once a host enables it"
     return f"| {name} | 0x{pdo.cob_id:03X} + id | {when} | {', '.join(pdo.map)} |"
 
 

@@ -89,6 +89,7 @@ class Pdo(_Strict):
     cob_id: Annotated[int, Field(ge=0x80, le=0x7FF)]
     type: Annotated[int, Field(ge=0, le=255)]
     event_ms: Annotated[int, Field(ge=0, le=65535)] = 0
+    enabled: bool = True
     map: Annotated[list[str], Field(min_length=1, max_length=8)]
 
 

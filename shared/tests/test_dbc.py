@@ -60,6 +60,6 @@ def test_emergency_and_heartbeat_in_words(database: Database) -> None:
     assert str(decode(database, 0x710, b"\x7f")["nmt_state"]) == "pre_operational"
 
 
-def test_frames_are_the_ones_that_run_by_themselves(database: Database) -> None:
+def test_frames_are_the_ones_that_can_run_by_themselves(database: Database) -> None:
     ids = {m.frame_id: m.length for m in database.messages}
-    assert ids == {0x090: 8, 0x190: 8, 0x210: 6, 0x290: 8, 0x390: 8, 0x710: 1}
+    assert ids == {0x090: 8, 0x190: 8, 0x210: 6, 0x290: 8, 0x390: 8, 0x490: 8, 0x710: 1}

@@ -96,8 +96,9 @@ def test_pdo_parameters(dictionary: canopen.ObjectDictionary) -> None:
     for kind, base in (("rpdo", 0x1400), ("tpdo", 0x1800)):
         for pdo in FILE["pdos"][kind]:
             communication: Any = dictionary[base + pdo["number"] - 1]
-            no_rtr = 0x4000_0000 if kind == "tpdo" else 0
-            assert communication[1].default == pdo["cob_id"] + NODE_ID + no_rtr
+            flags = 0x4000_0000 if kind == "tpdo" else 0  # no RTR
+            flags |= 0 if pdo.get("enabled", True) else 0x8000_0000
+            assert communication[1].default == pdo["cob_id"] + NODE_ID + flags
             assert communication[2].default == pdo["type"]
             if kind == "tpdo":
                 assert communication[5].default == pdo["event_ms"]
@@ -112,7 +113,7 @@ def test_device(dictionary: canopen.ObjectDictionary) -> None:
     info = dictionary.device_information
     assert info.product_number == FILE["device"]["product_code"]
     assert info.allowed_baudrates == {1_000_000}
-    assert (info.nr_of_RXPDO, info.nr_of_TXPDO) == (1, 3)
+    assert (info.nr_of_RXPDO, info.nr_of_TXPDO) == (1, 4)
 
 
 def test_lists_name_each_object_once() -> None:

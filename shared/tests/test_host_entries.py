@@ -103,6 +103,7 @@ def test_layouts() -> None:
         ("tpdo1", 0x180, 1, 8),
         ("tpdo2", 0x280, 1, 8),
         ("tpdo3", 0x380, 1, 8),
+        ("tpdo4", 0x480, 1, 8),
     ]
     frame = b"\x07" + (-3).to_bytes(4, "little", signed=True) + b"\xfe\xff\xff"
     raw = TPDOS[1].decode(frame)

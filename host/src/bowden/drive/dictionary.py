@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0x2434EA67
+HASH = 0x86FD3BA6
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -66,6 +66,11 @@ TABLE = Table(
         Entry(0x1802, 2, 'tpdo3_communication.transmission_type', 'u8', 'rw', 'communication', 255, high=255, doc='1..240 every n-th SYNC, 254, 255 event'),
         Entry(0x1802, 3, 'tpdo3_communication.inhibit_time', 'u16', 'rw', 'communication', 0, high=65535, unit='s', scale=0.0001, doc='least time between two frames'),
         Entry(0x1802, 5, 'tpdo3_communication.event_timer', 'u16', 'rw', 'communication', 1, high=65535, unit='s', scale=0.001, doc='period; 0 is off'),
+        Entry(0x1803, 0, 'tpdo4_communication.count', 'u8', 'const', 'communication', 5, high=255, doc='highest sub-index'),
+        Entry(0x1803, 1, 'tpdo4_communication.cob_id', 'u32', 'rw', 'communication', 0xc0000480, high=4294967295, node_id_added=True, doc='bit 31 set: the PDO does not exist'),
+        Entry(0x1803, 2, 'tpdo4_communication.transmission_type', 'u8', 'rw', 'communication', 255, high=255, doc='1..240 every n-th SYNC, 254, 255 event'),
+        Entry(0x1803, 3, 'tpdo4_communication.inhibit_time', 'u16', 'rw', 'communication', 0, high=65535, unit='s', scale=0.0001, doc='least time between two frames'),
+        Entry(0x1803, 5, 'tpdo4_communication.event_timer', 'u16', 'rw', 'communication', 1, high=65535, unit='s', scale=0.001, doc='period; 0 is off'),
         Entry(0x1A00, 0, 'tpdo1_mapping.count', 'u8', 'rw', 'communication', 3, high=8, doc='entries in use'),
         Entry(0x1A00, 1, 'tpdo1_mapping.object_1', 'u32', 'rw', 'communication', 0x20020010, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A00, 2, 'tpdo1_mapping.object_2', 'u32', 'rw', 'communication', 0x60410010, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
@@ -93,7 +98,16 @@ TABLE = Table(
         Entry(0x1A02, 6, 'tpdo3_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A02, 7, 'tpdo3_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A02, 8, 'tpdo3_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x2434ea67, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x1A03, 0, 'tpdo4_mapping.count', 'u8', 'rw', 'communication', 4, high=8, doc='entries in use'),
+        Entry(0x1A03, 1, 'tpdo4_mapping.object_1', 'u32', 'rw', 'communication', 0x20030008, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
+        Entry(0x1A03, 2, 'tpdo4_mapping.object_2', 'u32', 'rw', 'communication', 0x20330018, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
+        Entry(0x1A03, 3, 'tpdo4_mapping.object_3', 'u32', 'rw', 'communication', 0x20340018, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
+        Entry(0x1A03, 4, 'tpdo4_mapping.object_4', 'u32', 'rw', 'communication', 0x20370008, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
+        Entry(0x1A03, 5, 'tpdo4_mapping.object_5', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
+        Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
+        Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
+        Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x86fd3ba6, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -101,6 +115,12 @@ TABLE = Table(
         Entry(0x2005, 0, 'saturation_count', 'u32', 'ro', 'state', 0, high=4294967295, doc='sticky count of saturated fixed-point results since configuration'),
         Entry(0x2006, 0, 'configuration_error', 'u32', 'ro', 'state', 0, high=4294967295, doc='0: the configuration can run; else index << 8 | sub-index of the entry that cannot'),
         Entry(0x2007, 0, 'tx_overflow_count', 'u32', 'ro', 'state', 0, high=4294967295, doc='frames that the drive could not queue'),
+        Entry(0x2008, 0, 'crash_record.count', 'u8', 'const', 'communication', 5, high=255, doc='highest sub-index'),
+        Entry(0x2008, 1, 'crash_record.crashes', 'u32', 'ro', 'state', 0, high=4294967295, doc='since power-on'),
+        Entry(0x2008, 2, 'crash_record.cause', 'u32', 'ro', 'state', 0, high=4294967295, doc='number of the exception: 2 NMI, 3 HardFault, 16 + n interrupt n'),
+        Entry(0x2008, 3, 'crash_record.program_counter', 'u32', 'ro', 'state', 0, high=4294967295, doc='how the program before this one ended; all zero when it did not crash since power-on'),
+        Entry(0x2008, 4, 'crash_record.stack_pointer', 'u32', 'ro', 'state', 0, high=4294967295, doc='how the program before this one ended; all zero when it did not crash since power-on'),
+        Entry(0x2008, 5, 'crash_record.tick', 'u32', 'ro', 'state', 0, high=4294967295, doc="control ticks from that program's start to its end"),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),
@@ -118,6 +138,15 @@ TABLE = Table(
         Entry(0x2032, 2, 'model_tension.load_a', 'u32', 'ro', 'state', 0, high=4294967295, unit='N', scale=1e-06, pdo='tx'),
         Entry(0x2032, 3, 'model_tension.motor_b', 'u32', 'ro', 'state', 0, high=4294967295, unit='N', scale=1e-06, pdo='tx'),
         Entry(0x2032, 4, 'model_tension.load_b', 'u32', 'ro', 'state', 0, high=4294967295, unit='N', scale=1e-06, pdo='tx'),
+        Entry(0x2033, 0, 'wanted_load_torque', 'i24', 'ro', 'state', 0, low=-8388608, high=8388607, unit='N m', scale=1e-06, pdo='tx', doc='what is to arrive at the load: tunnel or target torque times the transmission ratio'),
+        Entry(0x2034, 0, 'estimated_load_torque', 'i24', 'ro', 'state', 0, low=-8388608, high=8388607, unit='N m', scale=1e-06, pdo='tx', doc='by the cables on the load, from the estimator; 0 while compensation_law is 0'),
+        Entry(0x2035, 0, 'estimate_confidence', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 none .. 255 full'),
+        Entry(0x2036, 0, 'slip_state', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 sticks, 1 slips from the motor, 2 slips from the load, 3 slides as a whole'),
+        Entry(0x2037, 0, 'compensation_active_law', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='the law that runs now, numbered as compensation_law'),
+        Entry(0x2038, 0, 'compensation_fallback', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='why it is not the one configured, 0 it is. Bit 0 settings refused, 1 load cell reported broken, 2 load cell at the end of its range, 3 load cell stuck, 4 load cell implausible, 5 an encoder has slipped, 8 the load cell is not used now'),
+        Entry(0x2039, 0, 'rendered_energy', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='J', scale=1e-06, pdo='tx', doc='what the cables have put into the load beyond what the tunnel stores; the passivity observer keeps it from growing'),
+        Entry(0x203A, 0, 'adapted_friction_factor', 'u32', 'ro', 'state', 0, high=4294967295, unit='1', scale=1e-06, pdo='tx', doc='what the adaptation multiplies the friction by'),
+        Entry(0x203B, 0, 'adapted_pretension', 'u32', 'ro', 'state', 0, high=4294967295, unit='N', scale=1e-06, pdo='tx'),
         Entry(0x2040, 0, 'target_torque', 'i24', 'rw', 'command', 0, low=-8388607, high=8388607, unit='N m', scale=1e-06, pdo='rx', doc='motor torque asked for in mode -2'),
         Entry(0x2100, 0, 'motor_pulley_radius', 'u32', 'rw', 'config', 20000000, low=1000000, high=500000000, unit='m', scale=1e-09, persist=True),
         Entry(0x2101, 0, 'load_pulley_radius', 'u32', 'rw', 'config', 104000000, low=1000000, high=500000000, unit='m', scale=1e-09, persist=True),
@@ -142,6 +171,12 @@ TABLE = Table(
         Entry(0x2121, 0, 'tunnel_stiffness', 'u32', 'rw', 'config', 500000, high=100000000, unit='N m/rad', scale=1e-06, persist=True),
         Entry(0x2122, 0, 'tunnel_torque_limit', 'u32', 'rw', 'config', 200000, high=8000000, unit='N m', scale=1e-06, persist=True),
         Entry(0x2123, 0, 'tunnel_angle_source', 'u8', 'rw', 'config', 0, high=2, persist=True, doc='0 load angle, 1 motor angle, 2 motor angle divided by the transmission ratio'),
+        Entry(0x2130, 0, 'compensation_law', 'u8', 'rw', 'config', 0, high=5, persist=True, doc="0 none, 1 Coulomb feed-forward, 2 integral force control, 3 smooth backlash inverse, 4 adaptive hysteresis, 5 model inversion. With 0 the motor torque is the tunnel's, as in the paper"),
+        Entry(0x2131, 0, 'compensation_use_load_cell', 'u8', 'rw', 'config', 1, high=1, persist=True, doc='1: the laws may use the load cell'),
+        Entry(0x2132, 0, 'compensation_fallback_step', 'u32', 'rw', 'config', 500, low=1, high=1000000, unit='N m', scale=1e-06, persist=True, doc='when the law changes, the motor torque goes over to the new one by at most this a control tick (250 us)'),
+        Entry(0x2133, 0, 'compensation_clean_time', 'u16', 'rw', 'config', 1000, low=10, high=60000, unit='s', scale=0.001, persist=True, doc='so long nothing may be wrong before a better law runs again'),
+        Entry(0x2134, 0, 'compensation_tolerance', 'u32', 'rw', 'config', 1500000, low=1000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a cell that differs from the cable model by more for 50 ms is implausible'),
+        Entry(0x2135, 0, 'adaptation_enabled', 'u8', 'rw', 'config', 0, high=1, persist=True, doc='1: friction and pretension of the model follow slowly what the drive observes'),
         Entry(0x603F, 0, 'error_code', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
         Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx'),
         Entry(0x6041, 0, 'statusword', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
@@ -159,6 +194,7 @@ TPDOS = (
     Layout('tpdo1', 0x180, 1, TABLE.several('sample_counter', 'statusword', 'device_time')),
     Layout('tpdo2', 0x280, 1, TABLE.several('sample_counter_low', 'motor_angle', 'motor_torque')),
     Layout('tpdo3', 0x380, 1, TABLE.several('sample_counter_low', 'load_angle', 'load_torque')),
+    Layout('tpdo4', 0x480, 1, TABLE.several('sample_counter_low', 'wanted_load_torque', 'estimated_load_torque', 'compensation_active_law')),
 )
 
 EMERGENCIES = (
@@ -178,6 +214,7 @@ EMERGENCIES = (
     Emergency(0x8140, 'bus_off_recovered', 16, 'recovered from bus-off', 'check termination and bit rate'),
     Emergency(0x8200, 'protocol_error', 16, 'RPDO carries a value out of range; the whole frame was ignored', 'check the sender against the ranges of the dictionary'),
     Emergency(0x8210, 'pdo_length', 16, 'RPDO shorter than its mapping', "check the sender's mapping"),
+    Emergency(0xFF01, 'compensation_fallback', 128, 'a warning: a lesser compensation law runs than the one configured; the drive does not stop', 'read compensation_fallback and docs/compensation.md'),
 )
 
 ENTRIES = TABLE.entries
