@@ -53,7 +53,7 @@ generate: setup ## remake everything that comes from shared/object_dictionary.ya
 bench: firmware native ## measure; results in build/bench.json
 	$(BIN)/python -m hil_tests.benchmarks --output build/bench.json
 
-lock: setup ## resolve requirements.lock anew (needs uv)
+lock: setup ## resolve requirements.lock and requirements-baselines.lock anew (needs uv)
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	    --no-annotate --no-emit-index-url --no-emit-find-links \
 	    --no-emit-package bowden --no-emit-package bowden-bench requirements.in -o requirements.lock
