@@ -100,7 +100,14 @@ static od_abort_t write_object(node_t *node) {
         sdo->size = od_size(entry); /* an expedited write may leave its size out */
     }
     if ((entry->flags & OD_WRITE) != 0 && sdo->size == od_size(entry)) {
-        abort = pdo_check(&node->od, sdo->index, sdo->sub, od_decode(entry, sdo->buffer),
+        const uint32_t value = od_decode(entry, sdo->buffer);
+        const storage_request_t request = storage_request(sdo->index);
+        if (request != STORAGE_NOTHING) { /* the signature is no value: a read stays what it is */
+            abort = storage_check(&node->od, sdo->index, value);
+            node->storage = abort == OD_DONE ? request : node->storage;
+            return abort;
+        }
+        abort = pdo_check(&node->od, sdo->index, sdo->sub, value,
                           node->nmt.state == NMT_PRE_OPERATIONAL);
     }
     if (abort == OD_DONE) {

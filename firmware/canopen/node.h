@@ -23,6 +23,7 @@
 #include "od.h"
 #include "pdo.h"
 #include "sdo.h"
+#include "storage.h"
 
 typedef struct {
     od_t od; /* the drive may set od.config_locked and read od.config_revision */
@@ -32,7 +33,8 @@ typedef struct {
     pdo_t pdo;
     emcy_t emcy;
     frame_queue_t tx;
-    uint32_t now_us; /* time of the last tick */
+    storage_request_t storage; /* the drive carries it out and sets it back */
+    uint32_t now_us;           /* time of the last tick */
 } node_t;
 
 /* Starts a node: sets every value to its initial one (so set the serial number after it), queues

@@ -19,18 +19,24 @@ FLAGS: Final = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wsign-c
 
 
 @functools.cache
-def load(name: str) -> tuple[cffi.FFI, Any]:
-    """ffi and library of board/stm32f405/NAME.c."""
+def load(name: str, stand_in: str = "", declared: str = "") -> tuple[cffi.FFI, Any]:
+    """ffi and library of board/stm32f405/NAME.c.
+
+    `stand_in` is C for what it calls of the chip, `declared` what a test needs of that.
+    """
     ffi = cffi.FFI()
     with tempfile.TemporaryDirectory() as folder:
         empty, shared_object = Path(folder, "empty"), Path(folder, f"{name}.so")
         empty.mkdir()
         for header in ("stdint.h", "stdbool.h"):
             (empty / header).touch()
-        _run("gcc", *FLAGS, "-Werror", "-fPIC", "-shared", f"{BOARD / name}.c", "-o", shared_object)
+        other = Path(folder, "stand_in.c")
+        other.write_text(stand_in)
+        source = (f"{BOARD / name}.c", other, "-I", BOARD)
+        _run("gcc", *FLAGS, "-Werror", "-fPIC", "-shared", *source, "-o", shared_object)
         text = _run("gcc", "-E", "-P", "-nostdinc", "-undef", "-I", empty, f"{BOARD / name}.h")
         # cffi takes no function bodies; those of the headers are not what is tested here.
-        ffi.cdef("".join(part for part in text.split("static inline")[:1]))
+        ffi.cdef("".join(part for part in text.split("static inline")[:1]) + declared)
         return ffi, ffi.dlopen(str(shared_object))
 
 

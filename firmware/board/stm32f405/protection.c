@@ -32,6 +32,16 @@ void protection_start_memory(void) {
     core_barrier();
 }
 
+void protection_open_storage(bool open) {
+    if (open) {
+        region(5, 0x080C0000u, MPU_RASR_SIZE(18u) | MPU_RASR_READ_WRITE | MPU_RASR_XN | NORMAL);
+    } else {
+        MPU->RNR = 5;
+        MPU->RASR = 0;
+    }
+    core_barrier();
+}
+
 void protection_start_supply(void) {
     PWR->CR |= PWR_CR_PLS_2V9 | PWR_CR_PVDE;
     while ((PWR->CSR & PWR_CSR_PVDO) != 0) { /* the watchdog ends a wait that is too long */

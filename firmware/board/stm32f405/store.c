@@ -1,0 +1,152 @@
+/* store.c: see store.h. A slot: header (mark and length), sequence, the image, check. */
+#include "store.h"
+
+#include "flash.h"
+
+#define MARK 0xB0DE0000u
+#define HEAD_WORDS 2u
+#define ALL_SLOTS (FLASH_SECTORS * STORE_SLOTS)
+#define CHECK_SEED 0x5EED5EEDu
+
+/* A word that does not read back spoils its slot; the next one is tried. */
+#define TRIES 3u
+
+_Static_assert(STORE_SLOTS *STORE_SLOT_WORDS == FLASH_SECTOR_WORDS, "slots fill a sector");
+_Static_assert(HEAD_WORDS + STORE_IMAGE_WORDS + 1u == STORE_SLOT_WORDS, "an image fills a slot");
+
+static uint32_t word_at(uint32_t slot, uint32_t word) {
+    return flash_word(slot / STORE_SLOTS, slot % STORE_SLOTS * STORE_SLOT_WORDS + word);
+}
+
+/* CRC-32 (reflected 0x04C11DB7) of one word more, four bits at a time. */
+static uint32_t check_with(uint32_t check, uint32_t word) {
+    static const uint32_t TABLE[16] = {
+        0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4,
+        0x4DB26158, 0x5005713C, 0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,
+        0x9B64C2B0, 0x86D3D2D4, 0xA00AE278, 0xBDBDF21C,
+    };
+    check ^= word;
+    for (uint32_t i = 0; i < 8; i++) {
+        check = check >> 4 ^ TABLE[check & 15u];
+    }
+    return check;
+}
+
+static uint32_t length_of(uint32_t header) {
+    const uint32_t words = header & 0xFFFFu;
+    return (header & 0xFFFF0000u) == MARK && words <= STORE_IMAGE_WORDS ? words : 0;
+}
+
+/* Length of the image in a slot; 0: none that is whole. */
+static uint32_t whole_image(uint32_t slot) {
+    const uint32_t words = length_of(word_at(slot, 0));
+    uint32_t check = CHECK_SEED;
+    for (uint32_t word = 0; word < HEAD_WORDS + words; word++) {
+        check = check_with(check, word_at(slot, word));
+    }
+    return words > 0 && word_at(slot, HEAD_WORDS + words) == check ? words : 0;
+}
+
+static bool sector_is_blank(uint32_t sector) {
+    for (uint32_t word = 0; word < FLASH_SECTOR_WORDS; word++) {
+        if (flash_word(sector, word) != FLASH_BLANK) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* The first slot after `slot` that nobody has begun, across the end of the area; ALL_SLOTS: none.
+ */
+static uint32_t blank_slot_after(uint32_t slot) {
+    for (uint32_t step = 1; step < ALL_SLOTS; step++) {
+        const uint32_t at = (slot + step) % ALL_SLOTS;
+        if (word_at(at, 0) == FLASH_BLANK) {
+            return at;
+        }
+    }
+    return ALL_SLOTS;
+}
+
+uint32_t store_open(store_t *store, uint32_t *image) {
+    *store = (store_t){.slot = ALL_SLOTS, .progress = STORE_IDLE};
+    uint32_t newest = ALL_SLOTS;
+    uint32_t words = 0;
+    for (uint32_t slot = 0; slot < ALL_SLOTS; slot++) {
+        const uint32_t sequence = word_at(slot, 1);
+        if (length_of(word_at(slot, 0)) > 0 && sequence > store->sequence) {
+            const uint32_t found = whole_image(slot);
+            if (found > 0) {
+                newest = slot;
+                words = found;
+                store->sequence = sequence;
+            }
+        }
+    }
+    for (uint32_t word = 0; word < words; word++) {
+        image[word] = word_at(newest, HEAD_WORDS + word);
+    }
+    for (uint32_t sector = 0; sector < FLASH_SECTORS; sector++) {
+        const bool holds_it = newest != ALL_SLOTS && newest / STORE_SLOTS == sector;
+        if (!holds_it && !sector_is_blank(sector)) {
+            (void)flash_erase(sector); /* what stays not blank is found when it is programmed */
+        }
+    }
+    store->slot = newest == ALL_SLOTS ? 0 : blank_slot_after(newest);
+    return words;
+}
+
+bool store_begin(store_t *store, const uint32_t *image, uint32_t words) {
+    if (store->progress == STORE_BUSY) {
+        return false;
+    }
+    store->progress = STORE_FAILED;
+    if (words == 0 || words > STORE_IMAGE_WORDS || store->slot == ALL_SLOTS) {
+        return false;
+    }
+    store->image = image;
+    store->words = words;
+    store->word = 0;
+    store->tries = 0;
+    store->check = CHECK_SEED;
+    store->progress = STORE_BUSY;
+    return true;
+}
+
+static uint32_t word_to_program(const store_t *store) {
+    if (store->word == 0) {
+        return MARK | store->words;
+    }
+    if (store->word == 1) {
+        return store->sequence + 1u;
+    }
+    return store->word < HEAD_WORDS + store->words ? store->image[store->word - HEAD_WORDS]
+                                                   : store->check;
+}
+
+store_progress_t store_step(store_t *store) {
+    if (store->progress != STORE_BUSY) {
+        return store->progress;
+    }
+    const uint32_t value = word_to_program(store);
+    const bool fine =
+        flash_program(store->slot / STORE_SLOTS,
+                      store->slot % STORE_SLOTS * STORE_SLOT_WORDS + store->word, value);
+    if (!fine) {
+        store->slot = blank_slot_after(store->slot);
+        store->word = 0;
+        store->check = CHECK_SEED;
+        store->tries++;
+        if (store->tries == TRIES || store->slot == ALL_SLOTS) {
+            store->progress = STORE_FAILED;
+        }
+    } else if (store->word == HEAD_WORDS + store->words) {
+        store->sequence++;
+        store->slot = blank_slot_after(store->slot);
+        store->progress = STORE_DONE;
+    } else {
+        store->check = check_with(store->check, value);
+        store->word++;
+    }
+    return store->progress;
+}

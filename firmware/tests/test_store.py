@@ -1,0 +1,151 @@
+"""The configuration store on a flash that loses its power at any word, wears out and is erased."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware.tests.pure_c import load
+
+# A flash as RM0090 describes it: programming only clears bits, erasing sets a sector. `budget` is
+# how many words can be programmed before the power goes (-1: for ever): that one is left half done.
+FLASH = """
+#include "flash.h"
+uint32_t memory[FLASH_SECTORS * FLASH_SECTOR_WORDS];
+int budget;
+int erased[FLASH_SECTORS];
+uint32_t worn_word;
+uint32_t flash_word(uint32_t sector, uint32_t word) {
+    return memory[sector * FLASH_SECTOR_WORDS + word];
+}
+bool flash_program(uint32_t sector, uint32_t word, uint32_t value) {
+    const uint32_t at = sector * FLASH_SECTOR_WORDS + word;
+    if (budget == 0) {
+        return false;
+    }
+    if (budget > 0 && --budget == 0) {
+        memory[at] &= value | 0xFFFF0000u;
+        return false;
+    }
+    memory[at] &= at == worn_word ? value | 1u : value;
+    return memory[at] == value;
+}
+bool flash_erase(uint32_t sector) {
+    erased[sector]++;
+    for (uint32_t i = 0; i < FLASH_SECTOR_WORDS; i++) {
+        memory[sector * FLASH_SECTOR_WORDS + i] = FLASH_BLANK;
+    }
+    return true;
+}
+"""
+
+DECLARED = "extern uint32_t memory[65536], worn_word; extern int budget, erased[2];"
+ffi, lib = load("store", FLASH, DECLARED)
+
+IMAGE_WORDS, SLOTS, SLOT_WORDS = 509, 128, 512
+FOR_EVER, NO_WORD = -1, 0xFFFFFFFF
+
+
+@pytest.fixture(autouse=True)
+def _new_chip() -> None:
+    ffi.memmove(lib.memory, b"\xff" * 4 * 65536, 4 * 65536)
+    lib.budget, lib.worn_word = FOR_EVER, NO_WORD
+
+
+class Store:
+    """A store after a start, and what it found."""
+
+    def __init__(self) -> None:
+        self.raw = ffi.new("store_t *")
+        room = ffi.new("uint32_t[509]")
+        self.found = list(room[0 : lib.store_open(self.raw, room)])
+
+    def save(self, image: list[int]) -> bool:
+        """Whether the store says that the image is kept."""
+        words = ffi.new("uint32_t[]", image)
+        if not lib.store_begin(self.raw, words, len(image)):
+            return False
+        for _ in range(3 * (len(image) + 3) + 1):
+            if lib.store_step(self.raw) != lib.STORE_BUSY:
+                break
+        return bool(lib.store_step(self.raw) == lib.STORE_DONE)
+
+
+images = st.lists(st.integers(0, 0xFFFFFFFF), min_size=1, max_size=20)
+
+
+def test_a_new_chip_holds_nothing() -> None:
+    assert Store().found == []
+
+
+@given(st.lists(images, min_size=1, max_size=5))
+def test_what_was_saved_last_is_found(saves: list[list[int]]) -> None:
+    store = Store()
+    for image in saves:
+        assert store.save(image)
+    assert Store().found == saves[-1]
+
+
+@given(images, images, st.data())
+def test_power_lost_anywhere_in_a_save_leaves_the_old_image_or_the_new(
+    old: list[int], new: list[int], data: st.DataObject
+) -> None:
+    ffi.memmove(lib.memory, b"\xff" * 4 * 65536, 4 * 65536)
+    lib.budget = FOR_EVER
+    assert Store().save(old)
+    lib.budget = data.draw(st.integers(0, len(new) + 3), label="words until the power goes")
+    kept = Store().save(new)
+    lib.budget = FOR_EVER
+    after = Store()
+    assert after.found == new if kept else after.found in (old, new)
+    # and the store goes on to work
+    assert after.save([1, 2, 3])
+    assert Store().found == [1, 2, 3]
+
+
+def test_more_saves_than_slots_need_a_start_to_erase() -> None:
+    store = Store()
+    kept = 0
+    while store.save([kept]):
+        kept += 1
+    assert kept == SLOTS
+    lib.erased[0] = lib.erased[1] = 0
+    after = Store()
+    assert after.found == [SLOTS - 1]
+    assert list(lib.erased) == [1, 0]  # the sector that does not hold it
+    assert after.save([7])
+    assert Store().found == [7]
+
+
+def test_a_start_that_need_not_erase_does_not() -> None:
+    assert Store().save([1])
+    lib.erased[0] = lib.erased[1] = 0
+    Store()
+    assert list(lib.erased) == [0, 0]
+
+
+@pytest.mark.parametrize("word", [0, 1, 2, 5])
+def test_a_worn_word_costs_its_slot_only(word: int) -> None:
+    lib.worn_word = word  # its lowest bit cannot be programmed
+    assert Store().save([2, 4, 6, 8])
+    assert Store().found == [2, 4, 6, 8]
+
+
+def test_a_flipped_bit_falls_back_to_the_image_before() -> None:
+    store = Store()
+    assert store.save([1, 2, 3])
+    assert store.save([4, 5, 6])
+    lib.memory[SLOT_WORDS + 3] ^= 1 << 7
+    assert Store().found == [1, 2, 3]
+
+
+@pytest.mark.parametrize("words", [0, IMAGE_WORDS + 1])
+def test_an_image_that_does_not_fit_is_refused(words: int) -> None:
+    assert not lib.store_begin(Store().raw, ffi.new("uint32_t[]", words + 1), words)
+
+
+def test_the_largest_image_fits() -> None:
+    image = list(range(IMAGE_WORDS))
+    assert Store().save(image)
+    assert Store().found == image
