@@ -1,0 +1,45 @@
+"""What changes in the pair from sample to sample, beside its motion: friction level, cable length.
+
+Imports nothing of ours but the types. Effects make `Histories` from what the cables feel;
+`simulate_mesh` takes them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bowden.model.trajectory import FloatArray
+
+
+@dataclass(frozen=True)
+class Histories:
+    """Series of one value a sample; None where nothing changes.
+
+    Parameters
+    ----------
+    friction_factor : ndarray of shape (n,) or None, >= 0
+        Multiplies the friction coefficient of every segment.
+    lengthening_m : ndarray of shape (n,) or None, m
+        Extra rest length of each of the two cables, spread evenly over it; 0 at first.
+    """
+
+    friction_factor: FloatArray | None = None
+    lengthening_m: FloatArray | None = None
+
+    def __and__(self, other: Histories) -> Histories:
+        """Both at once: factors multiply, lengths add."""
+        factor, length = self.friction_factor, self.lengthening_m
+        if factor is None or other.friction_factor is None:
+            factor = other.friction_factor if factor is None else factor
+        else:
+            factor = factor * other.friction_factor
+        if length is None or other.lengthening_m is None:
+            length = other.lengthening_m if length is None else length
+        else:
+            length = length + other.lengthening_m
+        return Histories(factor, length)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing changes."""
+        return self.friction_factor is None and self.lengthening_m is None
