@@ -10,6 +10,7 @@
 #include <stddef.h>
 
 #include "../../core/cable.h"
+#include "../../core/compensation.h"
 #include "../../core/encoder.h"
 #include "../../core/fixed.h"
 #include "../../core/transmission.h"

@@ -1,0 +1,112 @@
+/* compensation.h: the motor torque that makes a wanted torque arrive at the load.
+ *
+ * One call a tick: compensation_step() takes what the drive has measured, steps the model of the
+ * pair (estimator.h), and answers with the motor torque of the selected law. "Wanted" is the torque
+ * of the cables ON the load, in the signs of transmission.h; the tunnel's is restoring. The laws:
+ *   none                 wanted / rho, rho = r_load / r_motor: as if the cables had no friction
+ *   coulomb              + the friction of the moving pair in the direction of motion (Townsend)
+ *   integral             force control on the load cell, without one on the estimate
+ *   smooth inverse       + B/2 chi, chi a smoothed sign of motion, B the backlash (Agrawal)
+ *   adaptive hysteresis  + a hysteresis state whose size adapts itself (Do)
+ *   model inversion      ours, law_inversion.h
+ *
+ * The caller limits slew and falls back; the answer is within the motor's limit. Pure functions
+ * over structs: no I/O, no globals. Exchanging the cables mirrors everything to the last bit.
+ */
+#ifndef BOWDEN_CORE_COMPENSATION_H
+#define BOWDEN_CORE_COMPENSATION_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fixed.h"
+#include "transmission.h"
+
+/* Values of the entry compensation_law. */
+typedef enum {
+    COMPENSATION_NONE,
+    COMPENSATION_COULOMB,
+    COMPENSATION_INTEGRAL,
+    COMPENSATION_SMOOTH_INVERSE,
+    COMPENSATION_ADAPTIVE_HYSTERESIS,
+    COMPENSATION_MODEL_INVERSION,
+    COMPENSATION_LAWS,
+} compensation_law_t;
+
+typedef struct {
+    uint32_t ticks_per_s;        /* 1000 .. 20000 */
+    int32_t torque_limit_unm;    /* of the motor; >= 0 */
+    uint32_t motor_inertia_gmm2; /* with its pulley: for the damping of its moves */
+    int32_t motor_count_nm;      /* arc of one count of each encoder; > 0 */
+    int32_t load_count_nm;
+    uint32_t friction_share_ppm; /* of the model's friction that is compensated without a load
+                                    cell; below 1000000 keeps the drive passive when the model has
+                                    too much friction */
+    int32_t rest_band_unm;       /* an error of the load torque below this is left alone */
+    uint32_t integral_gain_mhz;  /* of force control, 1/(1000 s) */
+    int32_t slack_floor_un;      /* no cable is brought below this tension on purpose; 0: a cable
+                                    may go slack where the wanted torque takes it */
+    bool adapt;                  /* friction level follows what the drive observes */
+} compensation_settings_t;
+
+/* What the drive measured, and what it wants, in one tick. */
+typedef struct {
+    compensation_law_t law; /* the law that runs: the ladder may be below the wish */
+    bool active;            /* the bridge is on and a torque is wanted; else the laws rest */
+    bool load_cell_valid;   /* may be used: configured, alive, plausible */
+    int32_t wanted_unm;     /* torque by the cables on the load */
+    int32_t motor_arc_nm;   /* radius times angle, from where the model started */
+    int32_t load_arc_nm;
+    int32_t motor_torque_unm; /* measured */
+    int32_t load_cell_unm;    /* by the cables on the load; any value while not valid */
+} compensation_inputs_t;
+
+/* Is the pair moving as a whole? */
+typedef enum {
+    SLIP_STUCK,    /* part of each cable at rest: what the motor does need not reach the load */
+    SLIP_POSITIVE, /* slides as for a positive angle */
+    SLIP_NEGATIVE,
+} slip_state_t;
+
+/* Bits of compensation_outputs_t.flags. */
+enum {
+    COMPENSATION_LIMITED = 1 << 0,   /* the motor's limit cuts the law */
+    COMPENSATION_HELD_TAUT = 1 << 1, /* the slack floor cuts the law */
+    COMPENSATION_RESTING = 1 << 2,   /* the error is small: the motor torque is held */
+    COMPENSATION_DAMPED = 1 << 3,    /* the passivity observer takes energy back */
+    COMPENSATION_DISAGREES = 1 << 4, /* the motor encoder and the model part: see innovation */
+};
+
+typedef struct {
+    int32_t motor_torque_unm;
+    int32_t load_torque_unm; /* estimate: model, corrected by the load cell when valid */
+    int32_t innovation_nm;   /* arc of the motor, encoder minus model */
+    slip_state_t slip;
+    uint8_t confidence; /* in the estimate, 0 .. 255 */
+    uint8_t flags;
+    int32_t energy_uj;    /* what the rendering error has given the load beyond the wanted */
+    int32_t friction_unm; /* friction of the sliding pair at the load, as now believed */
+    uint32_t friction_factor_ppm; /* adaptation: friction level against the configured, one is
+                                     1000000 */
+} compensation_outputs_t;
+
+typedef struct {
+    compensation_settings_t settings;
+    compensation_outputs_t outputs;
+    ratio_t motor_per_load_torque; /* 1 / rho */
+} compensation_t;
+
+/* Computes the constants from a configured transmission, and starts at rest. Slow: not in a tick
+ * that must be on time. */
+void compensation_configure(compensation_t *compensation, const transmission_t *transmission,
+                            const compensation_settings_t *settings);
+
+/* One tick. Steps the model exactly once; with COMPENSATION_NONE by measured motor torque and load
+ * arc alone. The result stays in compensation->outputs. */
+void compensation_step(compensation_t *compensation, transmission_t *transmission,
+                       const compensation_inputs_t *inputs);
+
+/* Adaptation: continues from a friction level that was saved; outside the bounds it is limited. */
+void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm);
+
+#endif
