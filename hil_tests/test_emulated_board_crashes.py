@@ -26,6 +26,7 @@ from hil_tests.rig.parameters import Hand
 
 pytestmark = NEEDS_ELF
 
+STORAGE = 0x080C_0000
 STUCK_LOOP_US = 2500.0  # 2 ms and the quantum of the check
 WATCHDOG_US = 38_000.0  # of the slowest oscillator; nominal 20 ms
 
@@ -103,6 +104,10 @@ def test_a_wild_write_to_the_flash_is_caught() -> None:
     assert found["cfsr"] & 0x82 == 0x82  # data access violation with its address
     assert found["mmfar"] == 0x0800_2000
     assert found["pc"] == at + 8  # the store
+    # the host reads it without a debugger: count, exception, where, and when
+    told = [int.from_bytes(board.host.read(0x2008, sub), "little") for sub in range(1, 6)]
+    assert told[:4] == [1, 3, found["pc"], found["sp"]]
+    assert told[4] * TICK_US == pytest.approx(1e6 * board.bench.time_s, abs=0.2e6)
     # the flash is what it was
     code = next(data for address, data in board.chip.image.segments if address == 0x08000000)
     assert board.chip.read_memory(0x08000000, len(code)) == code
@@ -135,6 +140,12 @@ def test_a_stack_overflow_runs_into_the_guard() -> None:
     guard = board.chip.image.symbols["_stack_guard"].address
     assert guard <= found["sp"] < guard + 256
     assert found["cfsr"] & 0x92  # access or stacking violation
+
+
+def test_the_storage_area_is_closed_unless_something_is_kept() -> None:
+    board = running()
+    crash_of(board, "drive_tick", store_to(STORAGE))
+    assert record(board)["mmfar"] == STORAGE
 
 
 def test_the_bridge_is_off_before_anything_is_recorded() -> None:

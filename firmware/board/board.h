@@ -38,6 +38,17 @@ enum {
     BOARD_FAULT_CAN_PASSIVE = 1 << 9,  /* error-passive while the bridge is on */
 };
 
+/* Most words that a board keeps across power-off. */
+#define BOARD_STORE_WORDS 509
+
+/* How far the board is with what it was last given to keep. */
+typedef enum {
+    BOARD_STORE_IDLE, /* nothing given */
+    BOARD_STORE_BUSY,
+    BOARD_STORE_DONE,
+    BOARD_STORE_FAILED,
+} board_store_t;
+
 /* What the board has measured, sampled together at the start of a tick. */
 typedef struct {
     uint32_t time_us;             /* free running, wraps after 71 minutes */
@@ -49,6 +60,7 @@ typedef struct {
     int32_t bus_voltage_mv;       /* millivolts */
     int32_t conduit_temperature_mdegc; /* millidegrees Celsius */
     uint32_t faults;                   /* BOARD_FAULT_* bits */
+    board_store_t store;
 } board_sensors_t;
 
 /* What the board must do until the next tick. Bridge off overrides the current. */
@@ -56,6 +68,10 @@ typedef struct {
     int32_t motor_current_ua; /* reference of the current loop, microamperes */
     bool bridge_enabled;      /* false: all switches of the bridge open */
     bool reset_requested;     /* NMT reset node: the board restarts the drive */
+    /* To be kept across power-off, all or nothing, or NULL. The words stay as they are until
+     * `store` of the sensors says done or failed; then NULL comes, and `store` is idle again. */
+    const uint32_t *store;
+    uint32_t store_words; /* 1 .. BOARD_STORE_WORDS */
 } board_actuators_t;
 
 /* How the program before this one ended, entry crash_record; all zero when it did not crash since
@@ -73,6 +89,8 @@ typedef struct {
     uint8_t node_id;        /* CANopen node id, 1 .. 127 */
     uint32_t serial_number; /* 0x1018 sub 4; 32 bits of the chip's unique id */
     board_crash_t crash;
+    const uint32_t *saved; /* what was kept last; read in drive_init() only */
+    uint32_t saved_words;  /* 0: nothing */
 } board_identity_t;
 
 #endif

@@ -12,15 +12,17 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x86FD3BA6)
+#define DICTIONARY_HASH UINT32_C(0x63662ED2)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 165
+#define DICTIONARY_COUNT 170
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
     uint8_t error_history_count;                       /* 0x1003 */
     uint32_t error_history[8];                         /* 0x1003 */
+    uint32_t store_parameters[1];                      /* 0x1010 */
+    uint32_t restore_defaults[1];                      /* 0x1011 */
     uint16_t emcy_inhibit_time_100us;                  /* 0x1015 */
     uint32_t consumer_heartbeat[1];                    /* 0x1016 */
     uint16_t producer_heartbeat_ms;                    /* 0x1017 */
@@ -100,6 +102,7 @@ typedef struct {
     uint32_t crash_record_program_counter;             /* 0x2008 */
     uint32_t crash_record_stack_pointer;               /* 0x2008 */
     uint32_t crash_record_tick;                        /* 0x2008 */
+    uint8_t storage_state;                             /* 0x2009 */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */

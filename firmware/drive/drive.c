@@ -27,6 +27,7 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
     dictionary->crash_record_program_counter = identity->crash.program_counter;
     dictionary->crash_record_stack_pointer = identity->crash.stack_pointer;
     dictionary->crash_record_tick = identity->crash.tick;
+    (void)storage_take(&drive->node.od, identity->saved, identity->saved_words);
 }
 
 void drive_receive(drive_t *drive, const can_frame_t *frame) {
@@ -306,4 +307,6 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
                                         drive->parameters.current_per_torque, &drive->saturations),
         .reset_requested = node_reset_requested(&drive->node),
     };
+    saving_step(&drive->saving, &drive->node, sensors->store, actuators);
+    drive->dictionary.storage_state = (uint8_t)drive->saving.state;
 }

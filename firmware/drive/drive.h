@@ -19,6 +19,7 @@
 #include "../core/transmission.h"
 #include "dictionary.h"
 #include "parameters.h"
+#include "saving.h"
 #include "state.h"
 
 /* Modes of operation, 0x6060. */
@@ -47,10 +48,12 @@ typedef struct {
     int32_t motor_zero_counts; /* encoders where the model started */
     int32_t load_zero_counts;
     uint32_t saturations; /* of the drive's own arithmetic since configuration */
+    saving_t saving;
 } drive_t;
 
-/* Power-on: dictionary defaults, the node in pre-operational with its boot-up message queued, the
- * state machine at its start, the bridge off. The model starts in the first tick. */
+/* Power-on: dictionary defaults or what was saved, the node in pre-operational with its boot-up
+ * message queued, the state machine at its start, the bridge off. The model starts in the first
+ * tick. */
 void drive_init(drive_t *drive, const board_identity_t *identity);
 
 /* One control tick, every BOARD_CONTROL_PERIOD_US. */

@@ -26,6 +26,7 @@ from hil_tests.targets.target import (
 )
 
 BUILD: Final = Path(__file__).resolve().parents[2] / "build" / "native"
+STORE_WORDS: Final = 509  # BOARD_STORE_WORDS
 DRIVE_ALIGNMENT: Final = 16  # malloc's, which is any C type's
 
 
@@ -65,6 +66,8 @@ class NativeTarget:
         self._identity = new(
             "board_identity_t *", {"node_id": node_id, "serial_number": serial_number}
         )
+        self._saved: Any = new("uint32_t[]", STORE_WORDS)
+        self._identity.saved = self._saved
         self._sensors: Any = new("board_sensors_t *")
         self._actuators: Any = new("board_actuators_t *")
         self._frame: Any = new("can_frame_t *")
@@ -89,9 +92,18 @@ class NativeTarget:
         ) = sensors
         actuators = self._actuators
         self._lib.drive_tick(self._drive, raw, actuators)
+        raw.store = self._lib.BOARD_STORE_IDLE
+        if actuators.store:
+            self._keep(actuators.store, actuators.store_words)
+            raw.store = self._lib.BOARD_STORE_DONE
         return Actuators(
             actuators.motor_current_ua, actuators.bridge_enabled, actuators.reset_requested
         )
+
+    def _keep(self, words: Any, count: int) -> None:  # noqa: ANN401
+        """Keep the drive's image over `reset`; a chip takes a tick a word for it."""
+        self._ffi.memmove(self._saved, words, 4 * count)
+        self._identity.saved_words = count
 
     def send(self, message: can.Message) -> None:
         """Hand a frame from the bus to the drive; what its acceptance filter refuses is ignored."""

@@ -5,6 +5,8 @@
  */
 #include "control.h"
 
+#include <stddef.h>
+
 #include "can.h"
 #include "clock.h"
 #include "crash.h"
@@ -13,6 +15,7 @@
 #include "handlers.h"
 #include "pwm.h"
 #include "registers.h"
+#include "store.h"
 #include "watchdog.h"
 
 #define TICK_CYCLES (CLOCK_CORE_HZ / 1000000u * BOARD_CONTROL_PERIOD_US)
@@ -39,13 +42,22 @@ static board_actuators_t actuators;
 static encoders_t encoders;
 static uint32_t always, once; /* BOARD_FAULT_* */
 static uint32_t load_cell_quiet;
+static store_t store;
+static uint32_t saved[BOARD_STORE_WORDS], saved_words;
 static volatile drive_state_t state;
+
+void control_recall(void) {
+    saved_words = store_open(&store, saved);
+}
 
 void control_start(const board_identity_t *identity, uint32_t standing_faults,
                    uint32_t first_faults) {
+    board_identity_t known = *identity;
+    known.saved = saved;
+    known.saved_words = saved_words;
     always = standing_faults;
     once = first_faults;
-    drive_init(&drive, identity);
+    drive_init(&drive, &known);
 }
 
 void control_run(void) {
@@ -64,6 +76,7 @@ void systick_handler(void) {
         pwm_lock();
     }
     ticks++;
+    crash_note_tick(ticks);
     if (running) {
         overrun = true;
         return;
@@ -151,6 +164,24 @@ static void send_frames(void) {
     }
 }
 
+/* Keeps what the drive gives, a word a tick. Each holds up the core for 16 us, so the bridge is
+ * off.
+ */
+static void keep(void) {
+    if (actuators.store == NULL) {
+        sensors.store = BOARD_STORE_IDLE;
+    } else if (sensors.store == BOARD_STORE_IDLE) {
+        sensors.store = store_begin(&store, actuators.store, actuators.store_words)
+                            ? BOARD_STORE_BUSY
+                            : BOARD_STORE_FAILED;
+    } else if (sensors.store == BOARD_STORE_BUSY && !actuators.bridge_enabled) {
+        const store_progress_t progress = store_step(&store);
+        if (progress != STORE_BUSY) {
+            sensors.store = progress == STORE_DONE ? BOARD_STORE_DONE : BOARD_STORE_FAILED;
+        }
+    }
+}
+
 void pendsv_handler(void) {
     read_sensors();
     receive_frames();
@@ -159,6 +190,7 @@ void pendsv_handler(void) {
     if (actuators.reset_requested) {
         crash_restart();
     }
+    keep();
     send_frames();
     state = drive.state;
     watchdog_report(LOOP_CONTROL);

@@ -11,8 +11,12 @@
 
 #include "../../drive/drive.h"
 
-/* Prepares the drive. `standing_faults` last until power-off (a dead crystal), `first_faults` are
- * for the first tick (why the last program ended): BOARD_FAULT_* bits. */
+/* Finds what was kept across power-off. Before the watchdog runs: see store_open(). */
+void control_recall(void);
+
+/* Prepares the drive, with what control_recall() found. `standing_faults` last until power-off (a
+ * dead crystal), `first_faults` are for the first tick (why the last program ended): BOARD_FAULT_*
+ * bits. */
 void control_start(const board_identity_t *identity, uint32_t standing_faults,
                    uint32_t first_faults);
 

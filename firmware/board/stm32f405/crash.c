@@ -13,6 +13,8 @@
 extern crash_record_t crash_record;
 __attribute__((section(".noinit"))) crash_record_t crash_record;
 
+static uint32_t now_tick;
+
 /* Its own stack: the main one may be what overflowed. */
 #define CRASH_STACK_WORDS 64
 __attribute__((used)) static uint64_t crash_stack[CRASH_STACK_WORDS / 2];
@@ -62,6 +64,7 @@ _Noreturn void crash_keep(const uint32_t *frame) {
         .hfsr = SCB->HFSR,
         .mmfar = SCB->MMFAR,
         .bfar = SCB->BFAR,
+        .tick = now_tick,
         .fresh = 1,
     };
     crash_record.check = check(&crash_record);
@@ -77,6 +80,23 @@ bool crash_was_abnormal_reset(void) {
         crash_record.check = check(&crash_record);
     }
     return by_watchdog || crashed;
+}
+
+board_crash_t crash_report(void) {
+    if (!is_valid(&crash_record)) {
+        return (board_crash_t){0};
+    }
+    return (board_crash_t){
+        .crashes = crash_record.count,
+        .cause = crash_record.exception,
+        .program_counter = crash_record.pc,
+        .stack_pointer = crash_record.sp,
+        .tick = crash_record.tick,
+    };
+}
+
+void crash_note_tick(uint32_t tick) {
+    now_tick = tick;
 }
 
 _Noreturn void crash_restart(void) {

@@ -55,12 +55,17 @@ int main(void) {
     if (source == CLOCK_FAILED) {
         crash_restart();
     }
-    watchdog_start();
     protection_start_supply();
+    control_recall(); /* may erase flash for seconds */
+    watchdog_start();
     pins_start();
     encoders_start();
     analog_start(); /* needs 3 us to wake; the drive's start takes longer */
-    const board_identity_t identity = {.node_id = NODE_ID, .serial_number = serial_number()};
+    const board_identity_t identity = {
+        .node_id = NODE_ID,
+        .serial_number = serial_number(),
+        .crash = crash_report(),
+    };
     control_start(&identity, source == CLOCK_INTERNAL ? (uint32_t)BOARD_FAULT_CLOCK : 0u, ended);
     can_start(identity.node_id);
     set_priorities();

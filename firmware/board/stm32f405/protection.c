@@ -44,7 +44,7 @@ void protection_open_storage(bool open) {
 
 void protection_start_supply(void) {
     PWR->CR |= PWR_CR_PLS_2V9 | PWR_CR_PVDE;
-    while ((PWR->CSR & PWR_CSR_PVDO) != 0) { /* the watchdog ends a wait that is too long */
+    while ((PWR->CSR & PWR_CSR_PVDO) != 0) { /* nothing has been switched on yet */
     }
     EXTI->RTSR |= EXTI_PVD; /* rising edge of PVDO: the supply falls */
     EXTI->PR = EXTI_PVD;

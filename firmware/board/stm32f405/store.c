@@ -47,9 +47,11 @@ static uint32_t whole_image(uint32_t slot) {
     return words > 0 && word_at(slot, HEAD_WORDS + words) == check ? words : 0;
 }
 
+/* Has no slot of the sector been begun? Reading all of it would take milliseconds of each start; a
+ * word behind a blank header that is not blank itself is found when it is programmed. */
 static bool sector_is_blank(uint32_t sector) {
-    for (uint32_t word = 0; word < FLASH_SECTOR_WORDS; word++) {
-        if (flash_word(sector, word) != FLASH_BLANK) {
+    for (uint32_t slot = 0; slot < STORE_SLOTS; slot++) {
+        if (flash_word(sector, slot * STORE_SLOT_WORDS) != FLASH_BLANK) {
             return false;
         }
     }
@@ -89,7 +91,7 @@ uint32_t store_open(store_t *store, uint32_t *image) {
     for (uint32_t sector = 0; sector < FLASH_SECTORS; sector++) {
         const bool holds_it = newest != ALL_SLOTS && newest / STORE_SLOTS == sector;
         if (!holds_it && !sector_is_blank(sector)) {
-            (void)flash_erase(sector); /* what stays not blank is found when it is programmed */
+            (void)flash_erase(sector);
         }
     }
     store->slot = newest == ALL_SLOTS ? 0 : blank_slot_after(newest);

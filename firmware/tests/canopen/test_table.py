@@ -28,6 +28,9 @@ ENTRIES = list(entries())
 NUMBERS = [e for e in ENTRIES if e[2]["type"] != "string"]
 
 
+SIGNED = (0x1010, 0x1011)  # take a signature alone: hil_tests/test_storage.py
+
+
 def raw(value: int, entry: dict[str, Any]) -> bytes | None:
     signed = entry["type"].startswith("i")
     try:
@@ -49,7 +52,7 @@ def test_defaults_after_power_on(node: Any) -> None:
 def test_limits_hold_to_the_last_unit(node: Any) -> None:
     checked = 0
     for index, sub, entry in NUMBERS:
-        if entry["access"] != "rw":
+        if entry["access"] != "rw" or index in SIGNED:
             continue
         signed, bits = entry["type"].startswith("i"), 8 * SIZE[entry["type"]]
         whole = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0x86FD3BA6
+HASH = 0x63662ED2
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -26,6 +26,10 @@ TABLE = Table(
         Entry(0x1008, 0, 'device_name', 'string', 'const', 'identity', 'bowden drive'),
         Entry(0x1009, 0, 'hardware_version', 'string', 'const', 'identity', 'board contract 1'),
         Entry(0x100A, 0, 'software_version', 'string', 'const', 'identity', '0.1.0'),
+        Entry(0x1010, 0, 'store_parameters.count', 'u8', 'const', 'communication', 1, high=255, doc='highest sub-index'),
+        *array(1, Entry(0x1010, 1, 'store_parameters', 'u32', 'rw', 'command', 0x1, high=4294967295, doc='write 0x65766173 (ASCII save) with the bridge off: every persistent entry is kept across power-off; storage_state tells how it went')),
+        Entry(0x1011, 0, 'restore_defaults.count', 'u8', 'const', 'communication', 1, high=255, doc='highest sub-index'),
+        *array(1, Entry(0x1011, 1, 'restore_defaults', 'u32', 'rw', 'command', 0x1, high=4294967295, doc='write 0x64616F6C (ASCII load) with the bridge off: the next start has the defaults')),
         Entry(0x1014, 0, 'emcy_cob_id', 'u32', 'const', 'communication', 0x80, high=4294967295, node_id_added=True),
         Entry(0x1015, 0, 'emcy_inhibit_time', 'u16', 'rw', 'config', 100, high=65535, unit='s', scale=0.0001, doc='least time between two EMCY frames'),
         Entry(0x1016, 0, 'consumer_heartbeat.count', 'u8', 'const', 'communication', 1, high=255, doc='highest sub-index'),
@@ -107,7 +111,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x86fd3ba6, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x63662ed2, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -121,6 +125,7 @@ TABLE = Table(
         Entry(0x2008, 3, 'crash_record.program_counter', 'u32', 'ro', 'state', 0, high=4294967295, doc='how the program before this one ended; all zero when it did not crash since power-on'),
         Entry(0x2008, 4, 'crash_record.stack_pointer', 'u32', 'ro', 'state', 0, high=4294967295, doc='how the program before this one ended; all zero when it did not crash since power-on'),
         Entry(0x2008, 5, 'crash_record.tick', 'u32', 'ro', 'state', 0, high=4294967295, doc="control ticks from that program's start to its end"),
+        Entry(0x2009, 0, 'storage_state', 'u8', 'ro', 'state', 0, high=255, doc='of the last store_parameters or restore_defaults: 0 none since power-on, 1 under way, 2 done, 3 failed'),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),

@@ -1,0 +1,92 @@
+"""Store and restore parameters (0x1010, 0x1011): what a lab has set survives power-off."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil_tests.benches import Benches
+from hil_tests.lockstep_host import NMT_RESET_NODE, LockstepHost, SdoAbort
+from hil_tests.targets.target import SIMULATED_RIG
+from hil_tests.virtual_bus import VirtualBus
+
+pytestmark = pytest.mark.needs(SIMULATED_RIG)  # a real board's configuration is not ours to change
+
+Host = LockstepHost[VirtualBus]
+
+STORE, RESTORE, STATE = 0x1010, 0x1011, 0x2009
+SAVE, LOAD = 0x65766173, 0x64616F6C
+DONE = 2
+PRETENSION, PRETENSION_DEFAULT = 0x2111, 10_000_000  # uN
+CURVATURE = 0x2114
+TORQUE = -2
+
+
+def number(host: Host, index: int, sub: int = 0) -> int:
+    return int.from_bytes(host.read(index, sub), "little")
+
+
+def finish(host: Host) -> int:
+    """The storage state once it is settled; an image of all entries takes 80 ms on the chip."""
+    for _ in range(50):
+        host.listen(0.02)
+        if (state := number(host, STATE)) != 1:
+            return state
+    return number(host, STATE)
+
+
+def restart(host: Host) -> None:
+    host.nmt(NMT_RESET_NODE)
+    host.await_boot(2.0)
+    host.listen(0.01)
+
+
+def test_saved_configuration_survives_a_restart(benches: Benches) -> None:
+    host = benches()
+    host.write(PRETENSION, 0, 7_000_000, 4)
+    host.write(CURVATURE, 40, 123_456, 4)
+    host.write(STORE, 1, SAVE, 4)
+    assert finish(host) == DONE
+    restart(host)
+    assert number(host, PRETENSION) == 7_000_000
+    assert number(host, CURVATURE, 40) == 123_456
+    assert number(host, CURVATURE, 39) != 123_456
+    assert number(host, STATE) == 0
+
+
+def test_what_was_not_saved_is_forgotten(benches: Benches) -> None:
+    host = benches()
+    host.write(PRETENSION, 0, 7_000_000, 4)
+    restart(host)
+    assert number(host, PRETENSION) == PRETENSION_DEFAULT
+
+
+def test_restored_defaults_come_with_the_next_start(benches: Benches) -> None:
+    host = benches()
+    host.write(PRETENSION, 0, 7_000_000, 4)
+    host.write(STORE, 1, SAVE, 4)
+    assert finish(host) == DONE
+    host.write(RESTORE, 1, LOAD, 4)
+    assert finish(host) == DONE
+    assert number(host, PRETENSION) == 7_000_000
+    restart(host)
+    assert number(host, PRETENSION) == PRETENSION_DEFAULT
+
+
+@pytest.mark.parametrize(("index", "value"), [(STORE, 1), (STORE, LOAD), (RESTORE, SAVE)])
+def test_only_the_signature_starts_it(benches: Benches, index: int, value: int) -> None:
+    host = benches()
+    with pytest.raises(SdoAbort, match="08000020h"):
+        host.write(index, 1, value, 4)
+    assert number(host, index, 1) == 1
+    assert number(host, STATE) == 0
+
+
+@pytest.mark.needs("motion")
+def test_nothing_is_saved_while_the_bridge_is_on(benches: Benches) -> None:
+    host = benches()
+    host.enable(TORQUE)
+    with pytest.raises(SdoAbort, match="08000022h"):
+        host.write(STORE, 1, SAVE, 4)
+    host.disable()
+    host.write(STORE, 1, SAVE, 4)
+    assert finish(host) == DONE
