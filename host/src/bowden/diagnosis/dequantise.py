@@ -1,0 +1,333 @@
+"""What a sensor really saw: the path behind an encoder's counts, and how well it is known.
+
+Pure functions over arrays; `propagate` pushes the uncertainty through the model, `search` fits to
+the estimates. A count of the load encoder just after a reversal is worth up to 0.63 N m of load
+torque (square-root law), yet an encoder tells far more than its counts: when the reading changes,
+the angle is on the edge between two counts, to within what it moves in a sample. Only inside a turn
+or at rest is it unknown within a count. So: a path through boxes one count wide (`smooth_path`),
+which never leaves them.
+
+Torque channels with white noise are smoothed in the same way, within three standard deviations,
+because friction remembers extremes: noise on an input would be rectified. The measured side of a
+residual is left as it is where its noise is white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.noise import noise_sigma
+from bowden.diagnosis.smooth_path import SmoothPath, path_through_boxes, path_through_noise
+from bowden.model import Mode, Model
+from bowden.recording.recording import Recording
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.intp]
+
+NODES_A_RUN = 6  # in a run of equal counts: enough to bend within it
+REST_RATIO = 6.0  # a run so much longer than both neighbours is a rest; a turning parabola: < 4.9
+REST_SAMPLES = 20
+EDGE_NOISE = 0.05  # counts: an encoder's edges are no better than that
+NOISY_COUNTS = 0.5  # noise beyond half a count blurs the counts: then the channel is just noisy
+BAND_SIGMAS = 3.0
+CLEAN_SHARE = 1e-7  # of the channel's range: noise below it is rounding of a simulation
+_GRID_TOLERANCE = 0.08  # RMS distance from the grid, in counts
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """A channel's best estimate.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n,)
+        In the channel's unit.
+    sigma : ndarray of shape (n,)
+        Local standard deviation of the estimate's error, likewise.
+    quantum : float or None
+        One count; None when the channel is not quantised.
+    noise : float
+        Standard deviation of white noise on top of the counts, or of all the noise.
+    """
+
+    values: _Floats
+    sigma: _Floats
+    quantum: float | None
+    noise: float
+    _path: _Path | None = None
+
+    def draw(self, generator: np.random.Generator) -> _Floats:
+        """Return another path that fits the samples as well, drawn at random.
+
+        Its distance from `values` is correlated as the estimate's error is: from edge to edge of a
+        count, over a whole rest.
+        """
+        return self.values.copy() if self._path is None else self._path.drawn(generator)
+
+
+@dataclass(frozen=True)
+class _Path:
+    """A path at its nodes and the way back to samples in the channel's unit."""
+
+    smooth: SmoothPath
+    node: _Index
+    share: _Floats
+    low: _Floats
+    high: _Floats
+    zero: float
+    unit: float
+    run: _Index
+    rest_variance: _Floats
+
+    def values(self, smooth: SmoothPath) -> tuple[_Floats, _Floats]:
+        mean, variance = smooth.at(self.node, self.share)
+        return mean, np.maximum(variance, 0.0)
+
+    def estimate(self) -> tuple[_Floats, _Floats]:
+        mean, variance = self.values(self.smooth)
+        mean = np.clip(mean, self.low, self.high)
+        # Within its box nothing can be worse known than by half the box.
+        sigma = np.sqrt(np.maximum(variance, self.rest_variance))
+        sigma = np.minimum(sigma, 0.5 * (self.high - self.low))
+        return self.zero + self.unit * mean, self.unit * sigma
+
+    def drawn(self, generator: np.random.Generator) -> _Floats:
+        mean, _ = self.values(self.smooth.draw(generator))
+        _, variance = self.values(self.smooth)
+        missing = np.sqrt(np.maximum(self.rest_variance - variance, 0.0))
+        mean += missing * generator.standard_normal(int(self.run[-1]) + 1)[self.run]
+        return self.zero + self.unit * np.clip(mean, self.low, self.high)
+
+
+def dequantise(
+    time_s: _Floats, values: _Floats, *, expected_quantum: float | None = None
+) -> Estimated:
+    """Estimate what a sensor saw from what it said.
+
+    Parameters
+    ----------
+    time_s : ndarray of shape (n,), s
+        Increasing; steps may be uneven and hold gaps.
+    values : ndarray of shape (n,)
+        A channel: on a grid of counts, with white noise, both, or neither.
+    expected_quantum : float, optional
+        One count as the model file has it; used where the data agree or say nothing.
+
+    Returns
+    -------
+    Estimated
+        A quantised channel stays within half a count of what was read (and its noise on top), a
+        noisy one within three standard deviations, a clean one as it is.
+    """
+    quantum = grid(values, expected_quantum)
+    total = noise_sigma(values, time_s)
+    if values.size < 4 or (quantum is None and total <= CLEAN_SHARE * float(np.ptp(values))):
+        return Estimated(values.copy(), np.full(values.size, total), None, total)
+    if quantum is None:
+        return _denoised(time_s, values, total)
+    # Rounding alone would make sigma^2 = q^2 / 12 while the channel moves.
+    noise = float(np.sqrt(max(total**2 - 1.1 * quantum**2 / 12.0, 0.0)))
+    if noise > NOISY_COUNTS * quantum:
+        return replace(_denoised(time_s, values, total), quantum=quantum)
+    return _within_counts(time_s, values, quantum, noise)
+
+
+def grid(values: _Floats, expected_quantum: float | None = None) -> float | None:
+    """Find the count of a channel from the channel itself.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n,)
+    expected_quantum : float, optional
+        Believed where the data agree with it, or are too few to say.
+
+    Returns
+    -------
+    float or None
+        The largest step of which all differences between readings are multiples; None when
+        readings lie on no grid.
+    """
+    levels = np.unique(values)
+    if expected_quantum and _misfit(levels, expected_quantum) < _GRID_TOLERANCE:
+        return expected_quantum
+    if levels.size < 8 or levels.size > 0.9 * values.size:
+        return None
+    gaps = np.diff(levels)
+    # Values that were rounded in a file differ by the last digit: no steps.
+    gaps = gaps[gaps > 0.1 * float(np.median(gaps))]
+    found = float(np.mean(gaps[gaps < 1.5 * float(gaps.min())]))
+    reach, near = levels - levels[0], 8.0
+    while True:  # the further apart two readings, the better they tell the count
+        used = reach <= near * found
+        count = np.round(reach[used] / found)
+        if count.any():
+            found = float(np.sum(count * reach[used]) / np.sum(count**2))
+        if used.all():
+            break
+        near *= 2.0
+    return found if _misfit(levels, found) < _GRID_TOLERANCE else None
+
+
+def _misfit(levels: _Floats, quantum: float) -> float:
+    """RMS distance of readings from a grid, in counts; its zero is where they like it best."""
+    turns = np.exp(2j * np.pi * levels / quantum)
+    zero = np.angle(turns.mean()) / (2 * np.pi)
+    return float(np.sqrt(np.mean((np.mod(levels / quantum - zero + 0.5, 1.0) - 0.5) ** 2)))
+
+
+def _denoised(time_s: _Floats, values: _Floats, sigma: float) -> Estimated:
+    step = np.diff(time_s) / float(np.median(np.diff(time_s)))
+    zero = float(values[0])
+    scaled = (values - zero) / sigma
+    size = values.size
+    path = _Path(
+        smooth=path_through_noise(step, scaled),
+        node=np.minimum(np.arange(size), size - 2),
+        share=(np.arange(size) == size - 1).astype(np.float64),
+        low=scaled - BAND_SIGMAS,
+        high=scaled + BAND_SIGMAS,
+        zero=zero,
+        unit=sigma,
+        run=np.zeros(size, dtype=np.intp),
+        rest_variance=np.zeros(size),
+    )
+    return Estimated(*path.estimate(), None, sigma, path)
+
+
+def _within_counts(time_s: _Floats, values: _Floats, quantum: float, noise: float) -> Estimated:
+    zero = float(values[0])
+    count = np.round((values - zero) / quantum)
+    usual = float(np.median(np.diff(time_s)))
+    runs = _Runs.of(count)
+    nodes = runs.nodes()
+    step = np.diff(time_s[nodes]) / usual
+    blur = max(EDGE_NOISE, noise / quantum)
+    smooth = path_through_boxes(step, count[nodes], blur, runs.liveliness(nodes))
+    before = np.clip(np.searchsorted(nodes, np.arange(count.size), "right") - 1, 0, nodes.size - 2)
+    share = (time_s - time_s[nodes[before]]) / (step[before] * usual)
+    margin = 0.5 + BAND_SIGMAS * noise / quantum
+    path = _Path(
+        smooth=smooth,
+        node=before,
+        share=share,
+        low=count - margin,
+        high=count + margin,
+        zero=zero,
+        unit=quantum,
+        run=runs.number,
+        rest_variance=runs.rest_variance(),
+    )
+    return Estimated(*path.estimate(), quantum, noise, path)
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Stretches of equal counts, by the index of their first and last sample."""
+
+    first: _Index
+    last: _Index
+    number: _Index
+    around: _Floats
+    rest: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, count: _Floats) -> _Runs:
+        (change,) = np.nonzero(np.diff(count))
+        first = np.concatenate([[0], change + 1])
+        last = np.concatenate([change, [count.size - 1]])
+        length = last - first + 1.0
+        around = np.maximum(
+            np.concatenate([[0.0], length[:-1]]), np.concatenate([length[1:], [0.0]])
+        )
+        rest = (length > REST_RATIO * around) & (length > REST_SAMPLES)
+        number = np.repeat(np.arange(first.size), last - first + 1)
+        return cls(first, last, number, np.maximum(around, 1.0), rest)
+
+    def nodes(self) -> _Index:
+        """Choose samples that bear the path: all where it is fast, few where it hardly moves."""
+        reach = self.last - self.first
+        parts = [
+            self.first + np.round(share * reach).astype(np.intp)
+            for share in np.linspace(0.0, 1.0, NODES_A_RUN)
+        ]
+        depth = 1
+        while 2 * depth <= int(reach.max()):  # a rest: close to its ends, where motion stops
+            here = self.rest & (2 * depth <= reach)
+            parts += [self.first[here] + depth, self.last[here] - depth]
+            depth *= 2
+        return np.unique(np.concatenate(parts))
+
+    def depth(self, at: _Floats, number: _Index) -> _Floats:
+        """Return the distance from the nearer end of a run, in lengths of its neighbours."""
+        inside = np.minimum(at - self.first[number], self.last[number] - at)
+        return np.maximum(inside, 0.0) / self.around[number]
+
+    def liveliness(self, nodes: _Index) -> _Floats:
+        """Return how strongly a path may bend: within a rest, the less the further inside."""
+        number = self.number[nodes[:-1]]
+        depth = self.depth((nodes[1:] + nodes[:-1]) / 2.0, number)
+        return np.where(self.rest[number], (1.0 + depth) ** -3.0, 1.0)
+
+    def rest_variance(self) -> _Floats:
+        """Variance within a rest, in counts: nobody knows where in the count it stopped."""
+        depth = self.depth(np.arange(self.number.size, dtype=np.float64), self.number)
+        return np.where(self.rest[self.number], np.minimum(depth, 1.0) / 12.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """A recording's channels as they probably were.
+
+    Parameters
+    ----------
+    recording : Recording
+        With estimates in place of readings.
+    channels : dict of str to Estimated
+        All four.
+    """
+
+    recording: Recording
+    channels: dict[str, Estimated]
+
+
+def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimates:
+    """Estimate both angles and the torques that the mode takes as given.
+
+    Parameters
+    ----------
+    recording : Recording
+    model : Model
+        Says what one count of each encoder is.
+    mode : Mode
+        A torque that the mode predicts is left as it was read: its white noise averages out.
+
+    Returns
+    -------
+    Estimates
+    """
+    rig = model.document.rig
+    counts = {
+        "motor_angle_rad": rig.motor_encoder_counts_per_turn,
+        "load_angle_rad": rig.load_encoder_counts_per_turn,
+    }
+    channels = {}
+    for name in ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm"):
+        values: _Floats = getattr(recording, name)
+        turn = counts.get(name)
+        if name.endswith("_rad") or name in mode.columns:
+            one = 2.0 * np.pi / turn.value if turn is not None else None
+            channels[name] = dequantise(recording.time_s, values, expected_quantum=one)
+        else:
+            noise = noise_sigma(values, recording.time_s)
+            channels[name] = Estimated(values, np.full(values.size, noise), None, noise)
+    estimated = replace(
+        recording,
+        motor_angle_rad=channels["motor_angle_rad"].values,
+        load_angle_rad=channels["load_angle_rad"].values,
+        motor_torque_nm=channels["motor_torque_nm"].values,
+        load_torque_nm=channels["load_torque_nm"].values,
+    )
+    return Estimates(estimated, channels)

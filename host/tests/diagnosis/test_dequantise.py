@@ -1,0 +1,185 @@
+"""Estimates of what an encoder saw: closer than its counts, honest about it, never outside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bowden.diagnosis.dequantise import dequantise, estimate_channels, grid
+from bowden.model import Mode, parse_model
+from bowden.recording.recording import Recording
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from .rigs import TABLE_1
+
+TIME_S = np.arange(6000) * 1e-3
+COUNT = 2 * np.pi / 10_000
+ROUNDING = 1 / np.sqrt(12)  # RMS error of plain counts
+
+
+def triangle(period_s: float, amplitude: float) -> np.ndarray:
+    return amplitude * (4 * np.abs((TIME_S / period_s) % 1 - 0.5) - 1)
+
+
+def stop_and_go() -> np.ndarray:
+    """Half a second of ramp, half a second of rest, anywhere within a count."""
+    corner = np.random.default_rng(1).uniform(-0.6, 0.6, 7)
+    share = np.clip((TIME_S % 1.0) / 0.5, 0.0, 1.0)
+    second = TIME_S.astype(int)
+    return corner[second] + (corner[second + 1] - corner[second]) * share
+
+
+MOTIONS = {
+    "sine": 0.7 * np.sin(2 * np.pi * 0.5 * TIME_S + 0.3),
+    "slow sine": 0.3 * np.sin(2 * np.pi * 0.1 * TIME_S + 0.3),
+    "triangle": triangle(2.0, 0.6),
+    "slow triangle": triangle(5.0, 0.1),
+}
+
+
+def counted(angle: np.ndarray, count: float = COUNT) -> np.ndarray:
+    return np.round(angle / count) * count
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_moving_encoder_tells_much_more_than_its_counts(name: str) -> None:
+    angle = MOTIONS[name]
+    found = dequantise(TIME_S, counted(angle))
+    error = (found.values - angle) / COUNT
+    # Between two edges the path of a steady motion is known to a tenth of a count or so.
+    assert np.sqrt(np.mean(error**2)) < 0.4 * ROUNDING
+    assert found.quantum == pytest.approx(COUNT, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", [*MOTIONS, "stop and go"])
+def test_sigma_is_what_the_error_is(name: str) -> None:
+    angle = MOTIONS.get(name, stop_and_go())
+    found = dequantise(TIME_S, counted(angle))
+    scaled = np.abs(found.values - angle) / found.sigma
+    # The prior allows corners anywhere, so smooth motion is known better than it says; at rest the
+    # error is uniform: 58 % within one sigma, all within 1.73. Errors of a rest are all one error.
+    assert np.mean(scaled < 1.0) > 0.5
+    assert np.mean(scaled < 2.0) > 0.95
+
+
+def test_corners_stay_corners() -> None:
+    angle = triangle(2.0, 0.6)
+    found = dequantise(TIME_S, counted(angle))
+    (corner,) = np.nonzero(np.abs(np.diff(angle, 2)) > 1e-6)
+    near = np.unique(np.clip(corner[:, None] + np.arange(-4, 6), 0, TIME_S.size - 1))
+    # At 1.2 rad/s the encoder makes 1.9 counts a sample: a path smoothed over as little as 5
+    # samples would cut the corner by more than a count.
+    assert np.abs(found.values - angle)[near].max() < 1.0 * COUNT
+
+
+def test_a_rest_is_flat() -> None:
+    """Drift within a count at rest would be motion that friction remembers."""
+    angle = stop_and_go()
+    found = dequantise(TIME_S, counted(angle))
+    for second in range(6):
+        resting = np.abs(TIME_S - (second + 0.775)) < 0.175
+        assert np.ptp(found.values[resting]) < 0.25 * COUNT
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    speed=st.floats(1e-3, 5.0),
+    uneven=st.floats(0.0, 0.9),
+    pause=st.booleans(),
+)
+def test_the_path_never_leaves_its_counts(
+    seed: int, speed: float, uneven: float, pause: bool
+) -> None:
+    generator = np.random.default_rng(seed)
+    step = 1e-3 * (1.0 + uneven * generator.uniform(-1.0, 1.0, 600))
+    if pause:
+        step[300] = 0.7
+    time_s = np.cumsum(step)
+    angle = np.cumsum(step * speed * np.cumsum(generator.normal(size=600)) / 10.0)
+    read = counted(angle)
+    found = dequantise(time_s, read, expected_quantum=COUNT)
+    inside = 0.5 * COUNT * (1 + 1e-9) + 3.0 * found.noise
+    assert np.all(np.abs(found.values - read) <= inside)
+    assert np.all(np.isfinite(found.sigma))
+    assert np.all(np.abs(found.draw(generator) - read) <= inside)
+
+
+def test_draws_scatter_as_sigma_says_and_together_as_errors_do() -> None:
+    found = dequantise(TIME_S, counted(stop_and_go()))
+    generator = np.random.default_rng(2)
+    errors = np.array([found.draw(generator) - found.values for _ in range(40)])
+    spread = np.sqrt(np.mean(errors**2)) / np.sqrt(np.mean(found.sigma**2))
+    assert spread == pytest.approx(1.0, abs=0.2)  # clipping to the counts takes a little
+    inside = errors[:, (TIME_S > 2.6) & (TIME_S < 2.9)]
+    assert np.mean(np.std(inside, axis=1)) < 0.3 * np.std(inside)  # one error for a whole rest
+
+
+def test_the_same_seed_draws_the_same_path() -> None:
+    found = dequantise(TIME_S, counted(MOTIONS["sine"]))
+    first, second = (found.draw(np.random.default_rng(7)) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_a_clean_channel_is_left_alone() -> None:
+    angle = MOTIONS["sine"]
+    found = dequantise(TIME_S, angle)
+    np.testing.assert_array_equal(found.values, angle)
+    assert found.quantum is None
+    assert found.sigma.max() < 1e-6
+
+
+@pytest.mark.parametrize("shape", ["tunnel", "steps"])
+def test_white_noise_of_a_given_torque_goes_and_its_corners_and_steps_stay(shape: str) -> None:
+    wave = np.sin(2 * np.pi * 0.5 * TIME_S)
+    torque = 0.2 * np.clip(3 * wave, -1, 1) if shape == "tunnel" else 0.1 * np.sign(wave)
+    noise = np.random.default_rng(3).normal(0.0, 5e-4, TIME_S.size)
+    found = dequantise(TIME_S, torque + noise)
+    error = found.values - torque
+    assert np.sqrt(np.mean(error**2)) < 0.5 * 5e-4
+    assert np.abs(error).max() < 3.5 * 5e-4  # also in the sample after a step of 200 sigmas
+    assert np.mean(np.abs(error) < 2 * found.sigma) > 0.9
+
+
+@pytest.mark.parametrize("noise_counts", [0.1, 0.3, 1.5])
+def test_noise_on_top_of_counts(noise_counts: float) -> None:
+    angle = 0.7 * np.sin(2 * np.pi * 0.2 * TIME_S)
+    noise = np.random.default_rng(4).normal(0.0, noise_counts * COUNT, TIME_S.size)
+    read = counted(angle + noise)
+    found = dequantise(TIME_S, read)
+    error = found.values - angle
+    assert np.sqrt(np.mean(error**2)) < 0.4 * np.sqrt(np.mean((read - angle) ** 2))
+    assert np.mean(np.abs(error) < 2 * found.sigma) > 0.85
+
+
+@pytest.mark.parametrize("counts", [2000, 4096, 10_000, 8192 * 4])
+def test_the_count_is_found_in_the_data(counts: int) -> None:
+    quantum = 2 * np.pi / counts
+    read = counted(MOTIONS["sine"], quantum) + 0.1234
+    assert grid(read) == pytest.approx(quantum, rel=1e-6)
+    written = np.round(read, 5)  # as a file with few digits has it
+    assert grid(written) == pytest.approx(quantum, rel=1e-4)
+
+
+def test_the_data_win_over_the_model_file() -> None:
+    read = counted(MOTIONS["sine"], 2 * np.pi / 4000)
+    assert grid(read, 2 * np.pi / 10_000) == pytest.approx(2 * np.pi / 4000, rel=1e-6)
+    assert grid(MOTIONS["sine"], 2 * np.pi / 10_000) is None
+
+
+def test_a_channel_that_never_moves_is_known_to_a_count() -> None:
+    found = dequantise(TIME_S, np.zeros(TIME_S.size), expected_quantum=COUNT)
+    assert found.quantum == COUNT
+    np.testing.assert_array_equal(found.values, 0.0)
+    assert found.sigma.max() <= 0.5 * COUNT
+
+
+def test_only_what_the_mode_is_given_is_smoothed() -> None:
+    noise = np.random.default_rng(5).normal(0.0, 1e-3, (2, TIME_S.size))
+    angle = counted(MOTIONS["sine"])
+    run = Recording(TIME_S, 5.2 * angle, angle, noise[0], noise[1])
+    found = estimate_channels(run, parse_model(TABLE_1), Mode.TORQUE_POSITION)
+    np.testing.assert_array_equal(found.recording.load_torque_nm, run.load_torque_nm)
+    assert np.std(found.recording.motor_torque_nm) < 0.5 * np.std(run.motor_torque_nm)
+    assert found.channels["load_torque_nm"].sigma[0] == pytest.approx(1e-3, rel=0.1)
+    assert found.channels["motor_angle_rad"].quantum is not None
