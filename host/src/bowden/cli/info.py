@@ -68,12 +68,27 @@ def describe(drive: Drive) -> dict[str, object]:
         "mode": _mode(drive.read_raw("mode_of_operation_display")),
         "error": describe_emergency(error) if error else None,
         "error_history": [describe_emergency(code & 0xFFFF) for code in history],
+        "crash": _crash(drive),
         "configuration_error": describe_address(culprit) if culprit else None,
         **{name: drive.read_raw(name) for name in _COUNTS},
         "measured": {
             name: {"value": drive.read(name), "unit": lookup(name).unit} for name in _MEASURED
         },
     }
+
+
+def _crash(drive: Drive) -> str | None:
+    """Tell how the firmware crashed last since power-on; None when it did not."""
+    count, cause, counter, stack, tick = (
+        drive.read_raw(f"crash_record.{name}")
+        for name in ("crashes", "cause", "program_counter", "stack_pointer", "tick")
+    )
+    if count == 0:
+        return None
+    return (
+        f"{count} since power-on; the last: exception {cause} at 0x{counter:08X}, "
+        f"stack 0x{stack:08X}, after {tick} control ticks"
+    )
 
 
 def _mode(code: int) -> str:
