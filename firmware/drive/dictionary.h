@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x63662ED2)
+#define DICTIONARY_HASH UINT32_C(0xF14E418C)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 170
+#define DICTIONARY_COUNT 179
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -125,9 +125,11 @@ typedef struct {
     uint8_t slip_state;                                /* 0x2036 */
     uint8_t compensation_active_law;                   /* 0x2037 */
     uint16_t compensation_fallback;                    /* 0x2038 */
-    int32_t rendered_energy_uj;                        /* 0x2039 */
-    uint32_t adapted_friction_factor_ppm;              /* 0x203A */
-    uint32_t adapted_pretension_un;                    /* 0x203B */
+    uint8_t compensation_rung;                         /* 0x2039 */
+    uint8_t compensation_flags;                        /* 0x203A */
+    int32_t rendered_energy_uj;                        /* 0x203B */
+    int32_t model_friction_torque_unm;                 /* 0x203C */
+    int32_t motor_innovation_nm;                       /* 0x203D */
     int32_t target_torque_unm;                         /* 0x2040 */
     uint32_t motor_pulley_radius_nm;                   /* 0x2100 */
     uint32_t load_pulley_radius_nm;                    /* 0x2101 */
@@ -155,7 +157,14 @@ typedef struct {
     uint32_t compensation_fallback_step_unm;           /* 0x2132 */
     uint16_t compensation_clean_time_ms;               /* 0x2133 */
     uint32_t compensation_tolerance_unm;               /* 0x2134 */
-    uint8_t adaptation_enabled;                        /* 0x2135 */
+    uint32_t compensation_slip_limit_nm;               /* 0x2135 */
+    uint32_t compensation_friction_share_ppm;          /* 0x2136 */
+    uint32_t compensation_rest_band_unm;               /* 0x2137 */
+    uint32_t compensation_integral_gain_mhz;           /* 0x2138 */
+    uint32_t compensation_slack_floor_un;              /* 0x2139 */
+    uint32_t motor_inertia_gmm2;                       /* 0x213A */
+    uint8_t adaptation_enabled;                        /* 0x213B */
+    uint32_t adapted_friction_factor_ppm;              /* 0x213C */
     uint16_t error_code;                               /* 0x603F */
     uint16_t controlword;                              /* 0x6040 */
     uint16_t statusword;                               /* 0x6041 */

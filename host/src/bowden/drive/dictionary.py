@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0x63662ED2
+HASH = 0xF14E418C
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -111,7 +111,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x63662ed2, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xf14e418c, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -146,12 +146,14 @@ TABLE = Table(
         Entry(0x2033, 0, 'wanted_load_torque', 'i24', 'ro', 'state', 0, low=-8388608, high=8388607, unit='N m', scale=1e-06, pdo='tx', doc='what is to arrive at the load: tunnel or target torque times the transmission ratio'),
         Entry(0x2034, 0, 'estimated_load_torque', 'i24', 'ro', 'state', 0, low=-8388608, high=8388607, unit='N m', scale=1e-06, pdo='tx', doc='by the cables on the load, from the estimator; 0 while compensation_law is 0'),
         Entry(0x2035, 0, 'estimate_confidence', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 none .. 255 full'),
-        Entry(0x2036, 0, 'slip_state', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 sticks, 1 slips from the motor, 2 slips from the load, 3 slides as a whole'),
+        Entry(0x2036, 0, 'slip_state', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 stuck: part of each cable is at rest, 1 slides as for a positive angle, 2 as for a negative one'),
         Entry(0x2037, 0, 'compensation_active_law', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='the law that runs now, numbered as compensation_law'),
-        Entry(0x2038, 0, 'compensation_fallback', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='why it is not the one configured, 0 it is. Bit 0 settings refused, 1 load cell reported broken, 2 load cell at the end of its range, 3 load cell stuck, 4 load cell implausible, 5 an encoder has slipped, 8 the load cell is not used now'),
-        Entry(0x2039, 0, 'rendered_energy', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='J', scale=1e-06, pdo='tx', doc='what the cables have put into the load beyond what the tunnel stores; the passivity observer keeps it from growing'),
-        Entry(0x203A, 0, 'adapted_friction_factor', 'u32', 'ro', 'state', 0, high=4294967295, unit='1', scale=1e-06, pdo='tx', doc='what the adaptation multiplies the friction by'),
-        Entry(0x203B, 0, 'adapted_pretension', 'u32', 'ro', 'state', 0, high=4294967295, unit='N', scale=1e-06, pdo='tx'),
+        Entry(0x2038, 0, 'compensation_fallback', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc="why it is a lesser one than configured, 0 it is not. Bit 0 model refused, 1 load cell reported broken, 2 load cell at the end of its range, 3 load cell stuck, 4 load cell implausible, 5 an encoder has slipped, 6 the model's arithmetic saturates"),
+        Entry(0x2039, 0, 'compensation_rung', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 the configured law with the load cell, 1 without it, 2 Coulomb feed-forward, 3 none'),
+        Entry(0x203A, 0, 'compensation_flags', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc="bit 0 the motor's limit cuts the law, 1 the slack floor cuts it, 2 resting: the error is small and the torque is held, 3 the passivity observer damps, 4 motor encoder and model disagree"),
+        Entry(0x203B, 0, 'rendered_energy', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='J', scale=1e-06, pdo='tx', doc='what the rendering error has given the load beyond the wanted torque; the passivity observer keeps it from growing'),
+        Entry(0x203C, 0, 'model_friction_torque', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='N m', scale=1e-06, pdo='tx', doc='friction of the sliding pair at the load, as the drive now believes'),
+        Entry(0x203D, 0, 'motor_innovation', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='m', scale=1e-09, pdo='tx', doc='arc of the motor pulley, encoder minus model'),
         Entry(0x2040, 0, 'target_torque', 'i24', 'rw', 'command', 0, low=-8388607, high=8388607, unit='N m', scale=1e-06, pdo='rx', doc='motor torque asked for in mode -2'),
         Entry(0x2100, 0, 'motor_pulley_radius', 'u32', 'rw', 'config', 20000000, low=1000000, high=500000000, unit='m', scale=1e-09, persist=True),
         Entry(0x2101, 0, 'load_pulley_radius', 'u32', 'rw', 'config', 104000000, low=1000000, high=500000000, unit='m', scale=1e-09, persist=True),
@@ -177,11 +179,18 @@ TABLE = Table(
         Entry(0x2122, 0, 'tunnel_torque_limit', 'u32', 'rw', 'config', 200000, high=8000000, unit='N m', scale=1e-06, persist=True),
         Entry(0x2123, 0, 'tunnel_angle_source', 'u8', 'rw', 'config', 0, high=2, persist=True, doc='0 load angle, 1 motor angle, 2 motor angle divided by the transmission ratio'),
         Entry(0x2130, 0, 'compensation_law', 'u8', 'rw', 'config', 0, high=5, persist=True, doc="0 none, 1 Coulomb feed-forward, 2 integral force control, 3 smooth backlash inverse, 4 adaptive hysteresis, 5 model inversion. With 0 the motor torque is the tunnel's, as in the paper"),
-        Entry(0x2131, 0, 'compensation_use_load_cell', 'u8', 'rw', 'config', 1, high=1, persist=True, doc='1: the laws may use the load cell'),
+        Entry(0x2131, 0, 'compensation_use_load_cell', 'u8', 'rw', 'config', 1, high=1, persist=True, doc='1: the law may use the load cell'),
         Entry(0x2132, 0, 'compensation_fallback_step', 'u32', 'rw', 'config', 500, low=1, high=1000000, unit='N m', scale=1e-06, persist=True, doc='when the law changes, the motor torque goes over to the new one by at most this a control tick (250 us)'),
         Entry(0x2133, 0, 'compensation_clean_time', 'u16', 'rw', 'config', 1000, low=10, high=60000, unit='s', scale=0.001, persist=True, doc='so long nothing may be wrong before a better law runs again'),
-        Entry(0x2134, 0, 'compensation_tolerance', 'u32', 'rw', 'config', 1500000, low=1000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a cell that differs from the cable model by more for 50 ms is implausible'),
-        Entry(0x2135, 0, 'adaptation_enabled', 'u8', 'rw', 'config', 0, high=1, persist=True, doc='1: friction and pretension of the model follow slowly what the drive observes'),
+        Entry(0x2134, 0, 'compensation_tolerance', 'u32', 'rw', 'config', 1500000, low=1000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a cell that differs by more from the cable model for 50 ms is implausible'),
+        Entry(0x2135, 0, 'compensation_slip_limit', 'u32', 'rw', 'config', 4000000, low=100000, high=100000000, unit='m', scale=1e-09, persist=True, doc='arc of the motor pulley: encoders that differ by more from the cable model for 5 ms have slipped'),
+        Entry(0x2136, 0, 'compensation_friction_share', 'u32', 'rw', 'config', 900000, high=1000000, unit='1', scale=1e-06, persist=True, doc="of the model's friction that is compensated without a load cell: below 1 the drive stays passive when the model has too much friction"),
+        Entry(0x2137, 0, 'compensation_rest_band', 'u32', 'rw', 'config', 20000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a smaller error is left alone'),
+        Entry(0x2138, 0, 'compensation_integral_gain', 'u32', 'rw', 'config', 20000, high=1000000, unit='1/s', scale=0.001, persist=True, doc='of force control on the load cell'),
+        Entry(0x2139, 0, 'compensation_slack_floor', 'u32', 'rw', 'config', 500000, high=100000000, unit='N', scale=1e-06, persist=True, doc='no cable is brought below this tension on purpose; 0: a cable may go slack'),
+        Entry(0x213A, 0, 'motor_inertia', 'u32', 'rw', 'config', 30000, high=10000000, unit='kg m2', scale=1e-09, persist=True, doc='motor and pulley'),
+        Entry(0x213B, 0, 'adaptation_enabled', 'u8', 'rw', 'config', 0, high=1, persist=True, doc='1: the friction of the model follows slowly what the drive observes'),
+        Entry(0x213C, 0, 'adapted_friction_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc="what the adaptation multiplies the model's friction by, and where it goes on after a start; write 1 to begin anew"),
         Entry(0x603F, 0, 'error_code', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
         Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx'),
         Entry(0x6041, 0, 'statusword', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
