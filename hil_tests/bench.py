@@ -16,7 +16,7 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig import mechanics as m
+from hil_tests.rig import state as at
 from hil_tests.rig.rig import CONTROL_PERIOD_US, Actuators, SimulatedRig
 from hil_tests.targets.target import Target
 
@@ -105,19 +105,19 @@ class Bench:
         """Return what really happened; RuntimeError unless the bench was built with `trace`."""
         if self._rows is None:
             raise RuntimeError("the bench keeps no truth: build it with trace=True")
-        rows = np.array(self._rows).reshape(-1, m.SCALARS)
+        rows = np.array(self._rows).reshape(-1, at.SCALARS)
         return Truth(
             time_s=np.arange(1, len(rows) + 1) / TICKS_PER_S,
-            motor_angle_rad=rows[:, m.MOTOR_ANGLE],
-            load_angle_rad=rows[:, m.LOAD_ANGLE],
-            motor_torque_nm=rows[:, m.MOTOR_TORQUE],
-            load_torque_nm=rows[:, m.LOAD_TORQUE],
-            motor_tension_a_n=rows[:, m.MOTOR_TENSION_A],
-            load_tension_a_n=rows[:, m.LOAD_TENSION_A],
-            motor_tension_b_n=rows[:, m.MOTOR_TENSION_B],
-            load_tension_b_n=rows[:, m.LOAD_TENSION_B],
-            motor_work_j=rows[:, m.MOTOR_WORK],
-            hand_work_j=rows[:, m.HAND_WORK],
+            motor_angle_rad=rows[:, at.MOTOR_ANGLE],
+            load_angle_rad=rows[:, at.LOAD_ANGLE],
+            motor_torque_nm=rows[:, at.MOTOR_TORQUE],
+            load_torque_nm=rows[:, at.LOAD_TORQUE],
+            motor_tension_a_n=rows[:, at.MOTOR_TENSION_A],
+            load_tension_a_n=rows[:, at.LOAD_TENSION_A],
+            motor_tension_b_n=rows[:, at.MOTOR_TENSION_B],
+            load_tension_b_n=rows[:, at.LOAD_TENSION_B],
+            motor_work_j=rows[:, at.MOTOR_WORK],
+            hand_work_j=rows[:, at.HAND_WORK],
             bridge_enabled=np.array(self._enabled, dtype=np.bool_),
         )
 

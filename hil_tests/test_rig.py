@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_tests.rig import mechanics as m
-from hil_tests.rig.human import Human
+from hil_tests.rig import state as at
+from hil_tests.rig.compiled import packed
+from hil_tests.rig.human import reduced, wanted
 from hil_tests.rig.parameters import Hand, Rig, Sensing, changed
 from hil_tests.rig.rig import Actuators, SimulatedRig
 from hil_tests.rig.sensors import FAULT_LOAD_CELL, SensorBoard
@@ -36,20 +37,19 @@ def test_person_waits_for_the_bridge_and_stops_with_it() -> None:
         rig.step(Actuators())
     at_rest = [rig.step(Actuators()).load_encoder_counts for _ in range(400)]
     assert np.ptp(at_rest) <= 1
-    assert abs(rig.plant.scalars[m.LOAD_SPEED]) < 1e-3
+    assert abs(rig.plant.scalars[at.LOAD_SPEED]) < 1e-3
 
 
 def test_person_moves_without_jumps() -> None:
-    human = Human(Hand())
-    period = 250e-6
-    wanted = [human.wanted(k < 14000, period) for k in range(20000)]
-    angle, speed = np.array(wanted).T
+    person, s, period = packed(reduced(Hand())), np.zeros(at.SCALARS), 250e-6
+    intended = [wanted(person, s, k < 14000, period) for k in range(20000)]
+    angle, speed = np.array(intended).T
     largest_rad_per_s = 1.2 * math.radians(41.6) * math.pi + 1.5 * math.radians(41.6)
     assert np.max(np.abs(np.diff(angle))) < largest_rad_per_s * period
     # speed is the derivative of the angle: second-order agreement with a central difference
     central = (angle[2:] - angle[:-2]) / (2.0 * period)
     assert np.max(np.abs(central - speed[1:-1])) < 2e-3
-    assert wanted[-1] == (0.0, 0.0)
+    assert intended[-1] == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("motion", ["still", "locked"])
@@ -82,8 +82,8 @@ def test_amplifier_lags_by_its_bandwidth() -> None:
 
 
 def scalars(motor_angle: float = 0.0, load_angle: float = 0.0, torque: float = 0.0) -> np.ndarray:
-    s = np.zeros(m.SCALARS)
-    s[m.MOTOR_ANGLE], s[m.LOAD_ANGLE], s[m.CELL_TORQUE_MEAN] = motor_angle, load_angle, torque
+    s = np.zeros(at.SCALARS)
+    s[at.MOTOR_ANGLE], s[at.LOAD_ANGLE], s[at.CELL_TORQUE_MEAN] = motor_angle, load_angle, torque
     return s
 
 

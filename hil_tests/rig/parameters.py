@@ -7,8 +7,9 @@ Two choices make the rig honestly unlike the offline model. Static friction equa
 by default, as in a lined conduit; `static_ratio` with `stribeck_speed_m_per_s` makes it weaken with
 speed. And sliding friction grows a little with speed (`viscous_s_per_m`): 1 % at 0.1 m/s.
 
-Fields that are zero (or one) by default are the rig's hidden truths: a test sets one of them and
-asks whether the drive copes or the diagnosis finds it.
+Fields that are zero (or one, or infinite) by default are the rig's hidden truths: a test sets one
+of them and asks whether the drive copes or the diagnosis finds it. `hidden` tells which of them is
+which effect of the diagnosis' catalogue; `changed` sets one by its name.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ def _check(part: object, positive: tuple[str, ...]) -> None:
             raise ValueError(f"{name}: found {value}; accepted: 0 or above")
 
 
-SIGNED = ("error", "offset", "drift", "asymmetry", "eccentricity", "temperature")
+SIGNED = (
+    *("error", "offset", "drift", "asymmetry", "eccentricity", "temperature"),
+    *("change", "phase", "extra"),
+)
 HandMotion = Literal["still", "sine", "locked", "free"]
 
 
@@ -60,11 +64,36 @@ class Cable:
         mu(v) = ... + viscous_s_per_m |v|, added to mu_d.
     direction_asymmetry : float
         mu (1 + a) while the cable moves as for positive angles, mu (1 - a) back.
+    tension_exponent : float
+        mu (T / T0)^-p.
+    friction_lag_s : float
+        A bristle is bent to its limit no faster than with this time constant.
     contact_stiffness_n_per_m2 : float
         Shear stiffness of liner and strands per length of conduit: friction builds up
-        elastically before the cable slides (5 um at 10 N on the default path).
+        elastically before the cable slides, over mu T / (R times this): 5 um at 10 N on the
+        default path. A soft one is presliding compliance.
     material_damping_s : float
         Kelvin-Voigt time of the strands; 10 us is 1 % of critical in the first axial mode.
+    extra_wrap_rad : float
+        Wrap that the path does not tell of, spread evenly.
+    conduit_stiffness_n_per_m : float
+        Of each conduit, in series with its cable; half of its give is at each end.
+    stiffening_per_n : float
+        beta: the tangent of EA is EA (1 + beta T) / (1 + beta T0).
+    stiffest_n : float
+        Tension up to which a stiffening cable is simulated stably.
+    creep, creep_time_s : float
+        Standard linear solid: that share more of stretch, with that time constant.
+    friction_change_per_k, warming_change_k, warming_time_s : float
+        The conduit warms by so much, exponentially; mu (1 + alpha times the warming).
+    wear_change, wear_travel_m : float
+        mu (1 + change (1 - exp(-travel / travel_m))).
+    dwell_gain, dwell_time_s, dwell_slip_m : float
+        mu (1 + gain q); q rises to 1 with rest and is rubbed off over a slip.
+    place_gain, place_per_turn, place_phase_rad : float
+        mu (1 + gain cos(k theta_l + phase)).
+    pretension_loss, pretension_loss_time_s : float
+        T0 (1 - a ln(1 + t / tau)).
     """
 
     path: tuple[tuple[float, float], ...] = ((2.0, 0.28),)
@@ -76,8 +105,29 @@ class Cable:
     stribeck_speed_m_per_s: float = 0.0
     viscous_s_per_m: float = 0.02
     direction_asymmetry: float = 0.0
+    tension_exponent: float = 0.0
+    friction_lag_s: float = 0.0
     contact_stiffness_n_per_m2: float = 1.5e6
     material_damping_s: float = 1.0e-5
+    extra_wrap_rad: float = 0.0
+    conduit_stiffness_n_per_m: float = math.inf
+    stiffening_per_n: float = 0.0
+    stiffest_n: float = 60.0
+    creep: float = 0.0
+    creep_time_s: float = 0.2
+    friction_change_per_k: float = 0.0
+    warming_change_k: float = 0.0
+    warming_time_s: float = 30.0
+    wear_change: float = 0.0
+    wear_travel_m: float = 10.0
+    dwell_gain: float = 0.0
+    dwell_time_s: float = 1.0
+    dwell_slip_m: float = 1.0e-3
+    place_gain: float = 0.0
+    place_per_turn: float = 1.0
+    place_phase_rad: float = 0.0
+    pretension_loss: float = 0.0
+    pretension_loss_time_s: float = 10.0
 
     def __post_init__(self) -> None:
         _check(
@@ -87,6 +137,13 @@ class Cable:
                 "axial_stiffness_n",
                 "mass_per_length_kg_per_m",
                 "contact_stiffness_n_per_m2",
+                "conduit_stiffness_n_per_m",
+                "creep_time_s",
+                "warming_time_s",
+                "wear_travel_m",
+                "dwell_time_s",
+                "dwell_slip_m",
+                "pretension_loss_time_s",
             ),
         )
         if any(length <= 0.0 or radius <= 0.0 for length, radius in self.path):
@@ -111,8 +168,9 @@ class Cable:
 class Motor:
     """Motor, amplifier and proximal pulley.
 
-    `torque_constant_error` g: the true torque is (1 + g) times what the drive believes.
-    `eccentricity` e: the pulley's radius is r (1 + e sin theta).
+    `torque_constant_error` g, `torque_offset_nm` b: the true torque is (1 + g) times what the drive
+    believes, plus b while the bridge is on, plus cogging A sin(k theta + phase).
+    `eccentricity` e: the pulley's radius is r (1 + e sin(theta + phase)).
     """
 
     pulley_radius_m: float = 0.020
@@ -124,6 +182,11 @@ class Motor:
     bearing_friction_nm: float = 0.0
     bearing_viscous_nm_s_per_rad: float = 0.0
     eccentricity: float = 0.0
+    eccentricity_phase_rad: float = 0.0
+    torque_offset_nm: float = 0.0
+    cogging_nm: float = 0.0
+    cogging_per_turn: int = 12
+    cogging_phase_rad: float = 0.0
 
     def __post_init__(self) -> None:
         _check(self, positive=("pulley_radius_m", "inertia_kg_m2", "amplifier_bandwidth_hz"))
@@ -131,15 +194,26 @@ class Motor:
 
 @dataclass(frozen=True)
 class Load:
-    """Distal pulley and handle. `cell_side_inertia_kg_m2` sits between cables and load cell."""
+    """Distal pulley and handle.
+
+    `cell_side_inertia_kg_m2` J and `gravity_nm` G sit between cables and load cell, which reads
+    tau_l - J alpha - G sin(theta_l + phase). With `play_rad` the pulley, of `pulley_inertia_kg_m2`,
+    turns so far in all before it takes the handle along; the load encoder is on the handle.
+    """
 
     pulley_radius_m: float = 0.104
     inertia_kg_m2: float = 5.0e-3
     cell_side_inertia_kg_m2: float = 0.0
     bearing_friction_nm: float = 0.0
+    eccentricity: float = 0.0
+    eccentricity_phase_rad: float = 0.0
+    gravity_nm: float = 0.0
+    gravity_phase_rad: float = 0.0
+    play_rad: float = 0.0
+    pulley_inertia_kg_m2: float = 1.0e-4
 
     def __post_init__(self) -> None:
-        _check(self, positive=("pulley_radius_m", "inertia_kg_m2"))
+        _check(self, positive=("pulley_radius_m", "inertia_kg_m2", "pulley_inertia_kg_m2"))
 
 
 @dataclass(frozen=True)
@@ -169,23 +243,31 @@ class Sensing:
     """Encoders, load cell, current sense and what the board says of them.
 
     A true value x is read as ``x (1 + gain_error) + offset + drift t``. Delays are whole control
-    periods. `encoder_eccentricity_rad` e: the motor encoder reads theta + e sin theta.
+    periods. Eccentricity e: an encoder reads theta + e sin(theta + phase). The load cell's
+    hysteresis is play of that width: its reading follows where the play is used up.
     """
 
     motor_counts_per_turn: int = 2000
     load_counts_per_turn: int = 10000
     encoder_eccentricity_rad: float = 0.0
+    encoder_eccentricity_phase_rad: float = 0.0
+    load_encoder_eccentricity_rad: float = 0.0
+    load_encoder_eccentricity_phase_rad: float = 0.0
+    motor_encoder_offset_rad: float = 0.0
+    load_encoder_offset_rad: float = 0.0
     load_cell_nm_per_count: float = 200e-6
     load_cell_noise_nm: float = 0.5e-3
     load_cell_gain_error: float = 0.0
     load_cell_offset_nm: float = 0.0
     load_cell_drift_nm_per_s: float = 0.0
+    load_cell_hysteresis_nm: float = 0.0
     load_cell_full_scale_nm: float = 25.0
     current_a_per_count: float = 1.0e-3
     current_noise_a: float = 1.0e-3
     motor_encoder_delay_ticks: int = 0
     load_encoder_delay_ticks: int = 0
     load_cell_delay_ticks: int = 0
+    motor_current_delay_ticks: int = 0
     bus_voltage_v: float = 24.0
     conduit_temperature_c: float = 25.0
 

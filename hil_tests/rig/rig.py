@@ -1,15 +1,22 @@
 """The simulated rig in one piece: actuators in, one control period passes, sensors out.
 
-Puts `plant`, `human` and `sensors` together. `bench` steps it in lock-step with a target.
+Puts `plant`, `human` and `sensors` together. `bench` steps it in lock-step with a target;
+`native_loop` runs it with the natively built drive without coming back to Python.
 """
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from hil_tests.rig import parameters
-from hil_tests.rig.human import Human
-from hil_tests.rig.plant import CONTROL_PERIOD_S, Plant
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_tests.rig import human, mechanics, parameters
+from hil_tests.rig import sensors as board
+from hil_tests.rig import state as at
+from hil_tests.rig.compiled import compiled, packed
+from hil_tests.rig.constants import CONTROL_PERIOD_S
+from hil_tests.rig.plant import Plant
 from hil_tests.rig.sensors import SensorBoard, Sensors
 
 CONTROL_PERIOD_US: Final = 250
@@ -23,6 +30,49 @@ class Actuators(NamedTuple):
     reset_requested: bool = False
 
 
+class Parts(NamedTuple):
+    """All that a control period works on: constants as records, state as arrays."""
+
+    constants: NDArray[np.void]
+    person: NDArray[np.void]
+    reading: NDArray[np.void]
+    wrap_rad: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    springs: NDArray[np.float64]
+    scalars: NDArray[np.float64]
+    clocks: NDArray[np.int64]
+    lines: NDArray[np.int64]
+    noise: NDArray[np.float64]
+    sample: NDArray[np.int32]
+
+
+@compiled
+def pass_period(  # noqa: PLR0917  (compiled code takes no keywords)
+    p: Parts, current_ua: int, bridge_enabled: bool, told: bool, angle: float, speed: float
+) -> None:
+    """Let one control period pass and sample the rig.
+
+    `told`: the hand wants `angle` and `speed`; else what the person has in mind.
+    """
+    if not told:
+        go = bridge_enabled or not p.person[0]["waits"]
+        angle, speed = human.wanted(p.person, p.scalars, go, CONTROL_PERIOD_S)
+    p.scalars[at.WANTED_ANGLE] = angle
+    mechanics.advance(
+        p.constants,
+        p.wrap_rad,
+        p.masses,
+        p.springs,
+        p.scalars,
+        1e-6 * current_ua,
+        bridge_enabled,
+        angle,
+        speed,
+    )
+    p.clocks[board.TIME_US] += CONTROL_PERIOD_US
+    board.read(p.reading, p.scalars, p.clocks, p.lines, p.noise, p.sample)
+
+
 class SimulatedRig:
     """The rig, virgin at uniform pretension, handle and motor at zero.
 
@@ -34,6 +84,11 @@ class SimulatedRig:
         Of the sensors' noise; nothing else is random.
     start_time_us : int
         Of the board's clock.
+
+    Attributes
+    ----------
+    parts : Parts
+        What `pass_period` takes.
     """
 
     def __init__(
@@ -41,19 +96,37 @@ class SimulatedRig:
     ) -> None:
         self.description = description or parameters.Rig()
         self.plant = Plant(self.description)
-        self._human = Human(self.description.hand)
-        self._waits = self.description.hand.starts == "on-enable"
-        self._board = SensorBoard(self.description.sensing, seed, start_time_us)
-        self._time_us = start_time_us
-        self.sensors: Sensors = self._board.read(self.plant.scalars, start_time_us)
-
-    def step(self, actuators: Actuators) -> Sensors:
-        """Let one control period pass with these actuators; what the board then reads."""
-        go = actuators.bridge_enabled or not self._waits
-        angle, speed = self._human.wanted(go, CONTROL_PERIOD_S)
-        self.plant.advance(
-            1e-6 * actuators.motor_current_ua, actuators.bridge_enabled, angle, speed
+        self.board = SensorBoard(self.description.sensing, seed, start_time_us)
+        self.sensors: Sensors = self.board.read(self.plant.scalars, start_time_us)
+        self.parts = Parts(
+            self.plant.packed_constants,
+            packed(human.reduced(self.description.hand)),
+            self.board.reading,
+            self.plant.wrap_rad,
+            self.plant.masses,
+            self.plant.springs,
+            self.plant.scalars,
+            self.board.clocks,
+            self.board.lines,
+            self.board.noise,
+            self.board.sample,
         )
-        self._time_us += CONTROL_PERIOD_US
-        self.sensors = self._board.read(self.plant.scalars, self._time_us)
+
+    def step(self, actuators: Actuators, hand: tuple[float, float] | None = None) -> Sensors:
+        """Let one control period pass with these actuators; what the board then reads.
+
+        `hand`: angle (rad) and speed (rad/s) that the hand wants instead of what the person of the
+        description has in mind.
+        """
+        self.board.stock_up()
+        angle, speed = hand or (0.0, 0.0)
+        pass_period(
+            self.parts,
+            actuators.motor_current_ua,
+            actuators.bridge_enabled,
+            hand is not None,
+            angle,
+            speed,
+        )
+        self.sensors = self.board.last()
         return self.sensors
