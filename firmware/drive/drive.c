@@ -74,11 +74,11 @@ static void configure(drive_t *drive, const board_sensors_t *sensors) {
     drive->parameters = parameters_of(dictionary);
     drive->configured = false;
     drive->saturations = 0;
-    if (dictionary->configuration_error != 0) {
-        return;
+    if (dictionary->configuration_error == 0) {
+        const transmission_settings_t settings = parameters_transmission(dictionary);
+        drive->configured = transmission_configure(&drive->transmission, &settings);
     }
-    const transmission_settings_t settings = parameters_transmission(dictionary);
-    drive->configured = transmission_configure(&drive->transmission, &settings);
+    rendering_configure(&drive->rendering, dictionary, &drive->transmission, drive->configured);
     drive->motor_zero_counts = sensors->motor_encoder_counts;
     drive->load_zero_counts = sensors->load_encoder_counts;
 }
@@ -144,18 +144,22 @@ static void raise_fault(drive_t *drive, fault_t fault) {
 }
 
 /* `late`: the last tick took a configuration. That takes longer than a period, so the overrun that
- * the board reports is none; the bridge is off, and a step up waits for a tick that is on time. */
+ * the board reports is none; the bridge is off, and a step up waits for a tick that is on time.
+ * While a compensation is configured, a broken load cell and a refused model are not faults: the
+ * ladder (fallback.h) has a rung without them. */
 static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late) {
     dictionary_t *dictionary = &drive->dictionary;
     const state_command_t wanted = effective_command(drive);
     const state_command_t command = drive->took_configuration ? COMMAND_NONE : wanted;
     const bool up = leads_up(drive->state, wanted);
     const bool running = state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON);
-    const uint32_t expected = late ? BOARD_FAULT_TICK_OVERRUN : 0;
+    const bool compensates = drive->rendering.law != COMPENSATION_NONE;
+    const uint32_t expected =
+        (late ? BOARD_FAULT_TICK_OVERRUN : 0u) | (compensates ? BOARD_FAULT_LOAD_CELL : 0u);
     fault_t fault =
         supervision_check(sensors->faults & ~expected, sensors->bus_voltage_mv,
                           up || is_powered(drive->state), running && node_host_lost(&drive->node));
-    if (fault.code == EMCY_NO_ERROR && up && !drive->configured) {
+    if (fault.code == EMCY_NO_ERROR && up && !drive->configured && !compensates) {
         fault = supervision_configuration_refused(dictionary->configuration_error);
     }
     const uint16_t rising = (uint16_t)(dictionary->controlword & ~drive->last_controlword);
@@ -206,14 +210,13 @@ static int32_t target_torque_unm(drive_t *drive) {
     }
 }
 
-static void step_command(drive_t *drive) {
+static void step_command(drive_t *drive, int32_t wanted) {
     torque_command_t *command = &drive->command;
     const parameters_t *parameters = &drive->parameters;
     if (!state_bridge_on(drive->state)) {
         *command = (torque_command_t){0};
         return;
     }
-    const int32_t wanted = target_torque_unm(drive);
     const int32_t target =
         fixed_clamp(wanted, -parameters->torque_limit_unm, parameters->torque_limit_unm);
     const uint32_t allowance = parameters->torque_slew_unm_per_s + command->slew_rest;
@@ -224,20 +227,49 @@ static void step_command(drive_t *drive) {
     command->limited = target != wanted;
 }
 
-/* ---- the model ---- */
+/* ---- the model and what it gives ---- */
 
-static void step_model(drive_t *drive) {
+/* The motor torque that is to be given, from the one that is asked for. */
+static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
+    const dictionary_t *dictionary = &drive->dictionary;
+    const parameters_t *parameters = &drive->parameters;
+    uint32_t *count = &drive->saturations;
+    const int32_t motor_counts =
+        counts_since(dictionary->motor_encoder_counts, drive->motor_zero_counts);
+    const int32_t load_counts =
+        counts_since(dictionary->load_encoder_counts, drive->load_zero_counts);
+    /* without compensation nobody looks at the motor's place: then it is free to turn for ever */
+    uint32_t ignored = 0;
+    uint32_t *motor_count = drive->rendering.law == COMPENSATION_NONE ? &ignored : count;
+    const int32_t cell_unm = dictionary->load_torque_unm;
+    return rendering_step(
+        &drive->rendering, &drive->transmission,
+        &(rendering_inputs_t){
+            .active = drive->state == STATE_OPERATION_ENABLED &&
+                      dictionary->mode_of_operation != DRIVE_MODE_NONE,
+            .load_cell_broken = (sensors->faults & BOARD_FAULT_LOAD_CELL) != 0,
+            .load_cell_saturated = cell_unm == I24_MAX || cell_unm == -I24_MAX,
+            .load_cell_counts = sensors->load_cell_counts,
+            .asked_unm = target_torque_unm(drive),
+            .motor_arc_nm =
+                fixed_scale(motor_counts, parameters->motor_arc_nm_per_count, motor_count),
+            .load_arc_nm = fixed_scale(load_counts, parameters->load_arc_nm_per_count, count),
+            .motor_torque_unm = dictionary->motor_torque_unm,
+            .load_cell_unm = cell_unm,
+        });
+}
+
+static void publish_model(drive_t *drive) {
     dictionary_t *dictionary = &drive->dictionary;
     transmission_t *transmission = &drive->transmission;
     uint32_t *count = &drive->saturations;
+    if (rendering_publish(&drive->rendering, dictionary)) {
+        supervision_tell_fallback(&drive->node, dictionary->compensation_fallback,
+                                  dictionary->compensation_rung);
+    }
     if (!drive->configured) {
         return;
     }
-    const int32_t load_counts =
-        counts_since(dictionary->load_encoder_counts, drive->load_zero_counts);
-    transmission_step_torque(
-        transmission, dictionary->motor_torque_unm,
-        fixed_scale(load_counts, drive->parameters.load_arc_nm_per_count, count));
     const int32_t zero_urad =
         fixed_scale(drive->motor_zero_counts, drive->parameters.motor_urad_per_count, count);
     dictionary->model_motor_angle_urad =
@@ -296,8 +328,8 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     drive->took_configuration = follow_configuration(drive, sensors);
     publish_sensors(drive, sensors);
     step_state(drive, sensors, late);
-    step_command(drive);
-    step_model(drive);
+    step_command(drive, render(drive, sensors));
+    publish_model(drive);
     publish_state(drive, sensors);
     count_sample(drive, sensors);
     node_tick(&drive->node, sensors->time_us);

@@ -3,10 +3,11 @@
  * The board calls four functions and is called by none. In each control tick: drive_receive() for
  * every frame that has come, drive_tick() once, drive_transmit() until it returns false. All in one
  * context; the drive is not re-entrant. A tick reads the sensors, checks them, steps the CiA 402
- * state machine, computes the torque command (tunnel or target), limits it, steps the cable model
- * with what was measured, and hands the results to the dictionary and from there to the PDOs.
+ * state machine, asks for a torque (tunnel or target), steps the cable model with what was measured
+ * and has it rendered (rendering.h), limits the command, and hands the results to the dictionary
+ * and from there to the PDOs.
  *
- * No globals, no allocation: many drives can live in one process. About 20 KB each.
+ * No globals, no allocation: many drives can live in one process. About 30 KB each.
  */
 #ifndef BOWDEN_DRIVE_DRIVE_H
 #define BOWDEN_DRIVE_DRIVE_H
@@ -19,6 +20,7 @@
 #include "../core/transmission.h"
 #include "dictionary.h"
 #include "parameters.h"
+#include "rendering.h"
 #include "saving.h"
 #include "state.h"
 
@@ -37,6 +39,7 @@ typedef struct {
     node_t node;
     parameters_t parameters;
     transmission_t transmission;
+    rendering_t rendering;
     drive_state_t state;
     uint16_t last_controlword;
     torque_command_t command;

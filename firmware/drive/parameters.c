@@ -1,6 +1,7 @@
 /* parameters.c: see parameters.h. */
 #include "parameters.h"
 
+#include "../board/board.h"
 #include "../core/encoder.h"
 
 /* A motor torque that swings by less is noise of the current measurement (1 mA at 0.06 N m/A is
@@ -8,7 +9,9 @@
 #define MOTOR_DEAD_BAND_UNM 500
 
 /* An encoder at rest between two counts dithers by one. */
-#define LOAD_DEAD_BAND_COUNTS 1
+#define DEAD_BAND_COUNTS 1
+
+#define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
 parameters_t parameters_of(const dictionary_t *dictionary) {
     const int32_t gain = dictionary->load_cell_gain_nnm_per_count;
@@ -19,6 +22,9 @@ parameters_t parameters_of(const dictionary_t *dictionary) {
             encoder_urad_per_count(dictionary->motor_encoder_resolution_counts_per_turn),
         .load_urad_per_count =
             encoder_urad_per_count(dictionary->load_encoder_resolution_counts_per_turn),
+        .motor_arc_nm_per_count =
+            encoder_arc_nm_per_count(dictionary->motor_pulley_radius_nm,
+                                     dictionary->motor_encoder_resolution_counts_per_turn),
         .load_arc_nm_per_count = encoder_arc_nm_per_count(
             dictionary->load_pulley_radius_nm, dictionary->load_encoder_resolution_counts_per_turn),
         .torque_per_current = torque_per_current,
@@ -37,10 +43,13 @@ parameters_t parameters_of(const dictionary_t *dictionary) {
     };
 }
 
-transmission_settings_t parameters_transmission(const dictionary_t *dictionary) {
+/* Arc of whole counts of an encoder, rounded. */
+static int32_t arc_nm(int32_t counts, uint32_t radius_nm, uint32_t counts_per_turn) {
     uint32_t saturations = 0;
-    const ratio_t load_arc = encoder_arc_nm_per_count(
-        dictionary->load_pulley_radius_nm, dictionary->load_encoder_resolution_counts_per_turn);
+    return fixed_scale(counts, encoder_arc_nm_per_count(radius_nm, counts_per_turn), &saturations);
+}
+
+transmission_settings_t parameters_transmission(const dictionary_t *dictionary) {
     transmission_settings_t settings = {
         .motor_pulley_radius_nm = dictionary->motor_pulley_radius_nm,
         .load_pulley_radius_nm = dictionary->load_pulley_radius_nm,
@@ -55,7 +64,12 @@ transmission_settings_t parameters_transmission(const dictionary_t *dictionary) 
             },
         .motor_dead_band_unm = MOTOR_DEAD_BAND_UNM,
         /* one nanometre more, for the rounding of two positions a count apart */
-        .load_dead_band_nm = fixed_scale(LOAD_DEAD_BAND_COUNTS, load_arc, &saturations) + 1,
+        .motor_dead_band_nm = arc_nm(DEAD_BAND_COUNTS, dictionary->motor_pulley_radius_nm,
+                                     dictionary->motor_encoder_resolution_counts_per_turn) +
+                              1,
+        .load_dead_band_nm = arc_nm(DEAD_BAND_COUNTS, dictionary->load_pulley_radius_nm,
+                                    dictionary->load_encoder_resolution_counts_per_turn) +
+                             1,
     };
     for (uint32_t i = 0; i < CABLE_SEGMENTS_MAX; i++) {
         settings.cable.segment_length_um[i] = dictionary->segment_length_um[i];
@@ -63,6 +77,35 @@ transmission_settings_t parameters_transmission(const dictionary_t *dictionary) 
             dictionary->segment_curvature_per_1000km[i];
     }
     return settings;
+}
+
+compensation_settings_t parameters_compensation(const dictionary_t *dictionary) {
+    return (compensation_settings_t){
+        .ticks_per_s = TICKS_PER_SECOND,
+        .torque_limit_unm = (int32_t)dictionary->motor_torque_limit_unm,
+        .motor_inertia_gmm2 = dictionary->motor_inertia_gmm2,
+        .motor_count_nm = arc_nm(1, dictionary->motor_pulley_radius_nm,
+                                 dictionary->motor_encoder_resolution_counts_per_turn),
+        .load_count_nm = arc_nm(1, dictionary->load_pulley_radius_nm,
+                                dictionary->load_encoder_resolution_counts_per_turn),
+        .friction_share_ppm = dictionary->compensation_friction_share_ppm,
+        .rest_band_unm = (int32_t)dictionary->compensation_rest_band_unm,
+        .integral_gain_mhz = dictionary->compensation_integral_gain_mhz,
+        .slack_floor_un = (int32_t)dictionary->compensation_slack_floor_un,
+        .adapt = dictionary->adaptation_enabled != 0,
+    };
+}
+
+fallback_settings_t parameters_fallback(const dictionary_t *dictionary, bool model_refused) {
+    const bool law_reads_cell = dictionary->compensation_law != COMPENSATION_COULOMB;
+    return (fallback_settings_t){
+        .use_load_cell = dictionary->compensation_use_load_cell != 0 && law_reads_cell,
+        .model_refused = model_refused,
+        .step_unm = (int32_t)dictionary->compensation_fallback_step_unm,
+        .clean_ticks = dictionary->compensation_clean_time_ms * (TICKS_PER_SECOND / 1000u),
+        .tolerance_unm = (int32_t)dictionary->compensation_tolerance_unm,
+        .slip_limit_nm = (int32_t)dictionary->compensation_slip_limit_nm,
+    };
 }
 
 static uint32_t culprit(uint16_t index, uint8_t sub) {

@@ -8,10 +8,12 @@
 
 #include <stdint.h>
 
+#include "../core/compensation.h"
 #include "../core/fixed.h"
 #include "../core/transmission.h"
 #include "../core/tunnel.h"
 #include "dictionary.h"
+#include "fallback.h"
 
 /* Which angle the tunnel acts on; entry tunnel_angle_source. */
 enum { TUNNEL_ON_LOAD_ANGLE, TUNNEL_ON_MOTOR_ANGLE, TUNNEL_ON_SCALED_MOTOR_ANGLE };
@@ -20,6 +22,7 @@ enum { TUNNEL_ON_LOAD_ANGLE, TUNNEL_ON_MOTOR_ANGLE, TUNNEL_ON_SCALED_MOTOR_ANGLE
 typedef struct {
     ratio_t motor_urad_per_count;
     ratio_t load_urad_per_count;
+    ratio_t motor_arc_nm_per_count;
     ratio_t load_arc_nm_per_count;
     ratio_t torque_per_current;   /* uN m per uA */
     ratio_t current_per_torque;   /* uA per uN m */
@@ -38,6 +41,12 @@ parameters_t parameters_of(const dictionary_t *dictionary);
 
 /* Computes the transmission's settings. */
 transmission_settings_t parameters_transmission(const dictionary_t *dictionary);
+
+/* The compensation's settings; its law is not among them. */
+compensation_settings_t parameters_compensation(const dictionary_t *dictionary);
+
+/* The ladder's. `model_refused`: the transmission could not be configured. */
+fallback_settings_t parameters_fallback(const dictionary_t *dictionary, bool model_refused);
 
 /* 0: the configuration can run; else the culprit. */
 uint32_t parameters_defect(const dictionary_t *dictionary);

@@ -52,3 +52,11 @@ void supervision_clear(node_t *node) {
 fault_t supervision_configuration_refused(uint32_t culprit) {
     return (fault_t){EMCY_CONFIGURATION_REFUSED, EMCY_CONFIGURATION_REFUSED_REGISTER, culprit};
 }
+
+void supervision_tell_fallback(node_t *node, uint16_t causes, uint8_t rung) {
+    node_error_clear(node, EMCY_COMPENSATION_FALLBACK);
+    if (causes != 0) {
+        node_error_set(node, EMCY_COMPENSATION_FALLBACK, EMCY_COMPENSATION_FALLBACK_REGISTER,
+                       (uint32_t)rung << 16 | causes);
+    }
+}

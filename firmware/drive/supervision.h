@@ -29,6 +29,10 @@ fault_t supervision_check(uint32_t faults, int32_t bus_voltage_mv, bool powered,
  * is gone. */
 void supervision_clear(node_t *node);
 
+/* Warns of a lesser compensation, which is no fault: the drive goes on. Detail: the causes (entry
+ * compensation_fallback) in the low word, the rung in the high word. No causes: it is over. */
+void supervision_tell_fallback(node_t *node, uint16_t causes, uint8_t rung);
+
 /* The fault "configuration cannot run"; detail names the entry. */
 fault_t supervision_configuration_refused(uint32_t culprit);
 

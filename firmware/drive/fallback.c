@@ -1,0 +1,126 @@
+/* fallback.c: see fallback.h. */
+#include "fallback.h"
+
+#include "../board/board.h"
+#include "../core/fixed.h"
+
+#define TICKS_PER_MS (1000u / BOARD_CONTROL_PERIOD_US)
+
+/* A cell lags behind by its filter, and a front arrives a little earlier or later than the model
+ * has it: both are over in less. */
+#define IMPLAUSIBLE_TICKS (50u * TICKS_PER_MS)
+
+/* A step of the innovation that lasts; the noise of the current measurement does not. */
+#define SLIPPED_TICKS (5u * TICKS_PER_MS)
+
+/* A stuck cell shows when the estimate has moved on by this part of the tolerance. */
+#define STUCK_PART 4
+
+static int32_t distance(int32_t a, int32_t b) {
+    uint32_t saturations = 0;
+    const int32_t difference = fixed_subtract(a, b, &saturations);
+    return difference < 0 ? -difference : difference;
+}
+
+/* Has `true_now` been true for so many ticks? */
+static bool lasts(bool true_now, uint32_t *ticks, uint32_t long_ticks) {
+    if (!true_now) {
+        *ticks = 0;
+    } else if (*ticks < long_ticks) {
+        (*ticks)++;
+    }
+    return *ticks == long_ticks;
+}
+
+static uint16_t causes_of_cell(fallback_t *fallback, const fallback_found_t *found) {
+    const int32_t tolerance_unm = fallback->settings.tolerance_unm;
+    uint16_t causes = 0;
+    if (found->cell_broken) {
+        causes |= FALLBACK_CELL_BROKEN;
+    }
+    if (found->cell_end_of_range) {
+        causes |= FALLBACK_CELL_END_OF_RANGE;
+    }
+    if (found->cell_counts != fallback->quiet_counts) {
+        fallback->quiet_counts = found->cell_counts;
+        fallback->quiet_model_unm = found->model_torque_unm;
+    } else if (distance(found->model_torque_unm, fallback->quiet_model_unm) >
+               tolerance_unm / STUCK_PART) {
+        causes |= FALLBACK_CELL_STUCK;
+    }
+    if (lasts(distance(found->cell_torque_unm, found->model_torque_unm) > tolerance_unm,
+              &fallback->implausible_ticks, IMPLAUSIBLE_TICKS)) {
+        causes |= FALLBACK_CELL_IMPLAUSIBLE;
+    }
+    return causes;
+}
+
+/* A cause that is absent now stays until the clean time is over. */
+static void keep(fallback_t *fallback, uint16_t causes) {
+    for (uint32_t i = 0; i < FALLBACK_CAUSES; i++) {
+        const uint16_t bit = (uint16_t)(1u << i);
+        if ((causes & bit) != 0) {
+            fallback->causes |= bit;
+            fallback->absent_ticks[i] = 0;
+        } else if (++fallback->absent_ticks[i] >= fallback->settings.clean_ticks) {
+            fallback->absent_ticks[i] = fallback->settings.clean_ticks;
+            fallback->causes &= (uint16_t)~bit;
+        }
+    }
+}
+
+static fallback_rung_t rung_for(const fallback_t *fallback) {
+    if (fallback->settings.model_refused) {
+        return FALLBACK_NONE;
+    }
+    if ((fallback->causes & FALLBACK_MODEL_CAUSES) != 0) {
+        return FALLBACK_COULOMB;
+    }
+    const bool cell =
+        fallback->settings.use_load_cell && (fallback->causes & FALLBACK_CELL_CAUSES) == 0;
+    return cell ? FALLBACK_WITH_CELL : FALLBACK_WITHOUT_CELL;
+}
+
+void fallback_start(fallback_t *fallback, const fallback_settings_t *settings) {
+    *fallback = (fallback_t){
+        .settings = *settings,
+        .causes = settings->model_refused ? FALLBACK_MODEL_REFUSED : 0,
+    };
+    fallback->rung = rung_for(fallback);
+}
+
+bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
+    const fallback_settings_t *settings = &fallback->settings;
+    uint16_t causes = settings->use_load_cell ? causes_of_cell(fallback, found) : 0;
+    if (settings->model_refused) {
+        causes |= FALLBACK_MODEL_REFUSED;
+    }
+    if (found->model_saturates) {
+        causes |= FALLBACK_MODEL_SATURATES;
+    }
+    if (lasts(distance(found->innovation_nm, 0) > settings->slip_limit_nm, &fallback->slipped_ticks,
+              SLIPPED_TICKS)) {
+        causes |= FALLBACK_ENCODER_SLIPPED;
+    }
+    keep(fallback, causes);
+    const fallback_rung_t before = fallback->rung;
+    fallback->rung = rung_for(fallback);
+    return fallback->rung != before;
+}
+
+int32_t fallback_blend(fallback_t *fallback, int32_t torque_unm, bool changed) {
+    uint32_t saturations = 0;
+    const int32_t step = fallback->settings.step_unm;
+    int32_t offset = fallback->offset_unm;
+    if (changed) {
+        offset = fixed_subtract(fallback->given_unm, torque_unm, &saturations);
+    }
+    fallback->offset_unm = fixed_subtract(offset, fixed_clamp(offset, -step, step), &saturations);
+    fallback->given_unm = fixed_add(torque_unm, fallback->offset_unm, &saturations);
+    return fallback->given_unm;
+}
+
+void fallback_rest(fallback_t *fallback) {
+    fallback->given_unm = 0;
+    fallback->offset_unm = 0;
+}

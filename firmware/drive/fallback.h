@@ -1,0 +1,89 @@
+/* fallback.h: which compensation runs: the law that is configured, or a lesser one while something
+ * that it needs is wrong; and how the torque goes over from one to the other without a jump.
+ *
+ *   rung                    what runs                                  left because
+ *   FALLBACK_WITH_CELL      the configured law, the load cell in it    the cell cannot be trusted
+ *   FALLBACK_WITHOUT_CELL   the configured law, on the model alone     the model cannot: an encoder
+ *                                                                      slipped, a number saturated
+ *   FALLBACK_COULOMB        Coulomb feed-forward                       there is no model: refused
+ *   FALLBACK_NONE           nothing: the torque as it is asked for
+ *
+ * A cause counts from the tick that finds it until it has been absent for the clean time. The
+ * estimate that the cell is held against must not itself be corrected by the cell.
+ *
+ * Pure: what was found in a tick in, the rung out. drive.c runs the laws.
+ */
+#ifndef BOWDEN_DRIVE_FALLBACK_H
+#define BOWDEN_DRIVE_FALLBACK_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+typedef enum {
+    FALLBACK_WITH_CELL,
+    FALLBACK_WITHOUT_CELL,
+    FALLBACK_COULOMB,
+    FALLBACK_NONE,
+} fallback_rung_t;
+
+/* Causes; bits of entry compensation_fallback. */
+enum {
+    FALLBACK_MODEL_REFUSED = 1 << 0,
+    FALLBACK_CELL_BROKEN = 1 << 1, /* the board says so */
+    FALLBACK_CELL_END_OF_RANGE = 1 << 2,
+    FALLBACK_CELL_STUCK = 1 << 3,       /* the same count while the estimate moves */
+    FALLBACK_CELL_IMPLAUSIBLE = 1 << 4, /* too far from the estimate, for too long */
+    FALLBACK_ENCODER_SLIPPED = 1 << 5,
+    FALLBACK_MODEL_SATURATES = 1 << 6,
+    FALLBACK_MODEL_CAUSES = FALLBACK_ENCODER_SLIPPED | FALLBACK_MODEL_SATURATES,
+    FALLBACK_CELL_CAUSES = FALLBACK_CELL_BROKEN | FALLBACK_CELL_END_OF_RANGE | FALLBACK_CELL_STUCK |
+                           FALLBACK_CELL_IMPLAUSIBLE,
+};
+
+#define FALLBACK_CAUSES 7
+
+typedef struct {
+    bool use_load_cell;
+    bool model_refused;
+    int32_t step_unm;      /* > 0; a change of the rung moves the torque by no more in a tick */
+    uint32_t clean_ticks;  /* > 0 */
+    int32_t tolerance_unm; /* > 0; between cell and model, at the load */
+    int32_t slip_limit_nm; /* > 0; of the innovation */
+} fallback_settings_t;
+
+/* What the tick has found. Torques in uN m by the cables on the load. */
+typedef struct {
+    bool cell_broken;
+    bool cell_end_of_range;
+    int32_t cell_counts;      /* raw */
+    int32_t cell_torque_unm;  /* as the cell reads */
+    int32_t model_torque_unm; /* from encoders and motor torque alone */
+    int32_t innovation_nm;    /* arc of the motor pulley, encoder minus model */
+    bool model_saturates;
+} fallback_found_t;
+
+typedef struct {
+    fallback_settings_t settings;
+    fallback_rung_t rung;
+    uint16_t causes; /* FALLBACK_* bits that count */
+    uint32_t absent_ticks[FALLBACK_CAUSES];
+    int32_t quiet_counts, quiet_model_unm; /* cell and estimate when the cell last moved */
+    uint32_t implausible_ticks, slipped_ticks;
+    int32_t given_unm, offset_unm; /* of the blend */
+} fallback_t;
+
+/* Starts on the best rung that the settings allow. */
+void fallback_start(fallback_t *fallback, const fallback_settings_t *settings);
+
+/* Looks at one tick; true when the rung has changed. */
+bool fallback_step(fallback_t *fallback, const fallback_found_t *found);
+
+/* From the torque of the law on the rung to the one to give: the same, but for a difference that
+ * starts at a change of the rung (`changed`) with what is missing to the torque given last, and
+ * dies away by step_unm a tick. */
+int32_t fallback_blend(fallback_t *fallback, int32_t torque_unm, bool changed);
+
+/* Forgets the torque given last: the bridge is off. */
+void fallback_rest(fallback_t *fallback);
+
+#endif

@@ -1,0 +1,123 @@
+/* rendering.c: see rendering.h. */
+#include "rendering.h"
+
+#include "parameters.h"
+
+#define I24_MAX 8388607
+
+void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
+                         const transmission_t *transmission, bool model_runs) {
+    *rendering = (rendering_t){
+        .law = (compensation_law_t)dictionary->compensation_law,
+        .model_runs = model_runs,
+        .load_per_motor_torque =
+            ratio_of(dictionary->load_pulley_radius_nm, dictionary->motor_pulley_radius_nm),
+    };
+    if (rendering->law == COMPENSATION_NONE) {
+        return;
+    }
+    const fallback_settings_t fallback = parameters_fallback(dictionary, !model_runs);
+    fallback_start(&rendering->fallback, &fallback);
+    if (model_runs) {
+        const compensation_settings_t settings = parameters_compensation(dictionary);
+        compensation_configure(&rendering->compensation, transmission, &settings);
+        compensation_restore(&rendering->compensation, dictionary->adapted_friction_factor_ppm);
+    }
+}
+
+/* What the ladder is to look at: this tick's measurements against what the model made of the last
+ * one's, in which the load cell has no part. */
+static bool watch(rendering_t *rendering, transmission_t *transmission,
+                  const rendering_inputs_t *inputs) {
+    const bool saturates = transmission->saturations != rendering->saturations_seen;
+    rendering->saturations_seen = transmission->saturations;
+    return fallback_step(&rendering->fallback,
+                         &(fallback_found_t){
+                             .cell_broken = inputs->load_cell_broken,
+                             .cell_end_of_range = inputs->load_cell_saturated,
+                             .cell_counts = inputs->load_cell_counts,
+                             .cell_torque_unm = inputs->load_cell_unm,
+                             .model_torque_unm = transmission_load_torque_unm(transmission),
+                             .innovation_nm = rendering->compensation.outputs.innovation_nm,
+                             .model_saturates = saturates,
+                         });
+}
+
+static compensation_law_t law_on(fallback_rung_t rung, compensation_law_t configured) {
+    switch (rung) {
+    case FALLBACK_WITH_CELL:
+    case FALLBACK_WITHOUT_CELL:
+        return configured;
+    case FALLBACK_COULOMB:
+        return COMPENSATION_COULOMB;
+    case FALLBACK_NONE:
+    default:
+        return COMPENSATION_NONE;
+    }
+}
+
+int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
+                       const rendering_inputs_t *inputs) {
+    uint32_t saturations = 0; /* beyond the range of int32_t the motor's limit holds anyway */
+    rendering->wanted_unm =
+        fixed_scale(inputs->asked_unm, rendering->load_per_motor_torque, &saturations);
+    if (!rendering->model_runs) {
+        return inputs->asked_unm;
+    }
+    if (rendering->law == COMPENSATION_NONE) {
+        transmission_step_torque(transmission, inputs->motor_torque_unm, inputs->load_arc_nm);
+        return inputs->asked_unm;
+    }
+    fallback_t *fallback = &rendering->fallback;
+    const bool changed = watch(rendering, transmission, inputs);
+    compensation_step(&rendering->compensation, transmission,
+                      &(compensation_inputs_t){
+                          .law = law_on(fallback->rung, rendering->law),
+                          .active = inputs->active,
+                          .load_cell_valid = fallback->rung == FALLBACK_WITH_CELL,
+                          .wanted_unm = rendering->wanted_unm,
+                          .motor_arc_nm = inputs->motor_arc_nm,
+                          .load_arc_nm = inputs->load_arc_nm,
+                          .motor_torque_unm = inputs->motor_torque_unm,
+                          .load_cell_unm = inputs->load_cell_unm,
+                      });
+    if (!inputs->active) {
+        fallback_rest(fallback);
+        return inputs->asked_unm;
+    }
+    const int32_t torque_unm = fallback->rung == FALLBACK_NONE
+                                   ? inputs->asked_unm
+                                   : rendering->compensation.outputs.motor_torque_unm;
+    return fallback_blend(fallback, torque_unm, changed);
+}
+
+bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
+    dictionary->wanted_load_torque_unm = fixed_clamp(rendering->wanted_unm, -I24_MAX, I24_MAX);
+    if (rendering->law == COMPENSATION_NONE) {
+        const bool news = dictionary->compensation_fallback != 0;
+        dictionary->estimated_load_torque_unm =
+            fixed_clamp(dictionary->model_load_torque_unm, -I24_MAX, I24_MAX);
+        dictionary->compensation_active_law = COMPENSATION_NONE;
+        dictionary->compensation_rung = FALLBACK_NONE;
+        dictionary->compensation_fallback = 0;
+        return news;
+    }
+    const compensation_outputs_t *outputs = &rendering->compensation.outputs;
+    const fallback_t *fallback = &rendering->fallback;
+    dictionary->estimated_load_torque_unm =
+        fixed_clamp(outputs->load_torque_unm, -I24_MAX, I24_MAX);
+    dictionary->estimate_confidence = outputs->confidence;
+    dictionary->slip_state = (uint8_t)outputs->slip;
+    dictionary->compensation_flags = outputs->flags;
+    dictionary->rendered_energy_uj = outputs->energy_uj;
+    dictionary->model_friction_torque_unm = outputs->friction_unm;
+    dictionary->motor_innovation_nm = outputs->innovation_nm;
+    if (dictionary->adaptation_enabled != 0 && rendering->model_runs) {
+        dictionary->adapted_friction_factor_ppm = outputs->friction_factor_ppm;
+    }
+    dictionary->compensation_active_law = (uint8_t)law_on(fallback->rung, rendering->law);
+    dictionary->compensation_rung = (uint8_t)fallback->rung;
+    const bool news = dictionary->compensation_fallback != fallback->causes;
+    dictionary->compensation_fallback = fallback->causes;
+    return news;
+}
