@@ -169,8 +169,8 @@ def test_an_impossible_value_by_path_is_refused() -> None:
         ),
         (("effects: []", "effects: [{name: viscus_friction}]"), "did you mean viscous_friction?"),
         (
-            ("effects: []", "effects: [{name: cogging}]"),
-            "cogging is a known effect that the offline model cannot compute",
+            ("effects: []", "effects: [{name: cogging, amplitude_nm: 0.01, harmonic: 7}]"),
+            "effects[0].phase_rad: missing",
         ),
         (
             ("effects: []", "effects: [{name: viscous_friction}]"),
@@ -178,7 +178,7 @@ def test_an_impossible_value_by_path_is_refused() -> None:
         ),
         (
             ("effects: []", "effects: [{name: viscous_friction, mu_v_s_per_m: -1}]"),
-            "effects[0]: mu_v_s_per_m: found -1",
+            "effects[0].mu_v_s_per_m: found -1, accepted: 0 or more",
         ),
         (("effects: []", "effects: viscous_friction"), "effects: found 'viscous_friction'"),
     ],

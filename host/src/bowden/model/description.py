@@ -22,15 +22,9 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from bowden.model.errors import ModelError
 from bowden.model.lumped import Lumped
+from bowden.model.model_effects import NUMBER, InForce, effect_problems, effects_in_force
 from bowden.model.model_file import ModelFile, Quantity
-from bowden.model.model_numbers import (
-    NUMBER,
-    effect_problems,
-    lumped_of,
-    misfits,
-    solver_of,
-    transmission_of,
-)
+from bowden.model.model_numbers import lumped_of, misfits, solver_of, transmission_of
 from bowden.model.model_problems import nearest, problem_line
 from bowden.model.transmission import Transmission
 
@@ -74,16 +68,31 @@ class Model:
     source: str = field(default="model", compare=False)
 
     @cached_property
-    def transmission(self) -> Transmission:
-        """The numbers that the solvers read, effects applied.
+    def effects(self) -> tuple[InForce, ...]:
+        """The effects that the file lists, with their values.
 
         Raises
         ------
         ModelError
-            An effect that is unknown or that the model cannot compute, or a value out of range.
+            An effect that is unknown or that the model cannot compute, or an impossible value.
         """
+        found, problems = effects_in_force(self.document.effects)
+        if problems:
+            raise ModelError(problems, self.source)
+        return tuple(found)
+
+    @cached_property
+    def transmission(self) -> Transmission:
+        """The numbers that the solvers read, with the effects that change them.
+
+        Raises
+        ------
+        ModelError
+            What `effects` raises, or a value out of range.
+        """
+        effects = self.effects
         try:
-            return transmission_of(self.document)
+            return transmission_of(self.document, effects)
         except ModelError as error:
             raise ModelError(error.problems, self.source) from None
 
@@ -92,10 +101,10 @@ class Model:
         """Which solver answers: ``mesh``, ``mesh_free`` or ``lumped``.
 
         The one that the file names or, by a key such as segments, implies. Otherwise the lumped
-        transmission for a bristle law; the mesh where friction depends on rate, tension or
-        direction or holds more at rest; the mesh-free solution for the rest.
+        transmission for a bristle law; the mesh where friction depends on rate, tension, direction
+        or an effect's history, or holds more at rest; the mesh-free solution for the rest.
         """
-        return solver_of(self.document, self.transmission)
+        return solver_of(self.document, self.transmission, self.effects)
 
     @cached_property
     def lumped(self) -> Lumped:
@@ -151,6 +160,26 @@ class Model:
             _set(tree, path, float(value))
         return _checked(tree, self.source)
 
+    def with_effect(self, name: str, values: Mapping[str, float]) -> Model:
+        """Return the model with one more effect, last in its list.
+
+        Parameters
+        ----------
+        name : str
+            In `bowden.model.effects.CATALOGUE`.
+        values : mapping of str to float
+            All parameters of one of its variants; afterwards at ``effects[i].<parameter>``.
+
+        Raises
+        ------
+        ModelError
+            What the model file would be refused for.
+        """
+        tree = self.document.model_dump(exclude_none=True)
+        entry = {"name": name, **{key: float(value) for key, value in values.items()}}
+        tree["effects"] = [*tree["effects"], entry]
+        return _checked(tree, self.source)
+
 
 def parse_model(text: str, source: str = "model") -> Model:
     """Read a model file.
@@ -202,7 +231,8 @@ def _checked(tree: dict[str, Any], source: str) -> Model:
         problems += effect_problems(tree.get("effects"))
         raise ModelError([p for p in problems if p], source) from None
     model = Model(document, source)
-    problems = misfits(document, model.transmission)  # checks the effects, and the numbers together
+    # Checks the effects, and the numbers together.
+    problems = misfits(document, model.transmission, model.effects)
     if problems:
         raise ModelError(problems, source)
     return model

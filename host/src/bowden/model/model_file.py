@@ -107,13 +107,13 @@ def _limited(low: float, accepted: str, *, closed: bool, infinite: bool = False)
     return AfterValidator(check)
 
 
-_Any = Annotated[Quantity, BeforeValidator(_as_mapping)]
-Positive = Annotated[_Any, _limited(0, "a number above 0", closed=False)]
+Number = Annotated[Quantity, BeforeValidator(_as_mapping)]
+Positive = Annotated[Number, _limited(0, "a number above 0", closed=False)]
 Radius = Annotated[
-    _Any, _limited(0, "a number above 0, or .inf for straight", closed=False, infinite=True)
+    Number, _limited(0, "a number above 0, or .inf for straight", closed=False, infinite=True)
 ]
-NotNegative = Annotated[_Any, _limited(0, "0 or more", closed=True)]
-Finite = Annotated[_Any, _limited(-math.inf, "a finite number", closed=False)]
+NotNegative = Annotated[Number, _limited(0, "0 or more", closed=True)]
+Finite = Annotated[Number, _limited(-math.inf, "a finite number", closed=False)]
 
 
 class PathPiece(Part):

@@ -1,6 +1,6 @@
 """From a checked model file to the numbers that the solvers read.
 
-Takes a `ModelFile`, applies its effects, and says what does not go together. `description.Model`
+Takes a `ModelFile` and its effects, and says what does not go together. `description.Model`
 offers the result.
 """
 
@@ -8,70 +8,60 @@ offers the result.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
-from bowden.model.effects import APPLIED, CATALOGUE
 from bowden.model.errors import ModelError
 from bowden.model.friction.bouc_wen import BoucWen, Branch
 from bowden.model.friction.dahl import Dahl
 from bowden.model.friction.lugre import LuGre
 from bowden.model.lumped import Lumped
 from bowden.model.mesh_free import refuse_what_is_not_coulomb
+from bowden.model.model_effects import InForce
 from bowden.model.model_file import (
     BRISTLE_LAWS,
     LAW_KEYS,
     SOLVER_KEYS,
     BoucWenBranch,
-    Finite,
     Friction,
     ModelFile,
     Quantity,
 )
-from bowden.model.model_problems import nearest, problem_line
 from bowden.model.transmission import FrictionLaw, Transmission
 
-NUMBER: TypeAdapter[Quantity] = TypeAdapter(Finite)
 
-
-def transmission_of(document: ModelFile) -> Transmission:
-    """Build the numbers of the pair, effects applied.
+def transmission_of(document: ModelFile, effects: Sequence[InForce]) -> Transmission:
+    """Build the numbers of the pair, with the effects that change them.
 
     Raises
     ------
     ModelError
-        All that is wrong with the effects, or a value out of range.
+        A value out of range.
     """
     pair = _pair(document)
     problems: list[str] = []
-    for i, effect in enumerate(document.effects):
-        where = f"effects[{i}]"
-        parameters, found = _effect_values(where, effect)
-        problems += found
-        if not found:
+    for one in effects:
+        if one.variant.pair is not None:
             try:
-                pair = APPLIED[str(effect["name"])][1](pair, parameters)
+                pair = one.variant.pair(pair, one.values)
             except ModelError as error:
-                problems += [f"{where}: {problem}" for problem in error.problems]
+                problems += [f"{one.where}: {problem}" for problem in error.problems]
     if problems:
         raise ModelError(problems)
     return pair
 
 
-def solver_of(document: ModelFile, pair: Transmission) -> str:
-    """Choose the solver: what the file names or implies, or what the friction needs."""
+def solver_of(document: ModelFile, pair: Transmission, effects: Sequence[InForce]) -> str:
+    """Choose the solver: what the file names or implies, or what friction and effects need."""
     chosen = document.numerics.chosen()
     if chosen is not None:
         return chosen
     if document.friction.law in BRISTLE_LAWS:
         return "lumped"
-    law = pair.friction
-    plain = law.is_coulomb and not law.has_stiction and law.direction_asymmetry == 0
-    return "mesh_free" if plain else "mesh"
+    return "mesh" if _mesh_only(pair, effects) else "mesh_free"
 
 
 def lumped_of(document: ModelFile) -> Lumped:
@@ -87,10 +77,10 @@ def lumped_of(document: ModelFile) -> Lumped:
     return Lumped(**given)
 
 
-def misfits(document: ModelFile, pair: Transmission) -> list[str]:
-    """Say whether friction and solver go together."""
-    law, name = pair.friction, document.friction.law
-    solver = solver_of(document, pair)
+def misfits(document: ModelFile, pair: Transmission, effects: Sequence[InForce]) -> list[str]:
+    """Say whether friction, effects and solver go together."""
+    name = document.friction.law
+    solver = solver_of(document, pair, effects)
     if solver != "lumped" and name in BRISTLE_LAWS:
         return [f"friction.law: found {name} with solver {solver}, accepted: lumped"]
     try:
@@ -100,45 +90,20 @@ def misfits(document: ModelFile, pair: Transmission) -> list[str]:
             lumped_of(document)
     except ModelError as error:
         return [f"friction, numerics: {problem}" for problem in error.problems]
-    plain = law.is_coulomb and not law.has_stiction and law.direction_asymmetry == 0
-    if solver == "lumped" and not plain:
-        return ["numerics.solver: found lumped with stiction or a friction effect, accepted: mesh"]
+    only = _mesh_only(pair, effects)
+    if solver != "mesh" and only:
+        return [f"numerics.solver: found {solver} with {only}, accepted: mesh"]
     return []
 
 
-def effect_problems(effects: Any) -> list[str]:
-    """Problems of the effects of a file whose other parts have some too."""
-    if not isinstance(effects, list):
-        return []
-    known = [(i, e) for i, e in enumerate(effects) if isinstance(e, dict)]
-    return [problem for i, e in known for problem in _effect_values(f"effects[{i}]", e)[1]]
-
-
-def _effect_values(where: str, effect: Mapping[str, Any]) -> tuple[dict[str, float], list[str]]:
-    """Read an entry of `effects`: its parameters, or what is wrong with it."""
-    name = effect.get("name")
-    if not isinstance(name, str) or name not in CATALOGUE:
-        hint = nearest(str(name), list(CATALOGUE)) if isinstance(name, str) else ""
-        return {}, [f"{where}.name: found {name!r}, no known effect{hint}"]
-    if name not in APPLIED:
-        return {}, [
-            f"{where}: {name} is a known effect that the offline model cannot compute; "
-            f"it can: {', '.join(APPLIED)}"
-        ]
-    needed = APPLIED[name][0]
-    given = {str(key): value for key, value in effect.items() if key != "name"}
-    problems = [f"{where}.{key}: missing" for key in needed if key not in given]
-    problems += [
-        f"{where}.{k}: unknown key{nearest(k, list(needed))}" for k in given if k not in needed
-    ]
-    values = {}
-    for key in needed:
-        if key in given:
-            try:
-                values[key] = NUMBER.validate_python(given[key]).value
-            except ValidationError as error:
-                problems.append(problem_line({**error.errors()[0], "loc": (f"{where}.{key}",)}, {}))
-    return values, problems
+def _mesh_only(pair: Transmission, effects: Sequence[InForce]) -> str:
+    """Return what only the mesh can compute; nothing if there is no such thing."""
+    for one in effects:
+        if one.variant.histories is not None:
+            return one.effect.name
+    law = pair.friction
+    plain = law.is_coulomb and not law.has_stiction and law.direction_asymmetry == 0
+    return "" if plain else "stiction or a friction effect"
 
 
 def _bristle_law(friction: Friction) -> Dahl | LuGre | BoucWen:

@@ -1,6 +1,8 @@
 """`simulate`: a model and two given series in, the pair's trajectory out; `simulate_batch`: many.
 
-Chooses the solver that the model asks for; the equations are theirs.
+Chooses the solver that the model asks for and goes through the effects around it, from what the
+recording says to what the cables feel and back (`bowden.model.effects.effect` has the picture).
+The equations are theirs.
 """
 
 from __future__ import annotations
@@ -9,11 +11,22 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
+
 from bowden.model.description import Model
+from bowden.model.errors import ModelError
+from bowden.model.histories import Histories
+from bowden.model.layers import Layers
 from bowden.model.lumped import simulate_lumped
 from bowden.model.mesh_free import simulate_mesh_free
 from bowden.model.mesh_solver import simulate_mesh
-from bowden.model.trajectory import Inputs, Mode, Trajectory
+from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajectory
+
+MOST_PASSES = 8
+AGREED = 1e-6  # of a series' largest value: what another pass may still change
+
+Asked = tuple[FloatArray, FloatArray, Histories]
+"""What a solver is asked: the motor's and the load's series inside, and the histories."""
 
 
 def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
@@ -25,26 +38,78 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
     mode : Mode
         Which two series are given.
     inputs : Inputs
-        Holds at least those two.
+        Holds at least those two, as a recording has them.
 
     Returns
     -------
     Trajectory
-        With all four series, four end tensions and slack flags. The angle of a pulley whose torque
-        is given starts at the other's first sample by the ratio of the pulleys, then its first
-        torque is applied.
+        With all four series as a recording would have them, four end tensions and slack flags. The
+        angle of a pulley whose torque is given starts at the other's first sample by the ratio of
+        the pulleys, then its first torque is applied.
 
     Raises
     ------
     ModelError
-        Inputs that the mode cannot use, or an effect that the model cannot compute.
+        Inputs that the mode or an effect cannot use, or passes that do not come to agree.
+
+    Notes
+    -----
+    An effect that depends on a predicted series (a motor's inertia in torque-position needs the
+    motor's acceleration) is solved by repeated passes: the first takes the ratio of the pulleys for
+    the prediction, each next one the last one's, until nothing changes by more than 1e-6. The
+    measured series of that name is never looked at.
     """
     time_s, motor, load = inputs.for_mode(mode)
+    layers = Layers(model.effects, mode)
+    if layers.is_empty:
+        return _solve(model, mode, time_s, motor, load, Histories())
+    pair = model.transmission
+    times = layers.begin(inputs, pair.load_pulley_radius_m / pair.motor_pulley_radius_m)
+    asked = layers.felt(pair)
+    for _ in range(MOST_PASSES):
+        before = asked
+        trajectory = _solve(model, mode, times, *before)
+        layers.answer(trajectory)
+        if not layers.looks_ahead:
+            break
+        asked = layers.felt(pair)
+        if _agree(before, asked):
+            break
+    else:
+        raise ModelError(
+            f"effects: found no agreement in {MOST_PASSES} passes, accepted: weaker effects",
+            model.source,
+        )
+    at = np.searchsorted(times, time_s)
+    found = {name: values[at] for name, values in vars(trajectory).items()}
+    found |= {name: layers.sides[0][name][at] for name in COLUMNS}
+    return Trajectory(**found)
+
+
+def _solve(  # noqa: PLR0917
+    model: Model,
+    mode: Mode,
+    time_s: FloatArray,
+    motor: FloatArray,
+    load: FloatArray,
+    histories: Histories,
+) -> Trajectory:
+    pair = model.transmission
     if model.solver == "mesh":
-        return simulate_mesh(model.transmission, mode, time_s, motor, load)
+        return simulate_mesh(pair, mode, time_s, motor, load, histories)
     if model.solver == "lumped":
-        return simulate_lumped(model.transmission, model.lumped, mode, time_s, motor, load)
-    return simulate_mesh_free(model.transmission, mode, time_s, motor, load)
+        return simulate_lumped(pair, model.lumped, mode, time_s, motor, load)
+    return simulate_mesh_free(pair, mode, time_s, motor, load)
+
+
+def _agree(before: Asked, after: Asked) -> bool:
+    """Whether two passes ask the same of the solver."""
+    old = [before[0], before[1], before[2].friction_factor, before[2].lengthening_m]
+    new = [after[0], after[1], after[2].friction_factor, after[2].lengthening_m]
+    return all(
+        x is None or y is None or np.abs(y - x).max() <= AGREED * np.abs(y).max()
+        for x, y in zip(old, new, strict=True)
+    )
 
 
 def simulate_batch(

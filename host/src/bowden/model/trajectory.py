@@ -51,6 +51,8 @@ class Inputs:
         Applied by the motor on its pulley.
     load_torque_nm : ndarray of shape (n,) or None, N m
         Applied by the cables on the load pulley.
+    conduit_temperature_c : ndarray of shape (n,) or None, degrees Celsius
+        For a model whose friction depends on it.
     """
 
     time_s: FloatArray
@@ -58,6 +60,7 @@ class Inputs:
     load_angle_rad: FloatArray | None = None
     motor_torque_nm: FloatArray | None = None
     load_torque_nm: FloatArray | None = None
+    conduit_temperature_c: FloatArray | None = None
 
     def for_mode(self, mode: Mode) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Check and return time, the motor's and the load's series of a mode.
@@ -79,12 +82,17 @@ class Inputs:
                 )
             else:
                 series[name] = values
-        for name, values in series.items():
+        for name, values in (series | self._temperature).items():
             problems += _problems_of(name, np.asarray(values), np.asarray(self.time_s))
         if problems:
             raise ModelError(problems, "inputs")
         time, motor, load = (np.ascontiguousarray(v, dtype=np.float64) for v in series.values())
         return time, motor, load
+
+    @property
+    def _temperature(self) -> dict[str, FloatArray]:
+        given = self.conduit_temperature_c
+        return {} if given is None else {"conduit_temperature_c": given}
 
 
 COLUMNS = ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm")

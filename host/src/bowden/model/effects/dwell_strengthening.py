@@ -1,0 +1,79 @@
+"""Friction that grows while the pair rests and is rubbed off again as it slides.
+
+A state z from 0 (rubbed off, as `mu_d` has it) to 1 (rested for long) follows the ageing law of
+rate-and-state friction, which needs no threshold between rest and motion:
+
+    dz/dt = (1 - z)/dwell_s - z |v|/distance_m,      mu (1 + a z)
+
+with v the speed of the cables' ends at the load. (Dieterich 1979 has the logarithm of the age; for
+rests of a few time constants the two are alike.) z = 0 at the first sample.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bowden.model.compiled import compiled
+from bowden.model.effects.effect import Effect, Parameter, Signals, Values, Variant
+from bowden.model.histories import Histories
+from bowden.model.trajectory import FloatArray
+from bowden.model.transmission import Transmission
+
+
+def _histories(inside: Signals, pair: Transmission, p: Values) -> Histories:
+    place = inside["load_angle_rad"] * pair.load_pulley_radius_m
+    z = rested(inside["time_s"], place, p["dwell_s"], p["distance_m"])
+    return Histories(friction_factor=1.0 + p["a"] * z)
+
+
+@compiled
+def rested(
+    time_s: FloatArray, place_m: FloatArray, dwell_s: float, distance_m: float
+) -> FloatArray:
+    """Return z at every sample; exact for motion that is straight between samples."""
+    found = np.zeros(place_m.size)
+    z = 0.0
+    for i in range(1, place_m.size):
+        dt = time_s[i] - time_s[i - 1]
+        rate = 1.0 / dwell_s + abs(place_m[i] - place_m[i - 1]) / dt / distance_m
+        end = 1.0 / (dwell_s * rate)
+        z = end + (z - end) * math.exp(-rate * dt)
+        found[i] = z
+    return found
+
+
+EFFECT = Effect(
+    name="dwell_strengthening",
+    title="Strengthening at rest",
+    enters="friction",
+    variants=(
+        Variant(
+            "",
+            (
+                Parameter("a", "", 0.0, 3.0, 0.0, 0.3, "rise of mu after a long rest", least=0),
+                Parameter(
+                    "dwell_s", "s", 0.05, 100.0, None, 1.0, "time to rest", scale="log", least=1e-6
+                ),
+                Parameter(
+                    "distance_m",
+                    "m",
+                    2e-4,
+                    0.1,
+                    None,
+                    0.005,
+                    "travel that rubs it off",
+                    scale="log",
+                    least=1e-9,
+                ),
+            ),
+            histories=_histories,
+            sees=("load_angle_rad",),
+        ),
+    ),
+    law="mu (1 + a z), dz/dt = (1 - z)/dwell - z |v|/distance",
+    signature="a peak of torque on the first motion after a rest",
+    excited_by=("reversal", "rest"),
+    confused_with=("stribeck_friction", "viscoelastic_cable"),
+)

@@ -1,0 +1,32 @@
+"""Friction that lags the motion by a time, not by a distance."""
+
+from __future__ import annotations
+
+from bowden.model.effects.effect import Effect, Parameter, Variant
+
+EFFECT = Effect(
+    name="frictional_lag",
+    title="Frictional lag",
+    enters="friction",
+    variants=(
+        Variant(
+            "",
+            (
+                Parameter(
+                    "lag_s", "s", 0.0, 0.2, 0.0, 0.01, "by which friction lags the motion", least=0
+                ),
+            ),
+        ),
+    ),
+    law="the friction force follows its law with the time constant lag_s",
+    signature="the loop of friction over speed opens with frequency",
+    excited_by=(
+        "reversal",
+        "speed_range",
+    ),
+    confused_with=(
+        "time_delay",
+        "viscous_friction",
+        "presliding_compliance",
+    ),
+)

@@ -1,0 +1,76 @@
+"""Mass of the motor's rotor and of the handle: torque in proportion to acceleration.
+
+Motor: what reaches the cables is the motor's torque less J times its acceleration. Load: the cell
+sits behind the handle's inertia and reads the cables' torque less J times the acceleration.
+"""
+
+from __future__ import annotations
+
+from bowden.model.effects.derivative import acceleration
+from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
+from bowden.model.trajectory import FloatArray
+
+
+def _torque(around: Signals, angle: str, p: Values) -> FloatArray:
+    return p["inertia_kg_m2"] * acceleration(around["time_s"], around[angle])
+
+
+def _motor_undone(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    return values - _torque(around, "motor_angle_rad", p)
+
+
+def _motor_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    return values + _torque(around, "motor_angle_rad", p)
+
+
+def _load_undone(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    return values + _torque(around, "load_angle_rad", p)
+
+
+def _load_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    return values - _torque(around, "load_angle_rad", p)
+
+
+def _size(high: float, typical: float, meaning: str) -> Parameter:
+    return Parameter("inertia_kg_m2", "kg m2", 0.0, high, 0.0, typical, meaning, least=0)
+
+
+MOTOR = Effect(
+    name="motor_inertia",
+    title="Motor inertia",
+    enters="dynamics",
+    variants=(
+        Variant(
+            "",
+            (_size(3e-4, 2e-5, "of rotor and pulley"),),
+            channels=(
+                Channel(
+                    "motor_torque_nm", _motor_undone, _motor_applied, sees=("motor_angle_rad",)
+                ),
+            ),
+        ),
+    ),
+    law="torque on the cables = motor torque - J theta_m''",
+    signature="torque in proportion to acceleration, growing with frequency squared",
+    excited_by=("acceleration",),
+    confused_with=("load_inertia", "viscous_friction", "amplifier_lag", "time_delay"),
+)
+
+LOAD = Effect(
+    name="load_inertia",
+    title="Load inertia",
+    enters="dynamics",
+    variants=(
+        Variant(
+            "",
+            (_size(0.05, 2e-3, "between cables and cell"),),
+            channels=(
+                Channel("load_torque_nm", _load_undone, _load_applied, sees=("load_angle_rad",)),
+            ),
+        ),
+    ),
+    law="recorded load torque = cables' torque - J theta_l''",
+    signature="torque in proportion to the load's acceleration, growing with frequency squared",
+    excited_by=("acceleration",),
+    confused_with=("motor_inertia", "viscous_friction", "gravity_imbalance"),
+)

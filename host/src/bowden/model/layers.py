@@ -1,0 +1,139 @@
+"""The layers of effects between a recording and the cables, and the way through them and back.
+
+Takes the effects in force and the series of one simulation; `simulation` asks it what the cables
+feel, gives it what they answer, and reads what a recording would say. Knows no effect by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import get_args
+
+import numpy as np
+
+from bowden.model.effects.effect import Channel, Enters
+from bowden.model.histories import Histories
+from bowden.model.model_effects import InForce
+from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajectory
+from bowden.model.transmission import Transmission
+
+OUTSIDE_IN = get_args(Enters)
+
+
+class Layers:
+    """One simulation's way through the effects.
+
+    `sides[0]` holds what a recording says, `sides[-1]` what the cables feel, and those between what
+    stands between two layers. Angles that are not given are there too, from the last pass.
+
+    Parameters
+    ----------
+    effects : sequence of InForce
+        Of the model, in any order: layers lie by where effects enter.
+    mode : Mode
+        Which channels are given.
+    """
+
+    def __init__(self, effects: Sequence[InForce], mode: Mode) -> None:
+        ordered = sorted(effects, key=lambda one: OUTSIDE_IN.index(one.effect.enters))
+        self._layers = [one for one in ordered if one.variant.channels]
+        self._histories = [one for one in ordered if one.variant.histories is not None]
+        self._given = mode.columns
+        # Angles first: on the way out, torques look at them.
+        self._predicted = [name for name in COLUMNS if name not in mode.columns]
+        self.sides: list[dict[str, FloatArray]] = [{} for _ in range(len(self._layers) + 1)]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing between the recording and the solver."""
+        return not self._layers and not self._histories
+
+    @property
+    def looks_ahead(self) -> bool:
+        """Whether what the cables feel depends on what they are yet to answer."""
+        seen = {name for one in self._histories for name in one.variant.sees}
+        for one in self._layers:
+            for channel in one.variant.channels:
+                if channel.name in self._given:
+                    seen |= set(channel.sees)
+        return bool(seen & set(self._predicted))
+
+    def begin(self, inputs: Inputs, ratio: float) -> FloatArray:
+        """Take the series of a recording; a predicted angle follows the other one at first.
+
+        Returns
+        -------
+        ndarray of shape (n,), s
+            The recording's times, and others before them by each channel's delay: there a late
+            channel has its corners.
+        """
+        delays = [
+            one.values[channel.late_by]
+            for one in self._layers
+            for channel in one.variant.channels
+            if channel.late_by is not None
+        ]
+        time_s = np.asarray(inputs.time_s, dtype=np.float64)
+        times = _with_earlier(time_s, delays)
+        series: dict[str, FloatArray] = {"time_s": times}
+        for name in (*self._given, "conduit_temperature_c"):
+            values = getattr(inputs, name)
+            if values is not None:
+                series[name] = np.interp(times, time_s, values)
+        if "motor_angle_rad" not in series:
+            series["motor_angle_rad"] = ratio * series["load_angle_rad"]
+        if "load_angle_rad" not in series:
+            series["load_angle_rad"] = series["motor_angle_rad"] / ratio
+        for side in self.sides:
+            side.update(series)
+        return times
+
+    def felt(self, pair: Transmission) -> tuple[FloatArray, FloatArray, Histories]:
+        """Return the motor's and the load's given series inside, and the histories."""
+        for k, one in enumerate(self._layers):
+            outer, inner = self.sides[k], self.sides[k + 1]
+            for name in self._given:
+                channel = _channel(one, name)
+                inner[name] = (
+                    outer[name]
+                    if channel is None
+                    else channel.undone(outer[name], outer, one.values)
+                )
+        inside, histories = self.sides[-1], Histories()
+        for one in self._histories:
+            assert one.variant.histories is not None
+            histories = histories & one.variant.histories(inside, pair, one.values)
+        return inside[self._given[0]], inside[self._given[1]], histories
+
+    def answer(self, trajectory: Trajectory) -> None:
+        """Take what the cables answered, and work out what a recording says of it."""
+        for name in self._predicted:
+            self.sides[-1][name] = getattr(trajectory, name)
+        for k in range(len(self._layers) - 1, -1, -1):
+            one, outer, inner = self._layers[k], self.sides[k], self.sides[k + 1]
+            for name in self._predicted:
+                channel = _channel(one, name)
+                outer[name] = (
+                    inner[name]
+                    if channel is None
+                    else channel.applied(inner[name], outer, one.values)
+                )
+
+
+def _channel(one: InForce, name: str) -> Channel | None:
+    return next((channel for channel in one.variant.channels if channel.name == name), None)
+
+
+def _with_earlier(time_s: FloatArray, delays: Sequence[float]) -> FloatArray:
+    """Return the times with those that lie a delay before each; none twice but for rounding."""
+    times = time_s
+    for delay in delays:
+        earlier = time_s - delay
+        after = np.searchsorted(times, earlier)
+        gap = np.minimum(
+            np.abs(earlier - times[np.maximum(after - 1, 0)]),
+            np.abs(times[np.minimum(after, times.size - 1)] - earlier),
+        )
+        new = (earlier > time_s[0]) & (gap > 1e-6 * float(np.median(np.diff(time_s))))
+        times = np.sort(np.concatenate([times, earlier[new]]))
+    return times
