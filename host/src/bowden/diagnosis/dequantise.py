@@ -30,11 +30,15 @@ _Index = NDArray[np.intp]
 NODES_A_RUN = 6  # in a run of equal counts: enough to bend within it
 REST_RATIO = 6.0  # a run so much longer than both neighbours is a rest; a turning parabola: < 4.9
 REST_SAMPLES = 20
+BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
+USUAL_BRAKING = 1.25  # between even braking (1) and even change of braking (1.5)
+BRAKING = (0.5, 3.0)  # as far as draws go: hands start and stop more or less gently
 EDGE_NOISE = 0.05  # counts: an encoder's edges are no better than that
 NOISY_COUNTS = 0.5  # noise beyond half a count blurs the counts: then the channel is just noisy
 BAND_SIGMAS = 3.0
 CLEAN_SHARE = 1e-7  # of the channel's range: noise below it is rounding of a simulation
 _GRID_TOLERANCE = 0.08  # RMS distance from the grid, in counts
+_UNIFORM = 1.0 / np.sqrt(12.0)
 
 
 @dataclass(frozen=True)
@@ -79,27 +83,80 @@ class _Path:
     high: _Floats
     zero: float
     unit: float
-    run: _Index
-    rest_variance: _Floats
-
-    def values(self, smooth: SmoothPath) -> tuple[_Floats, _Floats]:
-        mean, variance = smooth.at(self.node, self.share)
-        return mean, np.maximum(variance, 0.0)
+    rests: tuple[_Rest, ...] = ()
 
     def estimate(self) -> tuple[_Floats, _Floats]:
-        mean, variance = self.values(self.smooth)
-        mean = np.clip(mean, self.low, self.high)
+        mean, variance = self.smooth.at(self.node, self.share)
         # Within its box nothing can be worse known than by half the box.
-        sigma = np.sqrt(np.maximum(variance, self.rest_variance))
-        sigma = np.minimum(sigma, 0.5 * (self.high - self.low))
-        return self.zero + self.unit * mean, self.unit * sigma
+        sigma = np.minimum(np.sqrt(np.maximum(variance, 0.0)), 0.5 * (self.high - self.low))
+        for rest in self.rests:
+            reached = rest.stand(mean, 0.0, USUAL_BRAKING, USUAL_BRAKING)
+            sigma[rest.first : rest.last + 1] = np.maximum(
+                sigma[rest.first : rest.last + 1] * (1.0 - reached), reached * _UNIFORM
+            )
+        return self._back(mean), self.unit * sigma
 
     def drawn(self, generator: np.random.Generator) -> _Floats:
-        mean, _ = self.values(self.smooth.draw(generator))
-        _, variance = self.values(self.smooth)
-        missing = np.sqrt(np.maximum(self.rest_variance - variance, 0.0))
-        mean += missing * generator.standard_normal(int(self.run[-1]) + 1)[self.run]
-        return self.zero + self.unit * np.clip(mean, self.low, self.high)
+        mean, _ = self.smooth.draw(generator).at(self.node, self.share)
+        for rest in self.rests:
+            place = float(generator.uniform(-0.5, 0.5))
+            low, high = np.log(BRAKING)
+            rest.stand(mean, place, *np.exp(generator.uniform(float(low), float(high), 2)))
+        return self._back(mean)
+
+    def _back(self, mean: _Floats) -> _Floats:
+        return np.asarray(self.zero + self.unit * np.clip(mean, self.low, self.high))
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """A stretch at rest within one count: first and last sample, samples a count before and after.
+
+    What rests stands still: the least movement back would count as a reversal. Nobody knows where
+    in the count it stands, nor when exactly it began to move, but it came and left without turning
+    twice.
+    """
+
+    first: int
+    last: int
+    count: float
+    before: float
+    after: float
+
+    def stand(self, path: _Floats, offset: float, arrival: float, leaving: float) -> _Floats:
+        """Let a path (changed in place) stop at an offset from the count's middle.
+
+        Parameters
+        ----------
+        path : ndarray of shape (n,)
+            In counts.
+        offset : float
+            -0.5..0.5.
+        arrival, leaving : float
+            How long braking and starting take, against even acceleration between the place of rest
+            and the edge.
+
+        Returns
+        -------
+        ndarray of shape (last - first + 1,)
+            How far the path has come to the place of rest, 0..1.
+        """
+        size = self.last - self.first + 1
+        place = self.count + offset
+        start, end = float(path[self.first]), float(path[self.last])
+        come = self._braking(size, arrival * 2.0 * abs(start - place) * self.before) * (
+            start - place
+        )
+        gone = self._braking(size, leaving * 2.0 * abs(end - place) * self.after) * (end - place)
+        path[self.first : self.last + 1] = place + come + gone[::-1]
+        reach = np.maximum(abs(start - place), abs(end - place))
+        return np.asarray(1.0 - (np.abs(come) + np.abs(gone[::-1])) / max(reach, 1e-9))
+
+    @staticmethod
+    def _braking(size: int, lasts: float) -> _Floats:
+        """Return 1 falling to 0 along a parabola, within a share of the rest."""
+        since = np.arange(size) / max(min(lasts, BRAKING_SHARE * size), 1e-9)
+        return np.asarray((1.0 - np.minimum(since, 1.0)) ** 2)
 
 
 def dequantise(
@@ -191,8 +248,6 @@ def _denoised(time_s: _Floats, values: _Floats, sigma: float) -> Estimated:
         high=scaled + BAND_SIGMAS,
         zero=zero,
         unit=sigma,
-        run=np.zeros(size, dtype=np.intp),
-        rest_variance=np.zeros(size),
     )
     return Estimated(*path.estimate(), None, sigma, path)
 
@@ -217,8 +272,7 @@ def _within_counts(time_s: _Floats, values: _Floats, quantum: float, noise: floa
         high=count + margin,
         zero=zero,
         unit=quantum,
-        run=runs.number,
-        rest_variance=runs.rest_variance(),
+        rests=runs.rests(count),
     )
     return Estimated(*path.estimate(), quantum, noise, path)
 
@@ -271,10 +325,19 @@ class _Runs:
         depth = self.depth((nodes[1:] + nodes[:-1]) / 2.0, number)
         return np.where(self.rest[number], (1.0 + depth) ** -3.0, 1.0)
 
-    def rest_variance(self) -> _Floats:
-        """Variance within a rest, in counts: nobody knows where in the count it stopped."""
-        depth = self.depth(np.arange(self.number.size, dtype=np.float64), self.number)
-        return np.where(self.rest[self.number], np.minimum(depth, 1.0) / 12.0, 0.0)
+    def rests(self, count: _Floats) -> tuple[_Rest, ...]:
+        """List the rests."""
+        length = np.concatenate([[0.0], self.last - self.first + 1.0, [0.0]])
+        return tuple(
+            _Rest(
+                int(self.first[k]),
+                int(self.last[k]),
+                float(count[self.first[k]]),
+                float(length[k]),
+                float(length[k + 2]),
+            )
+            for k in np.flatnonzero(self.rest)
+        )
 
 
 @dataclass(frozen=True)

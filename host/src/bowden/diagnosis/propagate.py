@@ -1,0 +1,185 @@
+"""How much of a gap is noise, sample by sample: the local noise of each predicted channel.
+
+Takes a model, a mode and a recording; simulates it about a dozen times; returns frozen results.
+What is pushed through the model are paths that fit the given channels' readings as well as the best
+estimate does (`dequantise`), so that errors keep their correlation: from edge to edge of a count,
+over a whole rest. Friction makes the noise local: just after a reversal a count is worth a hundred
+times what it is worth while the pair slides (the square-root law, PHYSICS, Experiment 2).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.compare import PREDICTED, simulate_recording
+from bowden.diagnosis.dequantise import Estimates, estimate_channels
+from bowden.diagnosis.noise import effective_samples
+from bowden.model import Mode, Model
+from bowden.model.experiments.variants import with_segments
+from bowden.recording.recording import Recording
+
+_Floats = NDArray[np.float64]
+_Flags = NDArray[np.bool_]
+
+DRAWS = 12
+SMOOTHED_S = 0.008  # neighbours share their spread: a dozen draws alone leave sigma 20 % uncertain
+MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
+LEAST_SHARE = 1e-6  # of a channel's range: sigma never falls below, so that gaps can be weighed
+
+
+@dataclass(frozen=True)
+class LocalNoise:
+    """Expected noise of measured minus simulated, if the model is right.
+
+    Parameters
+    ----------
+    sigma : dict of str to ndarray of shape (n,)
+        For each of the mode's two predicted channels, in its unit; > 0.
+    share : dict of str to float
+        How many independent samples one sample is worth, 0..1: errors that come in through the
+        inputs stay for as long as friction remembers them.
+    parts : dict of str to dict of str to ndarray of shape (n,)
+        What sigma consists of, added in squares: ``sensor`` (of the measured channel), ``inputs``
+        (pushed through the model), ``mesh`` (the model's own discretisation).
+    estimates : Estimates
+        sigma holds for `estimates.recording`, both as what is given and as what is measured.
+    """
+
+    sigma: dict[str, _Floats]
+    share: dict[str, float]
+    parts: dict[str, dict[str, _Floats]]
+    estimates: Estimates
+
+
+def local_noise(
+    model: Model,
+    mode: Mode,
+    recording: Recording,
+    *,
+    seed: int = 0,
+    draws: int = DRAWS,
+    pool: ThreadPoolExecutor | None = None,
+) -> LocalNoise:
+    """Estimate the local noise of a recording's predicted channels.
+
+    Parameters
+    ----------
+    model : Model
+        As calibrated as it gets; noise depends on it only through how it passes errors on.
+    mode : Mode
+    recording : Recording
+        As it was read.
+    seed : int
+        The same seed gives the same answer.
+    draws : int, >= 4
+        Simulations of perturbed inputs; two more are made.
+    pool : ThreadPoolExecutor, optional
+        Where they run; one of its own for as long as this takes, when absent.
+
+    Returns
+    -------
+    LocalNoise
+
+    Raises
+    ------
+    bowden.model.ModelError
+        The model cannot run the recording.
+    """
+    estimates = estimate_channels(recording, model, mode)
+    best = estimates.recording
+    children = np.random.SeedSequence(seed).spawn(draws)
+    moved = [_moved(estimates, mode, np.random.default_rng(child)) for child in children]
+    jobs = [(model, best), *((model, one) for one in moved)]
+    finer = _finer(model)
+    if finer is not None:
+        jobs.append((finer, best))
+    if pool is None:
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as own:
+            runs = list(own.map(lambda job: simulate_recording(job[0], mode, job[1]), jobs))
+    else:
+        runs = list(pool.map(lambda job: simulate_recording(job[0], mode, job[1]), jobs))
+    sigma, share, parts = {}, {}, {}
+    for name in PREDICTED[mode]:
+        centre: _Floats = getattr(runs[0], name)
+        errors = np.array([getattr(run, name) - centre for run in runs[1 : draws + 1]])
+        mesh = MESH_FACTOR * (getattr(runs[-1], name) - centre) if finer else np.zeros(centre.size)
+        smooth = _Smoothing(recording.time_s)
+        sensor = estimates.channels[name].sigma
+        parts[name] = {
+            "sensor": np.broadcast_to(sensor, centre.shape).copy(),
+            "inputs": smooth(np.mean(errors**2, axis=0)) ** 0.5,
+            "mesh": smooth(mesh**2) ** 0.5,
+        }
+        least = LEAST_SHARE * max(float(np.ptp(getattr(best, name))), float(np.ptp(centre)), 1e-9)
+        total = sum(part**2 for part in parts[name].values())
+        sigma[name] = np.sqrt(total + least**2)
+        share[name] = _independent(errors, sigma[name], parts[name])
+    return LocalNoise(sigma, share, parts, estimates)
+
+
+def noise_floor(sigma: _Floats | Sequence[_Floats], counts: _Flags | None = None) -> float:
+    """Return the RMS gap that a model which is right would leave.
+
+    Parameters
+    ----------
+    sigma : ndarray of shape (n,), or several recordings' one after the other
+    counts : ndarray of shape (n,), bool, optional
+        The samples that count; all when absent.
+
+    Returns
+    -------
+    float
+        In sigma's unit; 0 where no sample counts.
+    """
+    values = sigma if isinstance(sigma, np.ndarray) else np.concatenate(list(sigma))
+    chosen = values if counts is None else values[counts]
+    return float(np.sqrt(np.mean(chosen**2))) if chosen.size else 0.0
+
+
+def _moved(estimates: Estimates, mode: Mode, generator: np.random.Generator) -> Recording:
+    """Return the recording with given channels that could as well have been."""
+    drawn = {name: estimates.channels[name].draw(generator) for name in mode.columns}
+    changed = replace(estimates.recording)
+    for name, values in drawn.items():
+        changed = replace(changed, **{name: values})  # type: ignore[arg-type]
+    return changed
+
+
+def _finer(model: Model) -> Model | None:
+    """Return the model on twice as many segments; None where nothing is discretised."""
+    segments = model.transmission.segments
+    return with_segments(model, 2 * segments) if model.solver == "mesh" and segments else None
+
+
+class _Smoothing:
+    """Mean over neighbours in time, whatever the steps."""
+
+    def __init__(self, time_s: _Floats) -> None:
+        index = np.arange(time_s.size)
+        half = SMOOTHED_S / 2
+        self._low = np.minimum(np.searchsorted(time_s, time_s - half), index)
+        self._high = np.maximum(np.searchsorted(time_s, time_s + half, "right"), index + 1)
+
+    def __call__(self, values: _Floats) -> _Floats:
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        mean = (total[self._high] - total[self._low]) / (self._high - self._low)
+        return np.asarray(np.maximum(mean, 0.0))
+
+
+def _independent(errors: _Floats, sigma: _Floats, parts: dict[str, _Floats]) -> float:
+    """Return how many independent samples one sample is worth.
+
+    In sigmas, errors of the inputs are correlated as the draws are; the sensor's are white; the
+    mesh's are as correlated as can be.
+    """
+    size = sigma.size
+    shares = {name: float(np.mean((part / sigma) ** 2)) for name, part in parts.items()}
+    drawn = float(np.mean([effective_samples(one / sigma) for one in errors])) / size
+    weight = shares["sensor"] + shares["inputs"] / max(drawn, 1.0 / size)
+    return float(np.clip(1.0 / max(weight, 1.0), 1.0 / size, 1.0))

@@ -1,0 +1,144 @@
+"""Local noise: it covers the error that is really there, at reversals as elsewhere."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from bowden.diagnosis.compare import simulate_recording
+from bowden.diagnosis.propagate import LocalNoise, local_noise, noise_floor
+from bowden.model import Inputs, Mode, parse_model, simulate
+from bowden.recording.recording import Recording
+
+from .rigs import TABLE_1
+
+MODEL = parse_model(TABLE_1)
+EXACT = parse_model(TABLE_1.replace("{segments: 50}", "{solver: mesh_free}"))
+TIME_S = np.arange(12_000) * 1e-3
+LOAD_COUNT, MOTOR_COUNT = 2 * np.pi / 10_000, 2 * np.pi / 2000
+MODE = Mode.TORQUE_POSITION
+
+
+def motion(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Load angle and motor torque."""
+    torque = 0.12 * np.sin(2 * np.pi * 0.31 * TIME_S)
+    if kind == "sine":
+        return 0.6 * np.sin(2 * np.pi * 0.4 * TIME_S), torque
+    if kind == "triangle":
+        return 0.5 * (4 * np.abs((0.25 * TIME_S) % 1 - 0.5) - 1) + 0.5, torque
+    corner = np.random.default_rng(5).uniform(-0.6, 0.6, 12)
+    corner[0] = 0.0
+    share = np.clip((TIME_S % 1.5) / 0.8, 0.0, 1.0)
+    step = (TIME_S // 1.5).astype(int)
+    smooth = 10 * share**3 - 15 * share**4 + 6 * share**5
+    return corner[step] + (corner[step + 1] - corner[step]) * smooth, torque
+
+
+@cache
+def measured(kind: str) -> Recording:
+    """What sensors make of a run of the exact solution."""
+    load, torque = motion(kind)
+    run = simulate(EXACT, MODE, Inputs(TIME_S, motor_torque_nm=torque, load_angle_rad=load))
+    generator = np.random.default_rng(1)
+    return Recording(
+        TIME_S,
+        np.round(run.motor_angle_rad / MOTOR_COUNT) * MOTOR_COUNT,
+        np.round(load / LOAD_COUNT) * LOAD_COUNT,
+        torque + generator.normal(0.0, 3e-4, TIME_S.size),
+        run.load_torque_nm + generator.normal(0.0, 5e-4, TIME_S.size),
+    )
+
+
+@cache
+def noise_of(kind: str) -> LocalNoise:
+    return local_noise(MODEL, MODE, measured(kind))
+
+
+def gap(kind: str, channel: str) -> np.ndarray:
+    best = noise_of(kind).estimates.recording
+    simulated = simulate_recording(MODEL, MODE, best)
+    return np.asarray(getattr(best, channel) - getattr(simulated, channel))
+
+
+@pytest.mark.parametrize("kind", ["sine", "triangle", "rests"])
+@pytest.mark.parametrize("channel", ["load_torque_nm", "motor_angle_rad"])
+def test_sigma_covers_the_error_of_a_right_model(kind: str, channel: str) -> None:
+    scaled = np.abs(gap(kind, channel)) / noise_of(kind).sigma[channel]
+    # 68 and 95 % of a normal error. Errors persist from reversal to reversal, so a run of 12 s
+    # is worth some dozens of independent ones: +-10 % either way; too wide is no harm to a verdict.
+    assert np.mean(scaled < 1.0) > 0.6
+    assert np.mean(scaled < 2.0) > 0.87
+    assert np.mean(scaled < 1.0) < 0.93
+
+
+@pytest.mark.parametrize("kind", ["sine", "triangle", "rests"])
+def test_the_floor_is_what_a_right_model_leaves(kind: str) -> None:
+    floor = noise_floor(noise_of(kind).sigma["load_torque_nm"])
+    left = np.sqrt(np.mean(gap(kind, "load_torque_nm") ** 2))
+    # A few reversals make most of either: a factor of two is what six of them allow.
+    assert 0.4 < left / floor < 1.6
+
+
+def test_a_count_is_worth_much_more_after_a_reversal() -> None:
+    sigma = noise_of("sine").sigma["load_torque_nm"]
+    load, _ = motion("sine")
+    speed = np.gradient(load, TIME_S)
+    (turn,) = np.nonzero(np.diff(np.sign(speed)))
+    after = np.unique(turn[:, None] + np.arange(1, 15))
+    sliding = np.abs(speed) > 0.9 * speed.max()
+    assert np.median(sigma[after]) > 20 * np.median(sigma[sliding])
+    # While the pair slides, friction is constant and only the load cell and the motor torque count:
+    # 0.5 mN m, and 5.2 times what smoothing leaves of 0.3 mN m.
+    assert np.median(sigma[sliding]) < 1.5e-3
+
+
+def test_estimates_leave_less_than_the_readings() -> None:
+    read = measured("sine")
+    simulated = simulate_recording(MODEL, MODE, read).load_torque_nm
+    plain = np.sqrt(np.mean((read.load_torque_nm - simulated) ** 2))
+    assert np.sqrt(np.mean(gap("sine", "load_torque_nm") ** 2)) < 0.6 * plain
+
+
+def test_parts_add_up_in_squares() -> None:
+    found = noise_of("sine")
+    for channel, parts in found.parts.items():
+        total = np.sqrt(sum(part**2 for part in parts.values()))
+        np.testing.assert_allclose(found.sigma[channel], total, rtol=1e-3)
+
+
+def test_the_same_seed_gives_the_same_noise() -> None:
+    again = local_noise(MODEL, MODE, measured("triangle"))
+    other = local_noise(MODEL, MODE, measured("triangle"), seed=1)
+    for channel, sigma in noise_of("triangle").sigma.items():
+        np.testing.assert_array_equal(again.sigma[channel], sigma)
+        assert np.any(other.sigma[channel] != sigma)
+
+
+def test_a_clean_recording_still_has_a_positive_sigma() -> None:
+    load, torque = motion("sine")
+    run = simulate(EXACT, MODE, Inputs(TIME_S, motor_torque_nm=torque, load_angle_rad=load))
+    clean = Recording(TIME_S, run.motor_angle_rad, load, torque, run.load_torque_nm)
+    found = local_noise(EXACT, MODE, clean, draws=4)
+    assert all(np.all(sigma > 0.0) for sigma in found.sigma.values())
+    assert noise_floor(found.sigma["load_torque_nm"]) < 1e-4
+
+
+def test_persistent_errors_are_worth_few_samples() -> None:
+    share = noise_of("rests").share["load_torque_nm"]
+    assert share < 0.1
+    assert share * TIME_S.size > 5
+
+
+@pytest.mark.parametrize("mode", [Mode.POSITION_TORQUE, Mode.POSITION_POSITION])
+def test_the_other_modes(mode: Mode) -> None:
+    found = local_noise(MODEL, mode, measured("sine"), draws=4)
+    assert len(found.sigma) == 2
+    assert all(np.all(np.isfinite(sigma)) for sigma in found.sigma.values())
+
+
+def test_the_floor_of_chosen_samples() -> None:
+    sigma = np.array([3.0, 4.0, 100.0])
+    assert noise_floor(sigma, np.array([True, True, False])) == pytest.approx(np.sqrt(12.5))
+    assert noise_floor([sigma[:1], sigma[1:2]]) == pytest.approx(np.sqrt(12.5))
+    assert noise_floor(sigma, np.zeros(3, dtype=bool)) == 0.0
