@@ -1,0 +1,319 @@
+"""The ladder of the compensation: which law runs while something that it needs is wrong, what the
+bus hears of it, and that the torque never jumps. Time is counted in ticks.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware.tests.native import Drive, ffi, lib
+
+WITH_CELL, WITHOUT_CELL, COULOMB, NONE = range(4)
+REFUSED, BROKEN, END_OF_RANGE, STUCK, IMPLAUSIBLE, SLIPPED, SATURATES = (1 << i for i in range(7))
+FAULT_LOAD_CELL = 1 << 2
+MODEL_INVERSION = 5
+OPERATION_ENABLED, FAULT = 4, 7
+WARNING, CONFIGURATION_REFUSED, LOAD_CELL_FAULT = 0xFF01, 0x6320, 0x7380
+TICKS_PER_S = 4000
+STEP_UNM, CLEAN_TICKS, TOLERANCE_UNM, SLIP_NM = 500, 4000, 1_500_000, 4_000_000
+
+
+def ladder(**settings: Any) -> Any:
+    """A ladder on its best rung, with the dictionary's default settings."""
+    fallback = ffi.new("fallback_t *")
+    defaults = {
+        "use_load_cell": True,
+        "step_unm": STEP_UNM,
+        "clean_ticks": CLEAN_TICKS,
+        "tolerance_unm": TOLERANCE_UNM,
+        "slip_limit_nm": SLIP_NM,
+    }
+    lib.fallback_start(fallback, ffi.new("fallback_settings_t *", defaults | settings))
+    return fallback
+
+
+class Cell:
+    """A load cell of 0.2 mN m a count that follows the estimate, and never stands still."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+
+    def __call__(self, torque_unm: int, **found: Any) -> Any:
+        self.ticks += 1
+        counts = torque_unm // 200 + self.ticks % 2
+        sane = {
+            "cell_counts": counts,
+            "cell_torque_unm": torque_unm,
+            "model_torque_unm": torque_unm,
+        }
+        return ffi.new("fallback_found_t *", sane | found)
+
+
+def run(fallback: Any, ticks: int, cell: Cell, **found: Any) -> None:
+    for _ in range(ticks):
+        lib.fallback_step(fallback, cell(0, **found))
+
+
+# ---- what leads down, and up again ----
+
+
+@pytest.mark.parametrize(
+    ("found", "ticks", "cause", "rung"),
+    [
+        ({"cell_broken": True}, 1, BROKEN, WITHOUT_CELL),
+        ({"cell_end_of_range": True}, 1, END_OF_RANGE, WITHOUT_CELL),
+        ({"cell_torque_unm": TOLERANCE_UNM + 1}, 200, IMPLAUSIBLE, WITHOUT_CELL),  # 50 ms
+        ({"innovation_nm": SLIP_NM + 1}, 20, SLIPPED, COULOMB),  # 5 ms
+        ({"innovation_nm": -SLIP_NM - 1}, 20, SLIPPED, COULOMB),
+        ({"model_saturates": True}, 1, SATURATES, COULOMB),
+    ],
+)
+def test_each_cause_leads_to_its_rung_in_its_time_and_back_after_the_clean_time(
+    found: dict[str, Any], ticks: int, cause: int, rung: int
+) -> None:
+    fallback, cell = ladder(), Cell()
+    run(fallback, ticks - 1, cell, **found)
+    assert (fallback.rung, fallback.causes) == (WITH_CELL, 0)
+    run(fallback, 1, cell, **found)
+    assert (fallback.rung, fallback.causes) == (rung, cause)
+    run(fallback, CLEAN_TICKS - 1, cell)
+    assert fallback.rung == rung
+    run(fallback, 1, cell)
+    assert (fallback.rung, fallback.causes) == (WITH_CELL, 0)
+
+
+def test_a_cause_that_returns_starts_the_clean_time_anew() -> None:
+    fallback, cell = ladder(), Cell()
+    run(fallback, 1, cell, cell_broken=True)
+    run(fallback, CLEAN_TICKS - 1, cell)
+    run(fallback, 1, cell, cell_broken=True)
+    run(fallback, CLEAN_TICKS - 1, cell)
+    assert fallback.rung == WITHOUT_CELL
+    run(fallback, 1, cell)
+    assert fallback.rung == WITH_CELL
+
+
+def test_the_worst_of_several_causes_decides_and_the_way_up_has_steps() -> None:
+    fallback, cell = ladder(), Cell()
+    run(fallback, 1, cell, cell_broken=True, model_saturates=True)
+    assert (fallback.rung, fallback.causes) == (COULOMB, BROKEN | SATURATES)
+    run(fallback, CLEAN_TICKS, cell, cell_broken=True)
+    assert (fallback.rung, fallback.causes) == (WITHOUT_CELL, BROKEN)
+
+
+def test_a_cell_that_stands_still_while_the_estimate_moves_is_stuck() -> None:
+    fallback, cell = ladder(), Cell()
+    run(fallback, 10, cell)
+    stuck = {"cell_counts": 0, "cell_torque_unm": 0}
+    moved = TOLERANCE_UNM // 4
+    run(fallback, 100, cell, **stuck, model_torque_unm=0)  # nothing moves: as it should be
+    run(fallback, 1, cell, **stuck, model_torque_unm=moved)
+    assert fallback.causes == 0
+    run(fallback, 1, cell, **stuck, model_torque_unm=moved + 1)
+    assert (fallback.rung, fallback.causes) == (WITHOUT_CELL, STUCK)
+
+
+def test_a_cell_that_is_not_used_cannot_be_wrong() -> None:
+    fallback, cell = ladder(use_load_cell=False), Cell()
+    assert fallback.rung == WITHOUT_CELL
+    run(fallback, 400, cell, cell_broken=True, cell_torque_unm=5_000_000)
+    assert (fallback.rung, fallback.causes) == (WITHOUT_CELL, 0)
+
+
+def test_without_a_model_nothing_is_compensated_for_ever() -> None:
+    fallback, cell = ladder(model_refused=True), Cell()
+    assert (fallback.rung, fallback.causes) == (NONE, REFUSED)
+    run(fallback, 2 * CLEAN_TICKS, cell)
+    assert (fallback.rung, fallback.causes) == (NONE, REFUSED)
+
+
+torques = st.integers(-8_000_000, 8_000_000)
+
+
+@given(
+    laws=st.lists(st.tuples(torques, torques, st.booleans()), min_size=2, max_size=40),
+    step=st.integers(1, 1_000_000),
+)
+def test_a_change_of_the_rung_moves_the_torque_by_no_more_than_the_step(
+    laws: list[tuple[int, int, bool]], step: int
+) -> None:
+    """Each tick brings the torques of two laws; which of them runs changes at any time."""
+    fallback = ladder(step_unm=step)
+    second, before, given_before = False, laws[0], 0
+    lib.fallback_rest(fallback)
+    given_before = lib.fallback_blend(fallback, laws[0][0], False)
+    for now in laws[1:]:
+        changed = now[2]
+        second ^= changed
+        torque = now[second]
+        given = lib.fallback_blend(fallback, torque, changed)
+        # What the law itself moves is the law's; at a change, nothing of the jump between them.
+        own = 0 if changed else torque - before[second]
+        assert abs(given - given_before - own) <= step
+        before, given_before = now, given
+
+
+@given(start=torques, end=torques, step=st.integers(1000, 1_000_000))
+def test_the_blend_ends_at_the_law_in_the_time_that_the_step_allows(
+    start: int, end: int, step: int
+) -> None:
+    fallback = ladder(step_unm=step)
+    lib.fallback_blend(fallback, start, False)
+    ticks = math.ceil(abs(end - start) / step)
+    given = lib.fallback_blend(fallback, end, True)
+    for _ in range(ticks):
+        given = lib.fallback_blend(fallback, end, False)
+    assert given == end
+
+
+# ---- the whole drive ----
+
+
+def emergencies(drive: Drive) -> list[tuple[int, int]]:
+    """Code and detail of each EMCY frame so far."""
+    return [
+        struct.unpack("<HxI", frame.data[:7])
+        for frame in drive.frames()
+        if frame.cob_id == 0x80 + drive.node_id
+    ]
+
+
+class Rig:
+    """A drive that renders the tunnel while the load swings by 40 degrees at 0.5 Hz. The motor is
+    where the model has it, the motor torque is what is commanded, and the cell reads the model."""
+
+    def __init__(self, law: int = MODEL_INVERSION) -> None:
+        self.drive = Drive()
+        self.drive.values.compensation_law = law
+        self.ticks = 0
+        self.cell_dead = False
+        self.slip_counts = 0
+        self.commands: list[int] = []
+        assert self.drive.enable().bridge_enabled
+
+    def run(self, seconds: float) -> None:
+        drive = self.drive
+        values, sensors = drive.values, drive.sensors
+        for _ in range(round(seconds * TICKS_PER_S)):
+            self.ticks += 1
+            angle = 0.7 * math.sin(math.pi * self.ticks / TICKS_PER_S)
+            sensors.load_encoder_counts = round(angle * 10000 / (2 * math.pi))
+            motor_counts = values.model_motor_angle_urad * 1e-6 * 2000 / (2 * math.pi)
+            sensors.motor_encoder_counts = round(motor_counts) + self.slip_counts
+            sensors.motor_current_ua = round(values.motor_torque_command_unm / 0.06)
+            sensors.faults = FAULT_LOAD_CELL if self.cell_dead else 0
+            if not self.cell_dead:
+                sensors.load_cell_counts = values.model_load_torque_unm // 200 + self.ticks % 2
+            drive.tick()
+            self.commands.append(values.motor_torque_command_unm)
+
+    @property
+    def steps(self) -> list[int]:
+        """Changes of the motor torque from tick to tick."""
+        return [abs(b - a) for a, b in zip(self.commands, self.commands[1:], strict=False)]
+
+
+def test_a_cell_that_dies_in_mid_motion_costs_a_rung_and_a_warning_but_not_the_torque() -> None:
+    rig = Rig()
+    rig.run(0.4)  # in the wall, at speed
+    assert rig.drive.values.compensation_rung == WITH_CELL
+    rig.commands.clear()
+    rig.run(0.05)
+    usual = max(rig.steps)
+    emergencies(rig.drive)
+    rig.cell_dead = True
+    rig.run(0.05)
+    values = rig.drive.values
+    assert rig.drive.state == OPERATION_ENABLED
+    assert (values.compensation_rung, values.compensation_fallback) == (WITHOUT_CELL, BROKEN)
+    assert values.compensation_active_law == MODEL_INVERSION
+    assert values.error_register == 0x81
+    assert max(rig.steps) <= usual + values.compensation_fallback_step_unm
+    assert emergencies(rig.drive) == [(WARNING, WITHOUT_CELL << 16 | BROKEN)]
+    rig.cell_dead = False
+    rig.run(1.1)
+    assert (values.compensation_rung, values.compensation_fallback) == (WITH_CELL, 0)
+    assert values.error_register == 0
+    assert emergencies(rig.drive) == [(0, 0)]
+
+
+def test_an_encoder_that_slips_leaves_coulomb_feed_forward() -> None:
+    rig = Rig()
+    rig.run(0.4)
+    emergencies(rig.drive)
+    rig.slip_counts = 1000  # half a turn
+    rig.run(0.1)
+    values = rig.drive.values
+    assert rig.drive.state == OPERATION_ENABLED
+    assert (values.compensation_rung, values.compensation_active_law) == (COULOMB, 1)
+    assert values.compensation_fallback & SLIPPED
+    assert (WARNING, COULOMB << 16 | SLIPPED) in emergencies(rig.drive)
+
+
+def test_without_compensation_a_dead_cell_is_the_fault_that_it_was() -> None:
+    rig = Rig(law=0)
+    rig.run(0.1)
+    rig.cell_dead = True
+    rig.run(0.01)
+    assert rig.drive.state == FAULT
+    assert rig.drive.values.error_code == LOAD_CELL_FAULT
+    assert rig.drive.values.compensation_fallback == 0
+
+
+@pytest.mark.parametrize(("law", "enabled"), [(0, False), (MODEL_INVERSION, True)])
+def test_a_refused_model_stops_the_drive_unless_a_compensation_can_do_without(
+    law: int, enabled: bool
+) -> None:
+    drive = Drive()
+    drive.tick()
+    assert drive.write(0x2116, 0, 100_000, 4)[0] == 0x60  # mu_s < mu_d
+    assert drive.write(0x2130, 0, law, 1)[0] == 0x60
+    drive.sensors.load_encoder_counts = 500  # in the wall
+    drive.enable()
+    for _ in range(3):
+        drive.tick()
+    assert drive.values.configuration_error == 0x211600
+    assert (drive.state == OPERATION_ENABLED) == enabled
+    drive.tick(400)
+    codes = [code for code, _ in emergencies(drive)]
+    if not enabled:
+        assert CONFIGURATION_REFUSED in codes
+        return
+    assert WARNING in codes
+    values = drive.values
+    assert (values.compensation_rung, values.compensation_fallback) == (NONE, REFUSED)
+    assert values.compensation_active_law == 0
+    # tunnel of 0.05 rad and 0.5 N m/rad at 500 counts, in uN m
+    asked = -(500 * 2 * math.pi / 10000 - 0.05) * 0.5e6
+    assert values.motor_torque_command_unm == pytest.approx(asked, abs=1)
+    assert values.wanted_load_torque_unm == pytest.approx(5.2 * asked, abs=6)
+
+
+def test_no_compensation_means_that_the_motor_gets_the_tunnels_torque() -> None:
+    rig = Rig(law=0)
+    for _ in range(200):
+        rig.run(0.005)
+        values = rig.drive.values
+        angle = values.load_angle_urad
+        outside = max(abs(angle) - 50_000, 0)
+        asked = -math.copysign(min(0.5 * outside, 200_000), angle)
+        assert values.motor_torque_command_unm == pytest.approx(asked, abs=1)
+        assert values.compensation_active_law == 0
+
+
+def test_what_was_adapted_is_kept_and_can_be_reset() -> None:
+    drive = Drive()
+    drive.tick()
+    assert drive.values.adapted_friction_factor_ppm == 1_000_000
+    assert drive.write(0x213C, 0, 1_100_000, 4)[0] == 0x60
+    assert drive.write(0x213C, 0, 1_600_000, 4)[0] == 0x80  # beyond its bounds
+    assert drive.write(0x213B, 0, 1, 1)[0] == 0x60
+    assert drive.write(0x2130, 0, MODEL_INVERSION, 1)[0] == 0x60
+    drive.tick(250)
+    assert drive.values.adapted_friction_factor_ppm == 1_100_000  # nothing moves: it stays
