@@ -20,6 +20,8 @@ from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
+TEMPERATURE = "conduit_temperature_c"
+
 PREDICTED = {
     Mode.TORQUE_POSITION: ("load_torque_nm", "motor_angle_rad"),
     Mode.POSITION_TORQUE: ("motor_torque_nm", "load_angle_rad"),
@@ -180,15 +182,16 @@ def simulate_recording(
     mode : Mode
     recording : Recording
         The rig is virgin at its first sample, unless `before` is given: both cables at their
-        initial tension. Where both angles are given, they are taken to agree there, since two
-        encoders seldom share a zero.
+        initial tension. Where both angles are given, the simulator takes them to agree there, since
+        two encoders seldom share a zero.
     before : Recording, optional
         What the rig did just before, from virgin; the model runs through it first.
 
     Returns
     -------
     Trajectory
-        On the recording's samples; depends on no other columns than the two given ones.
+        On the recording's samples; depends on no other columns than the two given ones and, where
+        the model's friction depends on it, ``conduit_temperature_c``.
 
     Raises
     ------
@@ -196,25 +199,31 @@ def simulate_recording(
         Fewer than two samples, or a series that the model cannot run.
     """
     time_s = recording.time_s
-    series: dict[str, _Floats] = {name: getattr(recording, name) for name in mode.columns}
+    series = _given(recording, mode)
     lead = 0
     if before is not None:
         lead = before.time_s.size
         step = float(np.median(np.diff(before.time_s))) if lead > 1 else 1.0
         shift = float(before.time_s[-1]) + step - float(time_s[0])
         time_s = np.concatenate([before.time_s, time_s + shift])
-        series = {n: np.concatenate([getattr(before, n), v]) for n, v in series.items()}
-    zero = 0.0
-    if mode is Mode.POSITION_POSITION and time_s.size:
-        pair = model.transmission
-        ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
-        zero = float(series["motor_angle_rad"][0] - ratio * series["load_angle_rad"][0])
-        series["motor_angle_rad"] = series["motor_angle_rad"] - zero
+        earlier = _given(before, mode)
+        series = {
+            name: np.concatenate([earlier[name], values])
+            for name, values in series.items()
+            if name in earlier
+        }
     trajectory = simulate(model, mode, Inputs(time_s=time_s, **series))
     kept = {name: values[lead:] for name, values in vars(trajectory).items()}
     kept["time_s"] = recording.time_s
-    kept["motor_angle_rad"] = kept["motor_angle_rad"] + zero
     return replace(trajectory, **kept)
+
+
+def _given(recording: Recording, mode: Mode) -> dict[str, _Floats]:
+    """Return the columns that a simulation may look at."""
+    series: dict[str, _Floats] = {name: getattr(recording, name) for name in mode.columns}
+    if TEMPERATURE in recording.extra:
+        series[TEMPERATURE] = recording.extra[TEMPERATURE]
+    return series
 
 
 def compare(

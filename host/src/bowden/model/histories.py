@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from bowden.model.trajectory import FloatArray
 
 
@@ -41,5 +43,7 @@ class Histories:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing changes."""
-        return self.friction_factor is None and self.lengthening_m is None
+        """Whether nothing changes: no series, or only factors of 1 and lengths of 0."""
+        factor, length = self.friction_factor, self.lengthening_m
+        same = factor is None or bool(np.all(factor == 1.0))
+        return same and (length is None or not np.any(length))

@@ -76,6 +76,8 @@ class Parameter:
         stiffness, whose `off` is infinite.
     period : float or None
         Of a phase.
+    whole : bool, default False
+        Whether only whole numbers make sense: a count a turn.
     least, most : float
         Beyond which no rig exists: a file with such a value is refused. Plausible is narrower.
     """
@@ -89,12 +91,14 @@ class Parameter:
     meaning: str
     scale: Scale = "linear"
     period: float | None = None
+    whole: bool = False
     least: float = -math.inf
     most: float = math.inf
 
     def problem(self, value: float) -> str:
         """Say what is wrong with a value; nothing if it is possible."""
-        if value == self.off or (math.isfinite(value) and self.least <= value <= self.most):
+        possible = math.isfinite(value) and self.least <= value <= self.most
+        if value == self.off or (possible and (not self.whole or value == round(value))):
             return ""
         return f"found {value:g}, accepted: {self.accepted}"
 
@@ -102,7 +106,7 @@ class Parameter:
     def accepted(self) -> str:
         """The possible values, in words."""
         if math.isfinite(self.least) and math.isfinite(self.most):
-            return f"{self.least:g} .. {self.most:g}"
+            return f"{self.least:g} .. {self.most:g}" + ", a whole number" * self.whole
         return f"{self.least:g} or more" if math.isfinite(self.least) else "a finite number"
 
 
