@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import can
 import cffi
+import numpy as np
+from numpy.typing import NDArray
 
 from hil_tests.rig.rig import Actuators
 from hil_tests.rig.sensors import Sensors
@@ -42,6 +44,25 @@ def _library() -> tuple[cffi.FFI, Any]:
     return ffi, ffi.dlopen(str(shared_object))
 
 
+class Inside(NamedTuple):
+    """A drive's memory, as views on it, and the addresses of its entry points."""
+
+    tick: int
+    transmit: int
+    drive: NDArray[np.uint8]
+    sensors: NDArray[np.uint8]
+    actuators: NDArray[np.uint8]
+    frame: NDArray[np.uint8]
+
+
+class Entry(NamedTuple):
+    """Where an entry of the dictionary is in the drive's memory; bytes."""
+
+    offset: int
+    size: int
+    signed: bool
+
+
 class NativeTarget:
     """A drive on this machine; a `Target`.
 
@@ -63,11 +84,11 @@ class NativeTarget:
         self._memory = new("char[]", int(self._lib.native_drive_size()) + DRIVE_ALIGNMENT)
         at = int(self._ffi.cast("uintptr_t", self._memory))
         self._drive = self._ffi.cast("drive_t *", at + -at % DRIVE_ALIGNMENT)
-        self._identity = new(
-            "board_identity_t *", {"node_id": node_id, "serial_number": serial_number}
-        )
         self._saved: Any = new("uint32_t[]", STORE_WORDS)
-        self._identity.saved = self._saved
+        self._identity: Any = new(
+            "board_identity_t *",
+            {"node_id": node_id, "serial_number": serial_number, "saved": self._saved},
+        )
         self._sensors: Any = new("board_sensors_t *")
         self._actuators: Any = new("board_actuators_t *")
         self._frame: Any = new("can_frame_t *")
@@ -127,6 +148,38 @@ class NativeTarget:
             is_extended_id=False,
             data=bytes(self._ffi.buffer(frame.data, frame.length)),
         )
+
+    def inside(self) -> Inside:
+        """Show this drive's memory and entry points, for `native_loop`."""
+        ffi, lib = self._ffi, self._lib
+
+        def view(pointer: Any, size: int) -> NDArray[np.uint8]:  # noqa: ANN401
+            memory: Any = ffi.buffer(pointer, size)
+            return np.frombuffer(memory, dtype=np.uint8)
+
+        return Inside(
+            tick=int(ffi.cast("uintptr_t", ffi.addressof(lib, "drive_tick"))),
+            transmit=int(ffi.cast("uintptr_t", ffi.addressof(lib, "drive_transmit"))),
+            drive=view(self._drive, int(lib.native_drive_size())),
+            sensors=view(self._sensors, ffi.sizeof("board_sensors_t")),
+            actuators=view(self._actuators, ffi.sizeof("board_actuators_t")),
+            frame=view(self._frame, ffi.sizeof("can_frame_t")),
+        )
+
+    def entry(self, name: str) -> Entry:
+        """Say where in the drive's memory an entry of the dictionary is.
+
+        Parameters
+        ----------
+        name : str
+            Of the field of dictionary_t, with its unit: ``"load_torque_unm"``. KeyError where there
+            is none.
+        """
+        ffi = self._ffi
+        fields = dict(ffi.typeof("dictionary_t").fields)
+        kind = fields[name].type
+        offset = ffi.offsetof("drive_t", "dictionary") + fields[name].offset
+        return Entry(offset, ffi.sizeof(kind), int(ffi.cast(kind, -1)) < 0)
 
     def complaints(self) -> list[str]:
         """Nothing: this drive has no chip that could be misused."""
