@@ -3,66 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import can
 import pytest
-from bowden.cli import scan as scan_command
 from bowden.cli.main import main
 from bowden.drive import client
-from bowden.drive.bus_options import BusOptions
-from bowden.drive.connection import Connection
-from bowden.model import format_model, table_1
 from bowden.recording.read import read_recording
 
-from hil_tests.bench import Bench
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import make_target
 from hil_tests.virtual_bus import VirtualBus
-
-
-class Unclosed:
-    """Lends one bus to one command after the other."""
-
-    def __init__(self, bus: VirtualBus) -> None:
-        self.bus = bus
-
-    def open(self, options: BusOptions) -> Connection:
-        bus = Lent(self.bus)
-        return Connection(
-            bus, adapter=options.adapter(), clock=lambda: self.bus.time_s, threaded=False
-        )
-
-
-class Lent(can.BusABC):
-    def __init__(self, bus: VirtualBus) -> None:
-        super().__init__(channel="lent")
-        self._bus = bus
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        return self._bus.recv(timeout)
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        self._bus.send(msg, timeout)
-
-
-@pytest.fixture
-def bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualBus]:
-    with VirtualBus(Bench(SimulatedRig(), make_target("native"))) as bus:
-        lender = Unclosed(bus)
-        monkeypatch.setattr(client, "open_connection", lender.open)
-        monkeypatch.setattr(scan_command, "open_connection", lender.open)
-        yield bus
-        bus.advance(0.01)  # what was sent last has to arrive
-        assert not bus.bench.actuators.bridge_enabled
-
-
-@pytest.fixture
-def model(tmp_path: Path) -> Path:
-    path = tmp_path / "rig.yaml"
-    path.write_text(format_model(table_1()))
-    return path
 
 
 def document(capsys: pytest.CaptureFixture[str]) -> dict:

@@ -17,9 +17,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from bowden.cli.compare import compare_files, show
-from bowden.cli.configure import wanted_configuration
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.cli.record import record_to, summary
+from bowden.cli.reduced_model import reduced_model
 from bowden.cli.rig import add_target_argument, rig_command, stop
 from bowden.drive.bus_options import (
     DEFAULT_INTERFACE,
@@ -128,9 +128,9 @@ def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Captu
         drive = Drive(connection, _find(connection, process, log_path))
         drive.check_dictionary()
         _say(f"node {drive.node_id}: {drive.read_text('device_name')}, object dictionary matches")
-        wanted = wanted_configuration(
+        wanted = reduced_model(
             parse_model(model_path.read_text(encoding="utf-8"), str(model_path))
-        )
+        ).entries
         changes = difference(drive, wanted)
         write(drive, changes)
         _say(f"Table I: {len(wanted)} entries checked, {len(changes)} changed and read back")

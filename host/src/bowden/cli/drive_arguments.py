@@ -17,6 +17,7 @@ def add_drive_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--node``, ``--force`` and python-can's bus flags."""
     parser.add_argument(
         "--node",
+        "--node-id",
         type=int,
         default=DEFAULT_NODE_ID,
         metavar="N",

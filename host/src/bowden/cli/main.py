@@ -27,6 +27,7 @@ COMMANDS = {
     "scan": "list the CANopen nodes on the bus",
     "info": "say who a drive is, how it is and what went wrong",
     "configure": "write a model's rig into the drive and read it back",
+    "apply": "make the drive run a model, with what the drive can of its effects",
     "record": "record both encoders, motor torque and load cell over CAN",
     "simulate": "run the offline model on a recording's inputs",
     "compare": "compare recordings with the offline model",

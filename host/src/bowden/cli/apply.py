@@ -1,0 +1,134 @@
+"""Make the drive run a model: reduce the model file, show what changes, write it, read it back.
+
+Cables, path (resampled, with its wrap angle kept), friction, stiction length and pulleys go into
+the drive's entries; effects that only change those numbers are folded in. What the drive cannot
+run is refused, or left out knowingly with --without-unsupported. --compensation also chooses the
+law that works with the model.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from bowden.cli.changes import change_table, changes_document
+from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
+from bowden.cli.model_arguments import read_model
+from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.reduced_model import (
+    CELL_TOLERANCE,
+    DEFAULT_SEGMENTS,
+    LAWS,
+    ReducedModel,
+    friction_nm,
+    reduced_model,
+)
+from bowden.drive import compensation
+from bowden.drive.configuration import Change, difference, write
+from bowden.drive.dictionary import lookup
+from bowden.errors import BadInput
+from bowden.model import Model
+from bowden.model.effects import CATALOGUE
+
+EXAMPLES = """examples:
+  bowden apply rig.yaml --dry-run
+  bowden apply diagnosed.yaml --compensation model-inversion
+  bowden apply diagnosed.yaml --without-unsupported --yes --json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("model", type=Path, metavar="MODEL.yaml", help="the model file")
+    parser.add_argument("--dry-run", action="store_true", help="only show what would be written")
+    parser.add_argument("--yes", action="store_true", help="write without asking")
+    parser.add_argument(
+        "--segments",
+        type=int,
+        default=DEFAULT_SEGMENTS,
+        metavar="N",
+        help=f"segments of each cable in the drive's model (default {DEFAULT_SEGMENTS})",
+    )
+    parser.add_argument(
+        "--compensation",
+        choices=compensation.LAWS,
+        help="the law that is to run on this model (default: as the drive has it)",
+    )
+    parser.add_argument(
+        "--without-unsupported",
+        action="store_true",
+        help="leave out what the drive cannot run instead of refusing",
+    )
+    add_json_argument(parser)
+    add_drive_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Reduce, compare, ask, write, read back, and report."""
+    if not (args.dry_run or args.yes or sys.stdin.isatty()):
+        raise BadInput(
+            "bowden apply", "nobody to ask", "--yes to write, or --dry-run to see what would be"
+        )
+    model = read_model(args.model)
+    reduced = reduced_model(model, args.segments)
+    if reduced.left_out and not args.without_unsupported:
+        raise BadInput(str(args.model), ", ".join(reduced.left_out), _accepted())
+    wanted = reduced.entries | _compensation(args, model)
+    with connect_drive(args) as drive:
+        changes = difference(drive, wanted)
+        _show(changes, len(wanted), reduced)
+        written = not args.dry_run and (not changes or _agreed(args, len(changes)))
+        if written:
+            write(drive, changes)
+    if args.json:
+        print_json(
+            {
+                "node_id": args.node,
+                "model": str(args.model),
+                "changes": changes_document(changes),
+                "written": written,
+                "folded": list(reduced.folded),
+                "left_out": list(reduced.left_out),
+            }
+        )
+    told = "written and read back" if written else "nothing was written"
+    console().print(f"node {args.node}: {told}")
+    return 0
+
+
+def _compensation(args: argparse.Namespace, model: Model) -> dict[str, float]:
+    """Return the entries of the compensation that follow from the model or were asked for."""
+    entry = lookup("compensation_tolerance")
+    low, high = entry.to_value(entry.low), entry.to_value(entry.high)
+    tolerance_nm = min(max(CELL_TOLERANCE * friction_nm(model), low), high)
+    entries = {"compensation_tolerance": tolerance_nm}
+    if args.compensation is not None:
+        entries["compensation_law"] = compensation.law_number(args.compensation)
+    return entries
+
+
+def _accepted() -> str:
+    effects = [name for name, effect in CATALOGUE.items() if effect.on_drive]
+    return (
+        f"friction laws {', '.join(LAWS)} and effects {', '.join(effects)}; "
+        "--without-unsupported leaves the others out"
+    )
+
+
+def _agreed(args: argparse.Namespace, changed: int) -> bool:
+    if args.yes:
+        return True
+    console().print(f"write {changed} entries into node {args.node}? \\[y/N] ", end="")
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
+def _show(changes: list[Change], compared: int, reduced: ReducedModel) -> None:
+    out = console()
+    if changes:
+        out.print(change_table(changes))
+    out.print(f"{len(changes)} of {compared} entries differ")
+    if reduced.folded:
+        out.print(f"folded into them: {', '.join(reduced.folded)}")
+    if reduced.left_out:
+        out.print(f"left out: {', '.join(reduced.left_out)}")
