@@ -1,0 +1,189 @@
+"""What is wrong with a recording is said, and what is right is left in peace."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bowden.diagnosis.quality import Finding, check_quality
+from bowden.model import Inputs, Mode, Model, parse_model, simulate
+from bowden.recording.recording import Recording
+
+from .rigs import TABLE_1, as_recording, experiment_2
+
+MODEL = parse_model(TABLE_1)
+MODE = Mode.TORQUE_POSITION
+LOAD_COUNT, MOTOR_COUNT = 2 * np.pi / 10_000, 2 * np.pi / 2000
+
+
+def sensed(run: Recording) -> Recording:
+    """With counts and noise, as sensors have them."""
+    generator = np.random.default_rng(1)
+    return replace(
+        run,
+        motor_angle_rad=np.round(run.motor_angle_rad / MOTOR_COUNT) * MOTOR_COUNT,
+        load_angle_rad=np.round(run.load_angle_rad / LOAD_COUNT) * LOAD_COUNT,
+        load_torque_nm=run.load_torque_nm + generator.normal(0, 5e-4, run.time_s.size),
+        source="run.csv",
+    )
+
+
+def busy(model: Model = MODEL) -> Recording:
+    """A hand on the load, a sine of torque at the motor."""
+    time_s = np.arange(8000) * 1e-3
+    load = 0.6 * np.sin(2 * np.pi * 0.4 * time_s)
+    torque = 0.15 * np.sin(2 * np.pi * 0.31 * time_s)
+    inputs = Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load)
+    return sensed(as_recording(simulate(model, MODE, inputs)))
+
+
+def locked() -> Recording:
+    """Experiment 1: the load does not move, and with Table I nothing reaches it."""
+    time_s = np.arange(8000) * 1e-3
+    torque = 0.125 * np.sin(2 * np.pi * 0.3 * time_s)
+    inputs = Inputs(time_s, motor_torque_nm=torque, load_angle_rad=0 * time_s)
+    return sensed(as_recording(simulate(MODEL, MODE, inputs)))
+
+
+RUN = busy()
+
+
+def stops(run: Recording, mode: Mode = MODE) -> list[Finding]:
+    return [one for one in check_quality(MODEL, [run], mode) if one.severity == "stop"]
+
+
+@pytest.mark.parametrize("run", [RUN, locked(), sensed(experiment_2(MODEL))])
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_good_recording_has_no_findings(run: Recording, mode: Mode) -> None:
+    assert check_quality(MODEL, [run], mode) == ()
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        ("viscous_friction", {"mu_v_s_per_m": 1.0}),
+        ("wrap_angle_change", {"extra_wrap_rad": 2.0}),
+        ("load_cell_gain", {"g": 0.1}),
+        ("gravity_imbalance", {"amplitude_nm": 0.5, "phase_rad": 0.3}),
+        ("direction_asymmetry", {"a": 0.3}),
+    ],
+)
+def test_a_strong_missing_effect_is_no_bad_recording(effect: tuple[str, dict[str, float]]) -> None:
+    run = busy(MODEL.with_effect(*effect))
+    assert stops(run) == []
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "what", "words"),
+    [
+        ("load_torque_nm", -1.0, "sign", "load torque has the wrong sign"),
+        ("motor_torque_nm", -1.0, "sign", "motor torque has the wrong sign"),
+        ("motor_angle_rad", -1.0, "sign", "motor angle has the wrong sign"),
+        ("load_angle_rad", -1.0, "sign", "load angle has the wrong sign"),
+        ("load_torque_nm", 1e3, "units", "load torque seems to be 1000 times too large"),
+        ("load_torque_nm", 1e-3, "units", "load torque seems to be 1000 times too small"),
+        ("motor_torque_nm", 1e3, "units", "motor torque seems to be 1000 times too large"),
+        ("motor_angle_rad", 180 / np.pi, "units", "motor angle seems to be in degrees"),
+        ("load_angle_rad", 180 / np.pi, "units", "load angle seems to be in degrees"),
+        ("load_angle_rad", 1e3, "units", "load angle seems to be 1000 times too large"),
+    ],
+)
+def test_wrong_signs_and_units_are_recognised(
+    channel: str, factor: float, what: str, words: str
+) -> None:
+    wrong = replace(RUN, **{channel: factor * getattr(RUN, channel)})
+    (finding, *_) = stops(wrong)
+    assert finding.what == what
+    assert words in finding.text
+
+
+def test_channels_in_each_others_place() -> None:
+    wrong = replace(RUN, motor_torque_nm=RUN.load_torque_nm, load_torque_nm=RUN.motor_torque_nm)
+    (finding, *_) = stops(wrong)
+    assert finding.what == "swapped"
+    assert "motor and load torque" in finding.text
+
+
+def test_another_rig() -> None:
+    other = parse_model(
+        TABLE_1.replace("motor_pulley_radius_m: 0.020", "motor_pulley_radius_m: 0.03")
+    )
+    assert any(finding.what == "rig" for finding in stops(busy(other)))
+
+
+def test_a_clipped_load_cell() -> None:
+    level = 0.8 * float(RUN.load_torque_nm.max())
+    clipped = replace(RUN, load_torque_nm=np.minimum(RUN.load_torque_nm, level))
+    (finding, *_) = stops(clipped)
+    assert finding.what == "clipped"
+    assert f"{level:.4g} N m" in finding.text
+
+
+def test_a_load_cell_that_drops_out() -> None:
+    torque = RUN.load_torque_nm.copy()
+    torque[3000:3300] = 0.0
+    assert {finding.what for finding in stops(replace(RUN, load_torque_nm=torque))} >= {"held"}
+
+
+def test_spikes_are_told() -> None:
+    torque = RUN.load_torque_nm.copy()
+    torque[[1000, 2500, 4000]] += 2.0
+    found = check_quality(MODEL, [replace(RUN, load_torque_nm=torque)], MODE)
+    assert [(one.what, one.severity) for one in found] == [("spikes", "warn")]
+    assert "3 samples" in found[0].text
+
+
+@pytest.mark.parametrize("channel", ["load_torque_nm", "motor_angle_rad"])
+def test_a_dead_sensor(channel: str) -> None:
+    dead = replace(RUN, **{channel: np.full(RUN.time_s.size, 0.1)})
+    (finding, *_) = stops(dead)
+    assert finding.what == "constant"
+
+
+def test_a_dead_load_encoder() -> None:
+    assert stops(replace(RUN, load_angle_rad=np.zeros(RUN.time_s.size)))[0].what == "constant"
+
+
+def test_nothing_moves() -> None:
+    zero = np.zeros(RUN.time_s.size)
+    still = Recording(RUN.time_s, zero, zero, zero, zero)
+    assert stops(still)[0].what == "constant"
+
+
+def test_time() -> None:
+    assert stops(_cut(RUN, slice(0, 150)))[0].what == "short"
+    slow = replace(RUN, time_s=1e3 * RUN.time_s)
+    assert stops(slow)[0].what == "sampling"
+    assert "is time_s in s" in stops(slow)[0].text
+    kept = np.ones(RUN.time_s.size, dtype=bool)
+    kept[2000:2300] = False
+    found = check_quality(MODEL, [_cut(RUN, kept)], MODE)
+    assert [(one.what, one.severity) for one in found] == [("gap", "warn")]
+    kept[2000:6000] = False
+    assert "gap" in {one.what for one in stops(_cut(RUN, kept))}
+
+
+def test_an_encoder_that_is_not_the_model_files() -> None:
+    count = 2 * np.pi / 4000
+    other = replace(RUN, load_angle_rad=np.round(RUN.load_angle_rad / count) * count)
+    found = check_quality(MODEL, [other], MODE)
+    assert ("resolution", "warn") in {(one.what, one.severity) for one in found}
+    assert any("4000 counts" in one.text and "10000" in one.text for one in found)
+
+
+def test_each_recording_is_named() -> None:
+    bad = replace(RUN, load_torque_nm=-RUN.load_torque_nm, source="bad.csv")
+    found = check_quality(MODEL, [RUN, bad], MODE)
+    assert [one.where for one in found] == ["bad.csv"]
+
+
+def _cut(run: Recording, kept: slice | np.ndarray) -> Recording:
+    return Recording(
+        run.time_s[kept],
+        run.motor_angle_rad[kept],
+        run.load_angle_rad[kept],
+        run.motor_torque_nm[kept],
+        run.load_torque_nm[kept],
+        source=run.source,
+    )
