@@ -77,8 +77,8 @@ class Bench:
         """Virtual time since the start."""
         return self.ticks / TICKS_PER_S
 
-    def step(self) -> None:
-        """Let one control period pass."""
+    def step(self, hand: tuple[float, float] | None = None) -> None:
+        """Let one control period pass; `hand` as in `SimulatedRig.step`."""
         target = self.target
         while self.to_drive:
             sent = self.to_drive.popleft()
@@ -96,7 +96,7 @@ class Bench:
             target.reset()
             actuators = Actuators()
         self.actuators = actuators
-        self.rig.step(actuators)
+        self.rig.step(actuators, hand)
         if self._rows is not None:
             self._rows.append(self.rig.plant.scalars.copy())
             self._enabled.append(actuators.bridge_enabled)

@@ -1,0 +1,67 @@
+"""The compensation laws that are compared, and how a lab configures the drive for one.
+
+Output: entries of the object dictionary in SI units, for `trial` to write over the bus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from hil_tests.render.rigs import LENGTH_M, RenderRig
+from hil_tests.render.tasks import Task
+
+SEGMENTS: Final = 20
+FULL_TORQUE_S: Final = 5e-3  # slew: the motor may go from nothing to its limit in this time
+
+
+@dataclass(frozen=True)
+class Law:
+    """A row of the table: entry compensation_law, and whether the load cell may be used."""
+
+    name: str
+    number: int
+    load_cell: bool = False
+
+
+LAWS: Final = (
+    Law("none", 0),
+    Law("coulomb", 1),
+    Law("integral", 2, load_cell=True),
+    Law("smooth-inverse", 3),
+    Law("adaptive-hysteresis", 4, load_cell=True),
+    Law("model-inversion", 5, load_cell=True),
+    Law("model-inversion-without-cell", 5),
+)
+NAIVE: Final = LAWS[0]
+
+
+def law_named(name: str) -> Law:
+    """Return the law of that name; ValueError says which there are."""
+    for law in LAWS:
+        if law.name == name:
+            return law
+    raise ValueError(f"law: found {name!r}; accepted: {', '.join(x.name for x in LAWS)}")
+
+
+def entries(rig: RenderRig, law: Law, task: Task) -> dict[str, float]:
+    """Entries to write, by name, in SI units: what the lab believes of its rig."""
+    belief, tunnel = rig.belief, task.tunnel(rig)
+    curvature = 1.0 / rig.rig.cable.path[0][1]
+    return {
+        "cable_segments": SEGMENTS,
+        **{f"segment_length.{i + 1}": LENGTH_M / SEGMENTS for i in range(SEGMENTS)},
+        **{f"segment_curvature.{i + 1}": curvature for i in range(SEGMENTS)},
+        "cable_axial_stiffness": belief.axial_stiffness_n,
+        "cable_pretension": belief.pretension_n,
+        "friction_dynamic": belief.friction,
+        "friction_static": belief.friction,
+        "motor_torque_limit": rig.motor_limit_nm,
+        "motor_torque_slew": rig.motor_limit_nm / FULL_TORQUE_S,
+        "tunnel_half_width": tunnel.half_width_rad,
+        "tunnel_stiffness": tunnel.stiffness_nm_per_rad,
+        "tunnel_torque_limit": tunnel.limit_nm,
+        "motor_inertia": belief.motor_inertia_kg_m2,
+        "compensation_law": law.number,
+        "compensation_use_load_cell": float(law.load_cell),
+    }

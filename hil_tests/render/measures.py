@@ -1,0 +1,100 @@
+"""What is measured of one trial: errors, friction felt, stiffness, swings at rest, energy, slack.
+
+Pure functions over series of one sample a tick; SI units. Input from `trial`, output to `table`.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def rms(series: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(series**2)))
+
+
+def felt_friction_nm(load_torque_nm: Array, load_angle_rad: Array) -> float:
+    """Torque against the motion: energy that the cables take over the length of the path.
+
+    Negative: they push. 0 where nothing moves.
+    """
+    step = np.diff(load_angle_rad)
+    path_rad = float(np.sum(np.abs(step)))
+    taken_j = -float(np.sum(0.5 * (load_torque_nm[1:] + load_torque_nm[:-1]) * step))
+    return taken_j / path_rad if path_rad > 0.0 else 0.0
+
+
+def rendered_stiffness(angle_rad: Array, torque_nm: Array, wanted_nm: Array) -> float:
+    """Slope of torque over angle against the wanted one, both by least squares; nan without angle.
+
+    Give it the samples on the walls' slopes.
+    """
+    side = np.sign(angle_rad)
+    if len(angle_rad) == 0 or np.ptp(np.abs(angle_rad)) == 0.0:
+        return float("nan")
+    reach = np.abs(angle_rad) - np.mean(np.abs(angle_rad))
+    wanted = float(np.dot(reach, wanted_nm * side))
+    return float(np.dot(reach, torque_nm * side)) / wanted if wanted != 0.0 else float("nan")
+
+
+def swings(series: Array, band: float) -> list[float]:
+    """Sizes of successive swings to and fro that are larger than `band`.
+
+    A turning point counts once the series has come back from it by more than the band, so noise
+    within the band is none.
+    """
+    turns = [float(series[0])]
+    low = high = float(series[0])
+    direction = 0
+    for value in series.tolist():
+        low, high = min(low, value), max(high, value)
+        if direction >= 0 and value < high - band:
+            if direction > 0 or high > turns[0]:
+                turns.append(high)
+            direction, low = -1, value
+        elif direction <= 0 and value > low + band:
+            if direction < 0 or low < turns[0]:
+                turns.append(low)
+            direction, high = 1, value
+    turns.append(high if direction > 0 else low)
+    return [abs(b - a) for a, b in pairwise(turns) if abs(b - a) > band]
+
+
+def limit_cycle(series: Array, band: float) -> bool:
+    """Tell whether a series that should rest swings on: four swings that do not die away.
+
+    A drift or a single move is no limit cycle; nor is a ringing that has lost half of its size by
+    the last swing.
+    """
+    sizes = swings(series, band)
+    return len(sizes) >= 4 and sizes[-1] > 0.5 * max(sizes[:2])
+
+
+def net_energy(
+    load_torque_nm: Array, wanted_nm: Array, load_angle_rad: Array, period: int
+) -> float:
+    """Most energy that a closed path has given the hand beyond the wanted, as a part of exchanged.
+
+    Over each whole period: integral of (tau - wanted) d theta over that of abs(tau d theta). The
+    wanted torque stores and gives back, so it takes away what a path that does not quite close
+    would show. Negative: the cables took energy on every path.
+    """
+    step = np.diff(load_angle_rad)
+    middle = 0.5 * (load_torque_nm[1:] + load_torque_nm[:-1])
+    beyond = middle - 0.5 * (wanted_nm[1:] + wanted_nm[:-1])
+    parts = []
+    for start in range(0, len(step) - period + 1, period):
+        path = slice(start, start + period)
+        exchanged = float(np.sum(np.abs(middle * step)[path]))
+        parts.append(float(np.sum((beyond * step)[path])) / exchanged if exchanged > 0.0 else 0.0)
+    return max(parts, default=0.0)
+
+
+def slack_share(tensions_n: Array) -> float:
+    """Part of the time in which a cable carries nothing at an end; shape (ticks, ends)."""
+    return float(np.mean(np.min(tensions_n, axis=1) <= 1e-3))

@@ -1,0 +1,187 @@
+"""One task on one rig with one law: configured over the bus, run, measured.
+
+Input: `rigs`, `laws`, `tasks`. Output: `Trial` with its series for plots and `Outcome` with its
+figures for `table`. On the native target whole tasks run compiled; on the emulated one each tick
+goes through Python.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from bowden.drive.dictionary import TABLE
+from numpy.typing import NDArray
+
+from hil_tests import native_loop
+from hil_tests.bench import TICKS_PER_S, Bench
+from hil_tests.lockstep_host import LockstepHost
+from hil_tests.render import measures
+from hil_tests.render.laws import Law, entries
+from hil_tests.render.rigs import RenderRig
+from hil_tests.render.tasks import Task
+from hil_tests.rig import state as at
+from hil_tests.rig.rig import SimulatedRig
+from hil_tests.targets.target import Target, fitted, make_target
+from hil_tests.virtual_bus import VirtualBus
+
+TARGET_TORQUE: Final = 0x2040
+SETTLE_S: Final = 0.06  # the drive takes a configuration 50 ms after its last entry
+LEAST_BAND_NM: Final = 0.02  # a swing at the load below this is not felt
+TENSIONS: Final = (
+    at.MOTOR_TENSION_A,
+    at.LOAD_TENSION_A,
+    at.MOTOR_TENSION_B,
+    at.LOAD_TENSION_B,
+)
+WATCHED: Final = (
+    "motor_torque_command_unm",
+    "estimated_load_torque_unm",
+    "estimate_confidence",
+    "slip_state",
+    "compensation_active_law",
+    "compensation_flags",
+    "motor_innovation_nm",
+)
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Series of one trial, one row a tick.
+
+    Parameters
+    ----------
+    rig : ndarray, shape (ticks, state.SCALARS)
+    drive : mapping of str to ndarray
+        Entries of the dictionary, raw; empty on the emulated target.
+    wanted_nm : ndarray
+        At the load.
+    bridge_off : bool
+        The drive stopped in mid-task.
+    """
+
+    render_rig: RenderRig
+    law: Law
+    task: Task
+    rig: Array
+    drive: dict[str, NDArray[np.int64]]
+    wanted_nm: Array
+    bridge_off: bool
+
+    @property
+    def time_s(self) -> Array:
+        """Time since the task began."""
+        return self.task.time_s()
+
+    @property
+    def error_nm(self) -> Array:
+        """Torque by the cables on the load, less what was wanted."""
+        error: Array = self.rig[:, at.LOAD_TORQUE] - self.wanted_nm
+        return error
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Figures of one trial; nan where the task does not show it."""
+
+    seed: int
+    apart: bool
+    law: str
+    task: str
+    rms_nm: float
+    peak_nm: float
+    felt_friction_nm: float
+    stiffness: float
+    limit_cycle: bool
+    net_energy: float
+    slack: float
+    bridge_off: bool
+    fallback: float
+
+
+def run(rig: RenderRig, law: Law, task: Task, target: Target | None = None) -> Trial:
+    """Do the task.
+
+    Parameters
+    ----------
+    rig, law, task
+    target : Target, optional
+        A fresh one; without it the native drive.
+    """
+    target = target or make_target("native")
+    bench = Bench(SimulatedRig(fitted(rig.rig, target.capabilities), rig.seed), target)
+    host = LockstepHost(VirtualBus(bench))
+    host.await_boot()
+    for name, value in entries(rig, law, task).items():
+        entry = TABLE.lookup(name)
+        host.write(entry.index, entry.sub, entry.to_raw(value), entry.bits // 8)
+    host.listen(SETTLE_S)
+    host.enable(task.mode)
+    if target.name == "native":
+        record = native_loop.run(bench, task.ticks, task.hand(rig), task.target_nm(rig), WATCHED)
+        rows, enabled = record.rig, bool(record.bridge_enabled.all())
+        drive = {name: record.drive[:, i] for i, name in enumerate(WATCHED)}
+    else:
+        rows, enabled = _tick_by_tick(host, rig, task)
+        drive = {}
+    host.bus.shutdown()
+    wanted = task.wanted_nm(rig, rows[:, at.LOAD_ANGLE])
+    return Trial(rig, law, task, rows, drive, wanted, not enabled)
+
+
+def _tick_by_tick(host: LockstepHost[VirtualBus], rig: RenderRig, task: Task) -> tuple[Array, bool]:
+    bench = host.bus.bench
+    rows = np.empty((task.ticks, at.SCALARS))
+    target, last, enabled = task.target_nm(rig), 0.0, True
+    for k, (angle, speed) in enumerate(task.hand(rig).tolist()):
+        if target is not None and target[k] != last:
+            last = float(target[k])
+            host.write(TARGET_TORQUE, 0, round(1e6 * last), 3)
+        bench.step((angle, speed))
+        bench.from_drive.clear()
+        rows[k] = bench.rig.plant.scalars
+        enabled &= bench.actuators.bridge_enabled
+    return rows, enabled
+
+
+def judge(trial: Trial) -> Outcome:
+    """Measure a trial from `scored_from_s` on."""
+    task, rig = trial.task, trial.render_rig
+    scored = slice(round(task.scored_from_s * TICKS_PER_S), None)
+    rows, wanted, error = trial.rig[scored], trial.wanted_nm[scored], trial.error_nm[scored]
+    torque, angle = rows[:, at.LOAD_TORQUE], rows[:, at.LOAD_ANGLE]
+    nan = float("nan")
+    felt = stiffness = nan
+    if task.kind == "free":
+        felt = measures.felt_friction_nm(torque, angle)
+    if task.kind == "strokes":
+        reach = np.abs(angle) - rig.tunnel.half_width_rad
+        slope = (reach > 0.0) & (rig.tunnel.stiffness_nm_per_rad * reach < rig.tunnel.limit_nm)
+        stiffness = measures.rendered_stiffness(angle[slope], torque[slope], wanted[slope])
+    cycles = False
+    if task.kind == "rest":
+        band = max(LEAST_BAND_NM, 0.05 * rig.ratio * rig.friction_nm)
+        cycles = measures.limit_cycle(torque, band)
+    energy = nan
+    if task.period_s > 0.0:
+        energy = measures.net_energy(torque, wanted, angle, round(task.period_s * TICKS_PER_S))
+    fallback = nan
+    if trial.drive:
+        fallback = float(np.mean(trial.drive["compensation_active_law"] != trial.law.number))
+    return Outcome(
+        seed=rig.seed,
+        apart=rig.apart,
+        law=trial.law.name,
+        task=task.name,
+        rms_nm=measures.rms(error),
+        peak_nm=float(np.max(np.abs(error))),
+        felt_friction_nm=felt,
+        stiffness=stiffness,
+        limit_cycle=cycles,
+        net_energy=energy,
+        slack=measures.slack_share(rows[:, list(TENSIONS)]),
+        bridge_off=trial.bridge_off,
+        fallback=fallback,
+    )
