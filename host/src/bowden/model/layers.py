@@ -11,6 +11,7 @@ from typing import get_args
 
 import numpy as np
 
+from bowden.model.effects import CATALOGUE
 from bowden.model.effects.effect import Channel, Enters
 from bowden.model.histories import Histories
 from bowden.model.model_effects import InForce
@@ -29,13 +30,13 @@ class Layers:
     Parameters
     ----------
     effects : sequence of InForce
-        Of the model, in any order: layers lie by where effects enter.
+        Of the model, in any order: layers lie by where effects enter, then as in the catalogue.
     mode : Mode
         Which channels are given.
     """
 
     def __init__(self, effects: Sequence[InForce], mode: Mode) -> None:
-        ordered = sorted(effects, key=lambda one: OUTSIDE_IN.index(one.effect.enters))
+        ordered = sorted(effects, key=_depth)
         self._layers = [one for one in ordered if one.variant.channels]
         self._histories = [one for one in ordered if one.variant.histories is not None]
         self._given = mode.columns
@@ -118,6 +119,12 @@ class Layers:
                     if channel is None
                     else channel.applied(inner[name], outer, one.values)
                 )
+
+
+def _depth(one: InForce) -> tuple[int, int, int]:
+    effect = one.effect
+    entry, place = list(CATALOGUE).index(effect.name), effect.variants.index(one.variant)
+    return OUTSIDE_IN.index(effect.enters), entry, place
 
 
 def _channel(one: InForce, name: str) -> Channel | None:
