@@ -8,34 +8,20 @@ the offline model. Ctrl-C at any time leaves the drive disabled and no process b
 from __future__ import annotations
 
 import argparse
-import socket
-import subprocess
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 from bowden.cli.compare import compare_files, show
 from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.own_rig import own_rig
 from bowden.cli.record import record_to, summary
 from bowden.cli.reduced_model import reduced_model
-from bowden.cli.rig import add_target_argument, rig_command, stop
-from bowden.drive.bus_options import (
-    DEFAULT_INTERFACE,
-    BusOptions,
-    add_bus_arguments,
-    bus_options,
-    open_connection,
-)
+from bowden.cli.rig import add_target_argument
+from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.capture import Capture
-from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
-from bowden.drive.connection import Connection
 from bowden.drive.power import Mode as DriveMode
 from bowden.drive.power import Run
-from bowden.drive.scan import scan
-from bowden.errors import BadInput, DriveFailed
+from bowden.errors import BadInput
 from bowden.model import Mode, format_model, parse_model, table_1
 
 EXAMPLES = """examples:
@@ -49,9 +35,6 @@ _RUNS_ON = {
     "native": "compiled for this machine",
     "emulated": "the ELF that is flashed, on an emulated STM32F405",
 }
-
-#: Starting the rig compiles its simulation the first time; slow machines take a minute for it.
-_RIG_STARTS_WITHIN_S = 180.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -116,7 +99,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Capture:
     """Start the rig, configure its drive, record the tunnel; drive and rig are off afterwards."""
-    options = _own_bus(bus_options(args))
     rig_arguments = [
         *("--target", args.target, "--seed", str(args.seed)),
         *("--drop-probability", str(args.drop_probability)),
@@ -124,9 +106,7 @@ def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Captu
     log_path = run_path.with_name("rig.log")
     _say("starting the simulated rig in a process of its own")
     _say(f"target {args.target}: the drive's firmware is {_RUNS_ON[args.target]}")
-    with open_connection(options) as connection, _rig(options, rig_arguments, log_path) as process:
-        drive = Drive(connection, _find(connection, process, log_path))
-        drive.check_dictionary()
+    with own_rig(bus_options(args), rig_arguments, log_path) as drive:
         _say(f"node {drive.node_id}: {drive.read_text('device_name')}, object dictionary matches")
         wanted = reduced_model(
             parse_model(model_path.read_text(encoding="utf-8"), str(model_path))
@@ -147,53 +127,6 @@ def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Captu
         )
         _say("the drive is off")
         return capture
-
-
-@contextmanager
-def _rig(
-    options: BusOptions, rig_arguments: list[str], log_path: Path
-) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a rig for the block; it is gone at its end, however it ends."""
-    command = rig_command(options, further=rig_arguments)
-    with log_path.open("wb") as log:
-        # A session of its own: Ctrl-C must reach us first, so that the drive is stopped before
-        # its rig is gone. The rig ends by itself when this process dies.
-        process = subprocess.Popen(command, stderr=log, start_new_session=True)
-    try:
-        yield process
-    finally:
-        stop(process)
-
-
-def _find(connection: Connection, process: subprocess.Popen[bytes], log_path: Path) -> int:
-    """Wait for the rig's node to speak and return its id."""
-    deadline = time.monotonic() + _RIG_STARTS_WITHIN_S
-    while not connection.nodes_heard:
-        if process.poll() is not None:
-            raise DriveFailed(f"the simulated rig did not start: {_last_line(log_path)}")
-        if time.monotonic() > deadline:
-            raise DriveFailed(f"the simulated rig is silent; its log is {log_path}")
-        connection.listen(0.1)
-    nodes = scan(connection)
-    if len(nodes) != 1:
-        found = ", ".join(str(node.node_id) for node in nodes) or "none"
-        raise DriveFailed(f"found nodes {found} on the bus where only the demo's rig should be")
-    return nodes[0].node_id
-
-
-def _own_bus(options: BusOptions) -> BusOptions:
-    """On the default bus take a port that nobody uses, so that demos do not meet."""
-    if options.interface != DEFAULT_INTERFACE or "port" in options.further:
-        return options
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        port = probe.getsockname()[1]
-    return replace(options, further={**options.further, "port": port})
-
-
-def _last_line(log_path: Path) -> str:
-    lines = log_path.read_text(encoding="utf-8", errors="replace").split("\n")
-    return next((line for line in reversed(lines) if line.strip()), "it said nothing")
 
 
 def _say(text: str) -> None:

@@ -1,10 +1,14 @@
-"""Run one of the paper's experiments on the offline model and say what came out.
+"""Run one of the paper's experiments, on the offline model or on a drive, and say what came out.
 
 1a: load locked, four pretensions. 1b: load locked, one to three loops of conduit. 2: a hand moves
 the load by 40 degrees at 0.5 Hz, the motor renders the error-reduction tunnel. 3: the motor follows
 the load's position, ideally and with a PI controller. The preset `printed` is the rig of the
 paper's Table I, with which no torque arrives in Experiment 1; `transmitting` has a pretension with
 which it does.
+
+tunnel: Experiment 2; with --compensation not offline but on the connected drive, or on a simulated
+rig of its own (--start-rig): each law renders the same tunnel for the same motion, is recorded and
+judged against the torque that was wanted at the load.
 """
 
 from __future__ import annotations
@@ -13,8 +17,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.rig import add_target_argument
+from bowden.drive.compensation import LAWS
 from bowden.errors import BadInput
 
 if TYPE_CHECKING:
@@ -25,9 +32,11 @@ EXAMPLES = """examples:
   bowden experiment 1a
   bowden experiment 2 --report tunnel.html
   bowden experiment 3 --model rig.yaml --segments 50 --json
+  bowden experiment tunnel --compensation all --start-rig
+  bowden experiment tunnel --compensation model-inversion --model rig.yaml -i socketcan -c can0
 """
 
-NAMES = ("1a", "1b", "2", "3")
+NAMES = ("1a", "1b", "2", "3", "tunnel")
 PRESETS = ("printed", "transmitting")
 
 
@@ -54,10 +63,57 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--report", metavar="OUT.html", type=Path, help="write a page that opens anywhere"
     )
     add_json_argument(parser)
+    _add_drive_arguments(parser)
+
+
+def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
+    on_drive = parser.add_argument_group("experiment tunnel on a drive")
+    on_drive.add_argument(
+        "--compensation",
+        nargs="+",
+        choices=(*LAWS, "all"),
+        metavar="LAW",
+        help=f"{', '.join(LAWS)} or all; none always runs too, for comparison",
+    )
+    on_drive.add_argument(
+        "--start-rig",
+        action="store_true",
+        help="on a simulated rig of its own, not a connected drive",
+    )
+    on_drive.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PART.FIELD=VALUE",
+        help="change that rig (bowden rig --rig-help)",
+    )
+    on_drive.add_argument("--seed", type=int, default=1, metavar="N", help="of that rig's noise")
+    on_drive.add_argument(
+        "--duration", type=float, default=11.0, metavar="S", help="of each run (default: 11)"
+    )
+    on_drive.add_argument(
+        "--output",
+        type=Path,
+        default=Path("tunnel"),
+        metavar="DIR",
+        help="for recordings and report.html (default: ./tunnel)",
+    )
+    add_target_argument(parser)
+    add_drive_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the experiment, write the page, print the figures."""
+    if args.compensation:
+        if args.experiment not in ("tunnel", "2"):
+            raise BadInput("--compensation", f"experiment {args.experiment}", "experiment tunnel")
+        from bowden.cli.tunnel_experiment import run_on_drive  # noqa: PLC0415  (fast --help)
+
+        return run_on_drive(args)
+    if args.start_rig:
+        raise BadInput("--start-rig", "no --compensation", "--compensation LAW, which it is for")
+    if args.experiment == "tunnel":
+        args.experiment = "2"
     from bowden.model.experiments import PiFollower, run_experiment  # noqa: PLC0415  (fast --help)
 
     if args.gains and args.experiment != "3":

@@ -1,0 +1,198 @@
+"""Experiment 2 on a drive, law by law: the same tunnel, the same hand, each compensation in turn.
+
+`experiment tunnel --compensation ...` calls it. The drive is left as it was found, but for the
+model if one was given. Without compensation always comes first: the others are measured against it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from bowden.cli.drive_arguments import connect_drive
+from bowden.cli.model_arguments import read_model
+from bowden.cli.output import console, print_json
+from bowden.cli.own_rig import own_rig
+from bowden.cli.record import record_to
+from bowden.cli.reduced_model import reduced_model
+from bowden.diagnosis.rendering import Tunnel, judge_rendering
+from bowden.drive.bus_options import bus_options
+from bowden.drive.client import Drive
+from bowden.drive.compensation import LAWS, law_number
+from bowden.drive.configuration import difference, write
+from bowden.drive.power import Mode, Run
+from bowden.errors import BadInput
+from bowden.model import Model, table_1
+from bowden.recording.atomic import replace_whole
+from bowden.recording.read import read_recording
+from bowden.report.rendering import LawRun, figures_table, finding, rendering_report
+
+#: Every law, for --compensation.
+ALL = "all"
+
+#: At the start of a run the hand swells to its stroke, and the cables forget what was before.
+SETTLE_S = 3.0
+_REST_S = 2.0
+
+#: A rig of our own is Table I with a pretension at which its motor can both overcome the friction
+#: and render the tunnel: 2 r_in T0 m = 0.3 N m of 0.7.
+_PRETENSION_N = 5.0
+_TORQUE_LIMIT_NM = 0.7
+_PDO_DOES_NOT_EXIST = 1 << 31
+
+
+def run_on_drive(args: argparse.Namespace) -> int:
+    """Run the laws, write recordings and report, print the figures."""
+    laws = chosen_laws(args.compensation)
+    if args.duration <= SETTLE_S:
+        raise BadInput("--duration", f"{args.duration:g}", f"seconds, more than {SETTLE_S:g}")
+    directory: Path = args.output
+    directory.mkdir(parents=True, exist_ok=True)
+    model = read_model(args.model) if args.model else None
+    with _drive(args, directory) as drive:
+        entries = _entries(args, model)
+        write(drive, difference(drive, entries))
+        tunnel = _tunnel(drive)
+        with _telling_the_law(drive), _law_put_back(drive):
+            runs = [_run(args, drive, law, tunnel, directory) for law in laws]
+    rig = "the simulated rig" if args.start_rig else "the connected rig"
+    report: Path = args.report or directory / "report.html"
+    with replace_whole(report) as temporary:
+        temporary.write_text(rendering_report(runs, tunnel, SETTLE_S, rig), encoding="utf-8")
+    _show(runs, report)
+    if args.json:
+        print_json(_document(runs, rig, report))
+    return 0
+
+
+def chosen_laws(names: Sequence[str]) -> list[str]:
+    """Return the laws to run, ``none`` first."""
+    wanted = LAWS if ALL in names else names
+    return [LAWS[0], *(law for law in LAWS[1:] if law in wanted)]
+
+
+@contextmanager
+def _drive(args: argparse.Namespace, directory: Path) -> Iterator[Drive]:
+    if not args.start_rig:
+        with connect_drive(args) as drive:
+            yield drive
+        return
+    settings = [f"cable.pretension_n={_PRETENSION_N:g}", *args.set]
+    rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
+    for setting in settings:
+        rig_arguments += ["--set", setting]
+    console().print("[green]>[/] starting the simulated rig in a process of its own")
+    with own_rig(bus_options(args), rig_arguments, directory / "rig.log") as drive:
+        yield drive
+
+
+def _entries(args: argparse.Namespace, model: Model | None) -> dict[str, float]:
+    """Return what the drive is to have: the model that was given; on our own rig, that rig's."""
+    if model is not None:
+        entries = dict(reduced_model(model).entries)
+    elif args.start_rig:
+        model = table_1().with_values({"rig.cable.pretension_n": _PRETENSION_N})
+        entries = dict(reduced_model(model).entries)
+        entries["friction_static"] = entries["friction_dynamic"]  # as in a lined conduit
+    else:
+        entries = {}
+    return entries | ({"motor_torque_limit": _TORQUE_LIMIT_NM} if args.start_rig else {})
+
+
+def _tunnel(drive: Drive) -> Tunnel:
+    if drive.read_raw("tunnel_angle_source") != 0:
+        raise BadInput(
+            "tunnel_angle_source",
+            "the motor's angle",
+            "the load's (bowden configure, --tunnel-angle)",
+        )
+    return Tunnel(
+        half_width_rad=drive.read("tunnel_half_width"),
+        stiffness_nm_per_rad=drive.read("tunnel_stiffness"),
+        torque_limit_nm=drive.read("tunnel_torque_limit"),
+        ratio=drive.read("load_pulley_radius") / drive.read("motor_pulley_radius"),
+    )
+
+
+@contextmanager
+def _telling_the_law(drive: Drive) -> Iterator[None]:
+    """Have the fourth TPDO sent inside the block: wanted and estimated torque, the law that ran."""
+    name = "tpdo4_communication.cob_id"
+    before = drive.read_raw(name)
+    drive.nmt("PRE-OPERATIONAL")
+    drive.write_raw(name, before & ~_PDO_DOES_NOT_EXIST)
+    try:
+        yield
+    finally:
+        drive.write_raw(name, before)
+
+
+@contextmanager
+def _law_put_back(drive: Drive) -> Iterator[None]:
+    before = drive.read_raw("compensation_law")
+    try:
+        yield
+    finally:
+        drive.write_raw("compensation_law", before)
+
+
+def _run(
+    args: argparse.Namespace, drive: Drive, law: str, tunnel: Tunnel, directory: Path
+) -> LawRun:
+    number = law_number(law)
+    drive.write_raw("compensation_law", number)
+    drive.connection.listen(_REST_S)  # the hand comes to rest
+    if not args.start_rig:
+        console().print(f"[green]>[/] {law}: move the load through the tunnel, always alike")
+    path = directory / f"{law}.blf"
+    record_to(
+        drive,
+        path,
+        args.duration,
+        Run(Mode.TUNNEL),
+        {"notes": f"Experiment 2 with compensation: {law}", "compensation": law},
+    )
+    recording = read_recording(path)
+    return LawRun(law, recording, judge_rendering(recording, tunnel, number, SETTLE_S), path.name)
+
+
+def _document(runs: Sequence[LawRun], rig: str, report: Path) -> dict[str, object]:
+    naive = runs[0].figures.rms_error_nm
+    return {
+        "experiment": "tunnel",
+        "rig": rig,
+        "laws": [
+            {
+                "law": run.law,
+                "rms_error_nm": run.figures.rms_error_nm,
+                "peak_error_nm": run.figures.peak_error_nm,
+                "ratio_to_none": run.figures.rms_error_nm / naive if naive else None,
+                "dead_zone_friction_nm": run.figures.dead_zone_friction_nm,
+                "loss_w": run.figures.loss_w,
+                "full_law_share": run.figures.full_law_share,
+                "recording": run.file,
+            }
+            for run in runs
+        ],
+        "finding": finding(runs),
+        "report": str(report),
+    }
+
+
+def _show(runs: Sequence[LawRun], report: Path) -> None:
+    from rich import box  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415  (as in experiment)
+
+    header, rows = figures_table(runs)
+    shown = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    shown.add_column(header[0], no_wrap=True)
+    for name in header[1:]:
+        shown.add_column(name, justify="right")
+    for row in rows:
+        shown.add_row(*row)
+    out = console()
+    out.print(shown)
+    out.print(finding(runs))
+    out.print(f"report: {report}", soft_wrap=True)

@@ -1,0 +1,118 @@
+"""How well the torque that was wanted at the load arrived there, from one recording.
+
+The wanted torque is the tunnel's at the measured load angle times the transmission ratio; the one
+that arrived is the load cell's. Both are restoring: a perfect transmission would lay one on the
+other. Pure functions over arrays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.errors import BadInput
+from bowden.recording.recording import Recording
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tunnel:
+    """The tunnel of eq. (7) as the load feels it through a perfect transmission.
+
+    Parameters
+    ----------
+    half_width_rad : float
+        Of the dead zone, at the load.
+    stiffness_nm_per_rad, torque_limit_nm : float
+        At the motor.
+    ratio : float
+        r_load / r_motor.
+    """
+
+    half_width_rad: float
+    stiffness_nm_per_rad: float
+    torque_limit_nm: float
+    ratio: float
+
+    def wanted_nm(self, load_angle_rad: _Floats) -> _Floats:
+        """Return the torque by the cables on the load that is wanted at each angle."""
+        outside = load_angle_rad - np.clip(
+            load_angle_rad, -self.half_width_rad, self.half_width_rad
+        )
+        limit = self.torque_limit_nm
+        return -self.ratio * np.clip(self.stiffness_nm_per_rad * outside, -limit, limit)
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """Figures of one run; torques at the load.
+
+    Parameters
+    ----------
+    rms_error_nm, peak_error_nm : float
+        Of what arrived against what was wanted.
+    dead_zone_friction_nm : float
+        RMS of what is felt where nothing is wanted; NaN where the load was never there.
+    loss_w : float
+        What the hand loses to the rig on average: the area of the loop times strokes a second.
+    full_law_share : float
+        Share of the time in which the law ran that was asked for; 1 where nothing else is known.
+    """
+
+    rms_error_nm: float
+    peak_error_nm: float
+    dead_zone_friction_nm: float
+    loss_w: float
+    full_law_share: float
+
+
+def wanted_and_felt(recording: Recording, tunnel: Tunnel, settle_s: float) -> tuple[_Floats, ...]:
+    """Return load angle, wanted and felt torque from `settle_s` on.
+
+    Raises
+    ------
+    BadInput
+        Nothing is left of the recording then.
+    """
+    kept = recording.time_s - recording.time_s[0] >= settle_s
+    if np.count_nonzero(kept) < 2:
+        raise BadInput(
+            recording.source, f"less than {settle_s:g} s", "a recording that is longer than that"
+        )
+    angle = recording.load_angle_rad[kept]
+    return angle, tunnel.wanted_nm(angle), recording.load_torque_nm[kept]
+
+
+def judge_rendering(recording: Recording, tunnel: Tunnel, law: int, settle_s: float) -> Rendering:
+    """Judge one run.
+
+    Parameters
+    ----------
+    recording : Recording
+        With a column ``compensation_active_law`` where the drive told it.
+    tunnel : Tunnel
+    law : int
+        The law that was asked for.
+    settle_s : float, s
+        Left out at the start: the hand swells to its stroke, and the cables forget the rest before.
+    """
+    angle, wanted, felt = wanted_and_felt(recording, tunnel, settle_s)
+    error = felt - wanted
+    inside = np.abs(angle) < tunnel.half_width_rad
+    active = recording.extra.get("compensation_active_law")
+    duration_s = recording.time_s[-1] - recording.time_s[0] - settle_s
+    work_j = float(np.sum(0.5 * (felt[1:] + felt[:-1]) * np.diff(angle)))
+    return Rendering(
+        rms_error_nm=_rms(error),
+        peak_error_nm=float(np.abs(error).max()),
+        dead_zone_friction_nm=_rms(felt[inside]),
+        loss_w=-work_j / duration_s,
+        full_law_share=1.0 if active is None else float(np.mean(active[-angle.size :] == law)),
+    )
+
+
+def _rms(values: _Floats) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

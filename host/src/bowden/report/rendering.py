@@ -1,0 +1,186 @@
+"""The page of the tunnel experiment on a drive: Fig. 6 for each compensation law, and the figures.
+
+Takes the runs of one experiment, returns HTML text. The frame comes from `page`.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from bowden.diagnosis.rendering import Rendering, Tunnel, wanted_and_felt
+from bowden.recording.recording import Recording
+from bowden.report.canvas import PRESCRIBED, SIMULATED, draw, dress, legend_above
+from bowden.report.page import Section, figure, page, paragraph, table
+from bowden.report.words import percent, si
+
+_POINTS = 2500
+_COLUMNS = 2
+_ROW_PX = 300
+
+TITLES = {
+    "none": "no compensation",
+    "coulomb": "Coulomb feed-forward",
+    "integral": "integral force control",
+    "smooth-inverse": "smooth backlash inverse",
+    "adaptive-hysteresis": "adaptive hysteresis",
+    "model-inversion": "model inversion",
+}
+
+
+@dataclass(frozen=True)
+class LawRun:
+    """One law's run.
+
+    Parameters
+    ----------
+    law : str
+        As in `bowden.drive.compensation.LAWS`.
+    recording : Recording
+    figures : Rendering
+    file : str
+        Name of the recording.
+    """
+
+    law: str
+    recording: Recording
+    figures: Rendering
+    file: str
+
+
+def rendering_report(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float, rig: str) -> str:
+    """Make the page.
+
+    Parameters
+    ----------
+    runs : sequence of LawRun
+        The one without compensation first.
+    tunnel : Tunnel
+    settle_s : float, s
+        Left out of figures and plots at the start of each run.
+    rig : str
+        Which rig, in words.
+
+    Returns
+    -------
+    str
+        A self-contained HTML document.
+    """
+    header, rows = figures_table(runs)
+    return page(
+        title="Experiment 2 on the drive: the tunnel, law by law",
+        subtitle=f"Measured on {rig} · the first {settle_s:g} s of each run are left out",
+        verdict=finding(runs),
+        sections=[
+            Section(
+                "Tunnel wanted and torque felt",
+                [
+                    paragraph(
+                        "Orange: the torque that is to arrive at the load, the tunnel times the "
+                        "transmission ratio. Blue: what the load cell read. The area inside the "
+                        "blue loop is the work that the conduit takes from the hand."
+                    ),
+                    figure(loops(runs, tunnel, settle_s), "rendering-loops"),
+                ],
+            ),
+            Section(
+                "Figures",
+                [
+                    table(header, rows),
+                    paragraph(
+                        "Errors are of the torque at the load against the wanted one. Felt in the "
+                        "dead zone: RMS of the torque where none is wanted. The law's share: of "
+                        "the time in which the law ran and not a lesser one."
+                    ),
+                ],
+            ),
+        ],
+        facts={
+            "recordings": ", ".join(run.file for run in runs),
+            "made with": f"bowden {version('bowden')}, Python {platform.python_version()}",
+        },
+    )
+
+
+def figures_table(runs: Sequence[LawRun]) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Return header and rows."""
+    header = ("law", "RMS error", "of none", "peak error", "felt in dead zone", "lost", "law ran")
+    naive = runs[0].figures.rms_error_nm
+    rows = [
+        [
+            TITLES[run.law],
+            si(run.figures.rms_error_nm, "N m"),
+            percent(run.figures.rms_error_nm / naive if naive else None),
+            si(run.figures.peak_error_nm, "N m"),
+            si(run.figures.dead_zone_friction_nm, "N m"),
+            si(run.figures.loss_w, "W"),
+            percent(run.figures.full_law_share),
+        ]
+        for run in runs
+    ]
+    return header, rows
+
+
+def finding(runs: Sequence[LawRun]) -> str:
+    """Say in a sentence what came out."""
+    none, *others = runs
+    text = (
+        f"Without compensation the torque at the load is {si(none.figures.rms_error_nm, 'N m')} "
+        "RMS from the wanted one."
+    )
+    if not others or not none.figures.rms_error_nm:
+        return text
+    best = min(others, key=lambda run: run.figures.rms_error_nm)
+    share = percent(best.figures.rms_error_nm / none.figures.rms_error_nm)
+    return (
+        f"{text} The best of the others, {TITLES[best.law]}, leaves "
+        f"{si(best.figures.rms_error_nm, 'N m')}, {share} of it."
+    )
+
+
+def loops(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float) -> go.Figure:
+    """Draw wanted and felt torque over the load angle, a panel a law (Fig. 6)."""
+    columns = min(_COLUMNS, len(runs))
+    rows = -(-len(runs) // columns)
+    plot = make_subplots(
+        rows=rows,
+        cols=columns,
+        shared_xaxes=True,
+        shared_yaxes=True,
+        horizontal_spacing=0.06,
+        vertical_spacing=0.24 / (rows + 1),
+        subplot_titles=[TITLES[run.law] for run in runs],
+    )
+    for number, run in enumerate(runs):
+        row, col = divmod(number, columns)
+        angle, _, felt = wanted_and_felt(run.recording, tunnel, settle_s)
+        ends = np.linspace(angle.min(), angle.max(), 401)
+        for name, line, curve in (
+            ("felt at the load", SIMULATED, (np.degrees(angle), felt)),
+            (
+                "wanted",
+                PRESCRIBED | {"width": 2.2},
+                (np.degrees(ends), tunnel.wanted_nm(ends)),
+            ),
+        ):
+            draw(
+                plot,
+                curve,
+                name,
+                line,
+                points=_POINTS,
+                row=row + 1,
+                col=col + 1,
+                listed=number == 0,
+            )
+    dress(plot, height=90 + _ROW_PX * rows)
+    plot.update_xaxes(title_text="load angle (°)", row=rows)
+    plot.update_yaxes(title_text="load torque (N m)", col=1)
+    plot.update_layout(legend=legend_above(1.0 + 40 / (_ROW_PX * rows)), margin={"t": 80})
+    return plot
