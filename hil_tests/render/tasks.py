@@ -105,9 +105,7 @@ def _swell(time_s: Array) -> Array:
     return e * e * (3.0 - 2.0 * e)
 
 
-def _sine(
-    amplitude_rad: float, frequency_hz: float, middle_rad: float = 0.0
-) -> Callable[[Array], Array]:
+def _sine(amplitude_rad: float, frequency_hz: float, middle_rad: float = 0.0) -> Motion:
     def motion(time_s: Array) -> Array:
         phase = 2.0 * math.pi * frequency_hz * time_s
         angle: Array = _swell(time_s) * (middle_rad + amplitude_rad * np.sin(phase))
@@ -125,7 +123,7 @@ def _stay(angle_rad: float) -> Motion:
 
 
 def _strokes(
-    name: str, amplitude_rad: float, frequency_hz: float, cycles: int, **more: float
+    name: str, amplitude_rad: float, frequency_hz: float, cycles: int, middle_rad: float = 0.0
 ) -> Task:
     return Task(
         name,
