@@ -1,6 +1,7 @@
 """Where a gap is: its share in each condition of speed and direction.
 
 Pure functions over arrays. `compare` calls it; the report and ``--json`` show it as ``where``.
+`localise` goes on from here: more conditions, weighted residuals, and whether chance would do it.
 """
 
 from __future__ import annotations
@@ -54,11 +55,29 @@ def split_by_motion(residual: _Floats, motion: Motion) -> tuple[Condition, ...]:
     tuple of Condition
         Largest share of the gap first; conditions that no sample meets are left out.
     """
-    name, speed = motion.end, np.abs(motion.velocity_rad_s)
     total = float(np.sum(residual**2))
+    found = [
+        Condition(
+            condition=text,
+            share_of_gap=float(np.sum(residual[part] ** 2)) / total if total > 0.0 else 0.0,
+            share_of_time=float(part.mean()),
+            rms=float(np.sqrt(np.mean(residual[part] ** 2))),
+            bias=float(residual[part].mean()),
+        )
+        for text, part in motion_bands(motion)
+        if part.any()
+    ]
+    return tuple(sorted(found, key=lambda condition: -condition.share_of_gap))
+
+
+def motion_bands(motion: Motion) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Return conditions of speed and direction in words, each with the samples that meet it.
+
+    At rest, and thirds of what is faster in each direction: every sample meets exactly one.
+    """
+    name, speed = motion.end, np.abs(motion.velocity_rad_s)
     rest = float(REST_SHARE * speed.max(initial=0.0))
     moving = speed > rest
-
     parts: list[tuple[str, NDArray[np.bool_]]] = [(f"{name} at rest", ~moving)]
     if moving.any():
         edges = [
@@ -71,18 +90,7 @@ def split_by_motion(residual: _Floats, motion: Motion) -> tuple[Condition, ...]:
             band = moving & (speed > low) & (speed <= high)
             parts.append((f"{name} speed {text} rad/s, outward", band & motion.outward))
             parts.append((f"{name} speed {text} rad/s, inward", band & ~motion.outward))
-    found = [
-        Condition(
-            condition=text,
-            share_of_gap=float(np.sum(residual[part] ** 2)) / total if total > 0.0 else 0.0,
-            share_of_time=float(part.mean()),
-            rms=float(np.sqrt(np.mean(residual[part] ** 2))),
-            bias=float(residual[part].mean()),
-        )
-        for text, part in parts
-        if part.any()
-    ]
-    return tuple(sorted(found, key=lambda condition: -condition.share_of_gap))
+    return parts
 
 
 def _two_digits(value: float) -> float:
