@@ -26,9 +26,9 @@ from bowden.recording.recording import Recording
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 
-BLOCK_S = (0.5, 2.5)  # at least, at most: a larger stroke wipes out what friction remembers
+BLOCK_S = (0.5, 1.25)  # at least, at most: the next stroke wipes out what friction remembers
 MEMORIES = 4.0  # of the residual, that a block holds
-FEWEST_BLOCKS = 8
+FEWEST_BLOCKS = 10  # fewer have too few signs between them
 DRAWS = 4000
 SIGNIFICANT = 0.05  # for all places together (Bonferroni)
 ANGLE_BANDS, MAP_ANGLES = 6, 14
