@@ -33,7 +33,9 @@ static bool lasts(bool true_now, uint32_t *ticks, uint32_t long_ticks) {
 }
 
 static uint16_t causes_of_cell(fallback_t *fallback, const fallback_found_t *found) {
-    const int32_t tolerance_unm = fallback->settings.tolerance_unm;
+    uint32_t saturations = 0;
+    const int32_t tolerance_unm =
+        fixed_add(fallback->settings.tolerance_unm, found->model_margin_unm, &saturations);
     uint16_t causes = 0;
     if (found->cell_broken) {
         causes |= FALLBACK_CELL_BROKEN;
@@ -91,6 +93,9 @@ void fallback_start(fallback_t *fallback, const fallback_settings_t *settings) {
 
 bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
     const fallback_settings_t *settings = &fallback->settings;
+    uint32_t saturations = 0;
+    const int32_t slip_limit_nm =
+        fixed_add(settings->slip_limit_nm, found->innovation_margin_nm, &saturations);
     uint16_t causes = settings->use_load_cell ? causes_of_cell(fallback, found) : 0;
     if (settings->model_refused) {
         causes |= FALLBACK_MODEL_REFUSED;
@@ -98,7 +103,7 @@ bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
     if (found->model_saturates) {
         causes |= FALLBACK_MODEL_SATURATES;
     }
-    if (lasts(distance(found->innovation_nm, 0) > settings->slip_limit_nm, &fallback->slipped_ticks,
+    if (lasts(distance(found->innovation_nm, 0) > slip_limit_nm, &fallback->slipped_ticks,
               SLIPPED_TICKS)) {
         causes |= FALLBACK_ENCODER_SLIPPED;
     }

@@ -47,8 +47,8 @@ typedef struct {
     bool model_refused;
     int32_t step_unm;      /* > 0; a change of the rung moves the torque by no more in a tick */
     uint32_t clean_ticks;  /* > 0 */
-    int32_t tolerance_unm; /* > 0; between cell and model, at the load */
-    int32_t slip_limit_nm; /* > 0; of the innovation */
+    int32_t tolerance_unm; /* > 0; between cell and model, beyond the margin of the model */
+    int32_t slip_limit_nm; /* > 0; of the innovation, beyond its margin */
 } fallback_settings_t;
 
 /* What the tick has found. Torques in uN m by the cables on the load. */
@@ -58,7 +58,9 @@ typedef struct {
     int32_t cell_counts;      /* raw */
     int32_t cell_torque_unm;  /* as the cell reads */
     int32_t model_torque_unm; /* from encoders and motor torque alone */
+    int32_t model_margin_unm; /* >= 0; that a sane model may be off by */
     int32_t innovation_nm;    /* arc of the motor pulley, encoder minus model */
+    int32_t innovation_margin_nm;
     bool model_saturates;
 } fallback_found_t;
 

@@ -66,6 +66,8 @@ def run(fallback: Any, ticks: int, cell: Cell, **found: Any) -> None:
 @pytest.mark.parametrize(
     ("found", "ticks", "cause", "rung"),
     [
+        ({"cell_torque_unm": TOLERANCE_UNM + 8, "model_margin_unm": 7}, 200, IMPLAUSIBLE, 1),
+        ({"innovation_nm": SLIP_NM + 8, "innovation_margin_nm": 7}, 20, SLIPPED, COULOMB),
         ({"cell_broken": True}, 1, BROKEN, WITHOUT_CELL),
         ({"cell_end_of_range": True}, 1, END_OF_RANGE, WITHOUT_CELL),
         ({"cell_torque_unm": TOLERANCE_UNM + 1}, 200, IMPLAUSIBLE, WITHOUT_CELL),  # 50 ms

@@ -17,18 +17,14 @@ from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.cli.reduced_model import (
-    CELL_TOLERANCE,
     DEFAULT_SEGMENTS,
     LAWS,
     ReducedModel,
-    friction_nm,
     reduced_model,
 )
 from bowden.drive import compensation
 from bowden.drive.configuration import Change, difference, write
-from bowden.drive.dictionary import lookup
 from bowden.errors import BadInput
-from bowden.model import Model
 from bowden.model.effects import CATALOGUE
 
 EXAMPLES = """examples:
@@ -70,11 +66,12 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(
             "bowden apply", "nobody to ask", "--yes to write, or --dry-run to see what would be"
         )
-    model = read_model(args.model)
-    reduced = reduced_model(model, args.segments)
+    reduced = reduced_model(read_model(args.model), args.segments)
     if reduced.left_out and not args.without_unsupported:
         raise BadInput(str(args.model), ", ".join(reduced.left_out), _accepted())
-    wanted = reduced.entries | _compensation(args, model)
+    wanted = dict(reduced.entries)
+    if args.compensation is not None:
+        wanted["compensation_law"] = compensation.law_number(args.compensation)
     with connect_drive(args) as drive:
         changes = difference(drive, wanted)
         _show(changes, len(wanted), reduced)
@@ -95,17 +92,6 @@ def run(args: argparse.Namespace) -> int:
     told = "written and read back" if written else "nothing was written"
     console().print(f"node {args.node}: {told}")
     return 0
-
-
-def _compensation(args: argparse.Namespace, model: Model) -> dict[str, float]:
-    """Return the entries of the compensation that follow from the model or were asked for."""
-    entry = lookup("compensation_tolerance")
-    low, high = entry.to_value(entry.low), entry.to_value(entry.high)
-    tolerance_nm = min(max(CELL_TOLERANCE * friction_nm(model), low), high)
-    entries = {"compensation_tolerance": tolerance_nm}
-    if args.compensation is not None:
-        entries["compensation_law"] = compensation.law_number(args.compensation)
-    return entries
 
 
 def _accepted() -> str:

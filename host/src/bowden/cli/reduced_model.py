@@ -22,10 +22,6 @@ DEFAULT_SEGMENTS = 20
 #: Friction laws that the drive computes.
 LAWS = ("coulomb", "stiction")
 
-#: A load cell may differ from the drive's model by this share of the friction of the moving pair
-#: before it is called implausible: models are up to 15 % off, hidden effects add to that.
-CELL_TOLERANCE = 0.5
-
 
 @dataclass(frozen=True)
 class ReducedModel:
@@ -79,12 +75,6 @@ def reduced_model(model: Model, segments: int = DEFAULT_SEGMENTS) -> ReducedMode
     return ReducedModel(
         _entries(replace(model, document=document), segments), tuple(folded), tuple(left_out)
     )
-
-
-def friction_nm(model: Model) -> float:
-    """Return the friction of the moving pair at the load, 2 r_load T0 m, in N m."""
-    pair = model.transmission
-    return 2.0 * pair.load_pulley_radius_m * pair.pretension_n * pair.friction.mu_d * pair.wrap_rad
 
 
 def _entries(model: Model, segments: int) -> dict[str, float]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0xF14E418C
+HASH = 0xF03A9F31
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -111,7 +111,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xf14e418c, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xf03a9f31, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -182,8 +182,8 @@ TABLE = Table(
         Entry(0x2131, 0, 'compensation_use_load_cell', 'u8', 'rw', 'config', 1, high=1, persist=True, doc='1: the law may use the load cell'),
         Entry(0x2132, 0, 'compensation_fallback_step', 'u32', 'rw', 'config', 500, low=1, high=1000000, unit='N m', scale=1e-06, persist=True, doc='when the law changes, the motor torque goes over to the new one by at most this a control tick (250 us)'),
         Entry(0x2133, 0, 'compensation_clean_time', 'u16', 'rw', 'config', 1000, low=10, high=60000, unit='s', scale=0.001, persist=True, doc='so long nothing may be wrong before a better law runs again'),
-        Entry(0x2134, 0, 'compensation_tolerance', 'u32', 'rw', 'config', 1500000, low=1000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a cell that differs by more from the cable model for 50 ms is implausible'),
-        Entry(0x2135, 0, 'compensation_slip_limit', 'u32', 'rw', 'config', 4000000, low=100000, high=100000000, unit='m', scale=1e-09, persist=True, doc='arc of the motor pulley: encoders that differ by more from the cable model for 5 ms have slipped'),
+        Entry(0x2134, 0, 'compensation_tolerance', 'u32', 'rw', 'config', 500000, low=1000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a cell that differs for 50 ms by more from the cable model, and half of what that carries and of its friction, is implausible'),
+        Entry(0x2135, 0, 'compensation_slip_limit', 'u32', 'rw', 'config', 2000000, low=100000, high=100000000, unit='m', scale=1e-09, persist=True, doc='arc of the motor pulley: encoders that differ for 5 ms by more from the cable model, and the stretch of the pretension, have slipped'),
         Entry(0x2136, 0, 'compensation_friction_share', 'u32', 'rw', 'config', 900000, high=1000000, unit='1', scale=1e-06, persist=True, doc="of the model's friction that is compensated without a load cell: below 1 the drive stays passive when the model has too much friction"),
         Entry(0x2137, 0, 'compensation_rest_band', 'u32', 'rw', 'config', 20000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a smaller error is left alone'),
         Entry(0x2138, 0, 'compensation_integral_gain', 'u32', 'rw', 'config', 20000, high=1000000, unit='1/s', scale=0.001, persist=True, doc='of force control on the load cell'),
