@@ -10,6 +10,7 @@ from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive, connect
+from bowden.drive.compensation import LAWS, describe_fallback
 from bowden.drive.dictionary import HASH, lookup
 from bowden.drive.faults import describe_address, describe_emergency
 from bowden.drive.power import Mode, power_state
@@ -66,6 +67,8 @@ def describe(drive: Drive) -> dict[str, object]:
         "nmt_state": drive.next_nmt_state(),
         "power_state": power_state(drive.read_raw("statusword")),
         "mode": _mode(drive.read_raw("mode_of_operation_display")),
+        "compensation": LAWS[drive.read_raw("compensation_law")],
+        "compensation_fallback": describe_fallback(drive.read_raw("compensation_fallback")) or None,
         "error": describe_emergency(error) if error else None,
         "error_history": [describe_emergency(code & 0xFFFF) for code in history],
         "crash": _crash(drive),

@@ -152,7 +152,7 @@ def _run(
         path,
         args.duration,
         Run(Mode.TUNNEL),
-        {"notes": f"Experiment 2 with compensation: {law}", "compensation": law},
+        {"notes": f"Experiment 2 with compensation: {law}"},
     )
     recording = read_recording(path)
     return LawRun(law, recording, judge_rendering(recording, tunnel, number, SETTLE_S), path.name)

@@ -15,12 +15,13 @@ LAWS = (
 )
 
 _CAUSES = {
-    0: "its settings are refused",
+    0: "the cable model is refused",
     1: "the load cell is reported broken",
     2: "the load cell is at the end of its range",
     3: "the load cell is stuck",
     4: "the load cell is implausible",
     5: "an encoder has slipped",
+    6: "the model's arithmetic saturates",
 }
 
 

@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from bowden.drive.client import Drive
+from bowden.drive.compensation import LAWS
 from bowden.drive.dictionary import TABLE, TPDOS
 from bowden.drive.entry import Entry, Layout
 from bowden.drive.power import Mode, Run
@@ -95,9 +96,10 @@ def run_metadata(drive: Drive, run: Run | None) -> dict[str, str]:
     """Tell what the drive is told to do, so that the recording can be judged without the drive."""
     if run is None:
         return {}
+    law = {"compensation": LAWS[drive.read_raw("compensation_law")]}
     if run.mode is Mode.TORQUE:
-        return {"drive_mode": "torque", "target_torque_nm": f"{run.torque_nm:.9g}"}
-    return {
+        return law | {"drive_mode": "torque", "target_torque_nm": f"{run.torque_nm:.9g}"}
+    return law | {
         "drive_mode": "tunnel",
         "tunnel_half_width_rad": f"{drive.read('tunnel_half_width'):.9g}",
         "tunnel_stiffness_nm_per_rad": f"{drive.read('tunnel_stiffness'):.9g}",
