@@ -7,6 +7,7 @@ feel, gives it what they answer, and reads what a recording would say. Knows no 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
@@ -19,6 +20,48 @@ from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajector
 from bowden.model.transmission import Transmission
 
 OUTSIDE_IN = get_args(Enters)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a solver is asked.
+
+    Parameters
+    ----------
+    motor, load : ndarray of shape (n,)
+        The mode's two series, as the cables feel them.
+    histories : Histories
+    """
+
+    motor: FloatArray
+    load: FloatArray
+    histories: Histories
+
+    @property
+    def _parts(self) -> list[FloatArray]:
+        histories = (self.histories.friction_factor, self.histories.lengthening_m)
+        return [self.motor, self.load, *(part for part in histories if part is not None)]
+
+    @property
+    def series(self) -> FloatArray:
+        """All of it in one row."""
+        return np.concatenate(self._parts)
+
+    def with_series(self, row: FloatArray) -> Asked:
+        """Return the same from another such row."""
+        parts = iter(np.split(row, len(self._parts)))
+        motor, load = next(parts), next(parts)
+        histories = self.histories
+        factor = next(parts) if histories.friction_factor is not None else None
+        length = next(parts) if histories.lengthening_m is not None else None
+        return Asked(motor, load, Histories(factor, length))
+
+    def agrees_with(self, other: Asked, share: float) -> bool:
+        """Whether both ask the same, but for a share of each series' largest value."""
+        return all(
+            np.abs(x - y).max() <= share * np.abs(y).max()
+            for x, y in zip(self._parts, other._parts, strict=True)
+        )
 
 
 class Layers:
@@ -89,8 +132,8 @@ class Layers:
             side.update(series)
         return times
 
-    def felt(self, pair: Transmission) -> tuple[FloatArray, FloatArray, Histories]:
-        """Return the motor's and the load's given series inside, and the histories."""
+    def felt(self, pair: Transmission) -> Asked:
+        """Work out what the cables feel, as far as their answer is known."""
         for k, one in enumerate(self._layers):
             outer, inner = self.sides[k], self.sides[k + 1]
             for name in self._given:
@@ -104,7 +147,7 @@ class Layers:
         for one in self._histories:
             assert one.variant.histories is not None
             histories = histories & one.variant.histories(inside, pair, one.values)
-        return inside[self._given[0]], inside[self._given[1]], histories
+        return Asked(inside[self._given[0]], inside[self._given[1]], histories)
 
     def answer(self, trajectory: Trajectory) -> None:
         """Take what the cables answered, and work out what a recording says of it."""

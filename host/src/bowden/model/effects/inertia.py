@@ -42,7 +42,7 @@ MOTOR = Effect(
     variants=(
         Variant(
             "",
-            (_size(3e-4, 2e-5, "of rotor and pulley"),),
+            (_size(1e-4, 2e-5, "of rotor and pulley"),),
             channels=(
                 Channel(
                     "motor_torque_nm", _motor_undone, _motor_applied, sees=("motor_angle_rad",)

@@ -1,0 +1,247 @@
+"""Inertia, gravity, pulleys, cogging and friction that changes: each against a closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bowden.model import Inputs, Mode, Trajectory, simulate
+from bowden.model.effects.derivative import WINDOW_S, acceleration
+from bowden.model.effects.dwell_strengthening import rested
+
+from .effects_rig import given, plain
+from .rigs import EA_N, LENGTH_M, R_LOAD_M, R_MOTOR_M, RHO, FloatArray, through, times
+
+TP, PT, PP = Mode.TORQUE_POSITION, Mode.POSITION_TORQUE, Mode.POSITION_POSITION
+PLATEAU_NM = 3.12  # 2 r_load T0 m: what the moving pair takes at the load
+
+
+def run(name: str, values: dict[str, float], inputs: Inputs, mode: Mode = TP) -> Trajectory:
+    return simulate(plain().with_effect(name, values), mode, inputs)
+
+
+def base(inputs: Inputs, mode: Mode = TP) -> Trajectory:
+    return simulate(plain(), mode, inputs)
+
+
+def swinging(hertz: float, seconds: float = 2.0, amplitude: float = 0.5) -> Inputs:
+    t = np.arange(int(seconds * 1000)) * 1e-3
+    angle = amplitude * np.sin(2 * np.pi * hertz * t)
+    return Inputs(t, motor_torque_nm=np.zeros_like(t), load_angle_rad=angle)
+
+
+def strokes(*corners: float, steps: int = 400) -> Inputs:
+    angle = through(*corners, steps=steps)
+    return Inputs(times(angle), motor_torque_nm=np.zeros_like(angle), load_angle_rad=angle)
+
+
+# Acceleration ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hertz", [0.5, 1.0, 3.0])
+def test_the_acceleration_of_a_sine(hertz: float) -> None:
+    t = np.arange(2000) * 1e-3
+    w = 2 * np.pi * hertz
+    found = acceleration(t, np.sin(w * t))
+    inside = slice(50, -50)
+    smaller = (w * WINDOW_S) ** 2 / 14  # what a parabola of this width misses of a sine
+    np.testing.assert_allclose(
+        found[inside], -(w**2) * (1 - smaller) * np.sin(w * t[inside]), atol=2e-3 * w**2
+    )
+
+
+def test_a_parabola_is_exact_on_uneven_samples_and_to_the_ends() -> None:
+    rng = np.random.default_rng(5)
+    t = np.cumsum(rng.uniform(2e-4, 0.06, 300)) + 1e4
+    x = t - 1e4
+    np.testing.assert_allclose(acceleration(t, 3.0 - 2.0 * x + 0.7 * x**2), 1.4, rtol=1e-5)
+    assert acceleration(np.array([0.0, 1.0]), np.array([0.0, 1.0])).tolist() == [0.0, 0.0]
+
+
+def test_counts_of_an_encoder_do_not_drown_the_acceleration() -> None:
+    t = np.arange(4000) * 1e-3
+    count = 2 * np.pi / 10000
+    true = 0.7 * np.sin(np.pi * t)
+    found = acceleration(t, np.round(true / count) * count)
+    error = (found + np.pi**2 * true)[50:-50]
+    # A count seen through 51 samples: 0.29 counts sqrt(720 / 51) / (50 ms)^2, times about two as
+    # counting errors of neighbours are alike. Against an acceleration of 6.9 rad/s^2.
+    assert np.sqrt(np.mean(error**2)) < 0.6
+
+
+# Inertia and weight ------------------------------------------------------------------------------
+
+
+def test_a_rotor_without_friction_is_a_forced_oscillator() -> None:
+    """J theta_m'' + k (theta_m - rho theta_l) = 0, k = 2 r^2 EA/L: the forced motion is
+    theta_m = rho A sin(w t) / (1 - (w/w_n)^2), and the load feels -rho J theta_m''."""
+    inertia, hertz, amplitude = 1e-4, 2.0, 0.1
+    w = 2 * np.pi * hertz
+    k = 2 * R_MOTOR_M**2 * EA_N / LENGTH_M
+    model = plain(mu_d=0.0).with_effect("motor_inertia", {"inertia_kg_m2": inertia})
+    inputs = swinging(hertz, amplitude=amplitude)
+    found = simulate(model, TP, inputs)
+    inside = slice(200, -200)
+    theta = RHO * inputs.load_angle_rad / (1 - w**2 * inertia / k)
+    smaller = (w * WINDOW_S) ** 2 / 14
+    size = RHO * inertia * w**2 * np.abs(theta).max()
+    np.testing.assert_allclose(
+        found.load_torque_nm[inside],
+        RHO * inertia * w**2 * theta[inside],
+        atol=(smaller + 0.002) * size,
+    )
+    np.testing.assert_allclose(found.motor_angle_rad[inside], theta[inside], rtol=0, atol=2e-4)
+
+
+def test_the_cell_behind_a_handle_reads_the_cables_less_its_inertia_and_weight() -> None:
+    inputs = swinging(2.0)
+    w, angle = 4 * np.pi, inputs.load_angle_rad
+    true = base(inputs).load_torque_nm
+    heavy = run("load_inertia", {"inertia_kg_m2": 5e-3}, inputs).load_torque_nm
+    expected = true + 5e-3 * w**2 * angle  # - J alpha
+    np.testing.assert_allclose(heavy[50:-50], expected[50:-50], atol=0.01 * 5e-3 * w**2 * 0.5)
+    tilted = run("gravity_imbalance", {"amplitude_nm": 0.4, "phase_rad": 0.3}, inputs)
+    np.testing.assert_allclose(tilted.load_torque_nm, true - 0.4 * np.sin(angle + 0.3), atol=1e-9)
+
+
+def test_a_weight_given_to_the_cell_moves_the_load() -> None:
+    """Position-torque: the cell reads 0, so the cables carry G sin(theta_l + phase): with the
+    motor at rest the load hangs where that balances the cables, from a virgin rig without friction
+    at theta_l = G sin(phase + theta_l) / k_load."""
+    t = np.arange(200) * 1e-3
+    still = np.zeros_like(t)
+    model = plain(mu_d=0.0).with_effect(
+        "gravity_imbalance", {"amplitude_nm": 0.3, "phase_rad": np.pi / 2}
+    )
+    found = simulate(model, PT, Inputs(t, still, load_torque_nm=still))
+    k = 2 * R_LOAD_M**2 * EA_N / LENGTH_M
+    angle = found.load_angle_rad[-1]
+    # tau_l = k (theta_m / rho - theta_l) by the cables on the load.
+    assert -k * angle == pytest.approx(0.3 * np.cos(angle), rel=1e-5)
+
+
+# The motor's pulley and magnets ------------------------------------------------------------------
+
+
+def test_an_eccentric_pulley_winds_the_integral_of_its_arm() -> None:
+    e, phase = 0.03, 0.8
+    found = run("pulley_eccentricity", {"e": e, "phase_rad": phase}, given(PP), PP)
+    shaft = given(PP).motor_angle_rad
+    assert shaft is not None
+    fine = np.linspace(0.0, shaft[700], 20001)
+    arm = 1 + e * np.sin(fine + phase)
+    wound = float(np.sum((arm[1:] + arm[:-1]) / 2 * np.diff(fine)))
+    # The plain pair, its motor at the angle that winds as much, has the same tensions ...
+    straight = shaft + e * (np.cos(phase) - np.cos(shaft + phase))
+    assert straight[700] == pytest.approx(wound, rel=1e-8)
+    plain_run = base(replace(given(PP), motor_angle_rad=straight), PP)
+    np.testing.assert_allclose(found.motor_tension_a_n, plain_run.motor_tension_a_n, atol=1e-9)
+    # ... and the torque is tension times the arm: no work is lost in the pulley.
+    arm = 1 + e * np.sin(shaft + phase)
+    np.testing.assert_allclose(found.motor_torque_nm, plain_run.motor_torque_nm * arm, atol=1e-12)
+    lost = _work(found.motor_torque_nm, shaft) - _work(plain_run.motor_torque_nm, straight)
+    assert abs(lost) < 1e-5 * abs(_work(found.motor_torque_nm, shaft))
+
+
+def _work(torque: FloatArray, angle: FloatArray) -> float:
+    return float(np.sum((torque[1:] + torque[:-1]) / 2 * np.diff(angle)))
+
+
+def test_cogging_is_locked_to_the_motor_that_it_moves() -> None:
+    a, n, phase = 0.03, 7.0, 0.4
+    values = {"amplitude_nm": a, "harmonic": n, "phase_rad": phase}
+    found = run("cogging", values, given(TP))
+    ripple = a * np.cos(n * found.motor_angle_rad + phase)
+    true = base(replace(given(TP), motor_torque_nm=given(TP).motor_torque_nm + ripple))
+    # The passes end when they change 1e-6 of the torque; the angle follows with 1 to 2 N m/rad.
+    np.testing.assert_allclose(found.motor_angle_rad, true.motor_angle_rad, atol=1e-6)
+    np.testing.assert_allclose(found.load_torque_nm, true.load_torque_nm, atol=2e-5)
+    held = run("cogging", values, given(PP), PP).motor_torque_nm
+    turned = given(PP).motor_angle_rad
+    assert turned is not None
+    expected = base(given(PP), PP).motor_torque_nm - a * np.cos(n * turned + phase)
+    np.testing.assert_allclose(held, expected, atol=1e-12)
+
+
+# Friction that changes ---------------------------------------------------------------------------
+#
+# A moving pair without slack takes 2 r_load T0 (L/R) mu, whatever mu has been: PHYSICS. With the
+# mesh's implicit steps a slowly changing mu is followed within a sample.
+
+
+def test_friction_follows_the_temperature() -> None:
+    inputs = replace(strokes(0, 0.5, -0.5, 0.5), conduit_temperature_c=np.full(1201, 30.0))
+    found = run("thermal_friction", {"alpha_per_k": -0.01}, inputs).load_torque_nm
+    assert found[780] == pytest.approx(0.9 * PLATEAU_NM, rel=1e-4)
+    assert found[1180] == pytest.approx(-0.9 * PLATEAU_NM, rel=1e-4)
+
+
+def test_friction_wears_in_with_travel() -> None:
+    inputs = strokes(0, 0.5, -0.5, 0.5)
+    found = run("wear", {"a": -0.3, "travel_m": 0.2}, inputs).load_torque_nm
+    for at, turned in ((399, 0.5), (799, 1.5), (1199, 2.5)):
+        mu = 1 - 0.3 * (1 - np.exp(-turned * R_LOAD_M / 0.2))
+        assert abs(found[at]) == pytest.approx(PLATEAU_NM * mu, rel=2e-3)
+
+
+def test_friction_grows_at_rest_and_is_rubbed_off() -> None:
+    t = np.array([0.0, 1.0, 3.0, 3.001, 4.0])
+    place = np.array([0.0, 0.0, 0.0, 0.004, 0.004])
+    z = rested(t, place, dwell_s=2.0, distance_m=0.001)
+    assert z[1] == pytest.approx(1 - np.exp(-0.5))
+    assert z[2] == pytest.approx(1 - np.exp(-1.5))
+    assert z[3] == pytest.approx(z[2] * np.exp(-4.0), rel=0.02)  # no time to rest in 1 ms
+    assert z[4] == pytest.approx(1 - (1 - z[3]) * np.exp(-0.999 / 2.0))
+    # A second stroke after a rest starts with more friction than it ends with.
+    inputs = strokes(0, 0.5, 0.5, 0.5, 0.5, 0.45, -0.5)
+    found = run("dwell_strengthening", {"a": 0.4, "dwell_s": 0.3, "distance_m": 0.01}, inputs)
+    reversal = found.load_torque_nm[1600:]
+    speed = 0.95 * R_LOAD_M / 0.4
+    steady = PLATEAU_NM * (1 + 0.4 / (1 + speed * 0.3 / 0.01))
+    assert reversal[-1] == pytest.approx(steady, rel=2e-3)
+    assert reversal.max() > 1.05 * steady
+
+
+def test_friction_along_the_stroke_is_that_of_the_place() -> None:
+    angle = strokes(0, 0.7, -0.7, 0.7)
+    wave = {"a": 0.2, "waves_per_turn": 5.0, "phase_rad": 0.4}
+    bump = {"bump_a": 0.3, "centre_rad": 0.1, "width_rad": 0.15}
+    for values in (wave, bump):
+        found = run("position_dependent_friction", values, angle).load_torque_nm
+        place = angle.load_angle_rad
+        assert place is not None
+        factor = 1 + 0.2 * np.cos(5 * place + 0.4)
+        if values is bump:
+            factor = 1 + 0.3 * np.exp(-(((place - 0.1) / 0.15) ** 2))
+        # From 0.2 rad after a reversal the whole cable slides, in either direction.
+        for part, sign in ((slice(540, 800), 1), (slice(940, 1200), -1)):
+            np.testing.assert_allclose(found[part], sign * PLATEAU_NM * factor[part], rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("load_cell_gain", {"g": 0.1}),
+        ("load_cell_hysteresis", {"width_nm": 0.1}),
+        ("torque_constant_error", {"g": 0.1}),
+        ("motor_inertia", {"inertia_kg_m2": 5e-5}),
+        ("load_inertia", {"inertia_kg_m2": 5e-3}),
+        ("amplifier_lag", {"lag_s": 0.01}),
+        ("time_delay", {"load_encoder_delay_s": 0.007}),
+        ("wear", {"a": 0.3, "travel_m": 0.5}),
+        ("dwell_strengthening", {"a": 0.3, "dwell_s": 0.1, "distance_m": 0.01}),
+        ("viscous_friction", {"mu_v_s_per_m": 0.3}),
+        ("conduit_compliance", {"stiffness_n_per_m": 5000}),
+    ],
+)
+def test_what_has_no_side_is_mirror_symmetric(name: str, values: dict[str, float]) -> None:
+    inputs = given(TP)
+    assert inputs.motor_torque_nm is not None
+    assert inputs.load_angle_rad is not None
+    mirrored = replace(
+        inputs, motor_torque_nm=-inputs.motor_torque_nm, load_angle_rad=-inputs.load_angle_rad
+    )
+    one, two = run(name, values, inputs), run(name, values, mirrored)
+    np.testing.assert_allclose(two.load_torque_nm, -one.load_torque_nm, atol=1e-9)
+    np.testing.assert_allclose(two.motor_angle_rad, -one.motor_angle_rad, atol=1e-9)
