@@ -17,11 +17,17 @@ from typing import Protocol
 
 import numpy as np
 
-from bowden.model import mesh_events, mesh_rates
+from bowden.model import mesh_events, mesh_implicit
 from bowden.model.description import Model
 from bowden.model.errors import ModelError
 from bowden.model.mesh import rest_state, tables
-from bowden.model.mesh_solver import rate_state, rate_tables, trajectory_of
+from bowden.model.mesh_solver import (
+    chain_state,
+    chain_tables,
+    needs_implicit_steps,
+    pulleys,
+    trajectory_of,
+)
 from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
 
 
@@ -179,19 +185,18 @@ class _Stepper:
     def __init__(self, model: Model) -> None:
         self._pair = model.transmission
         self._last_force = 0.0
-        self._rates = not self._pair.friction.is_coulomb
+        self._implicit = needs_implicit_steps(self._pair)
         self._events_tables, self._events = tables(self._pair), rest_state(self._pair)
-        if self._rates:
-            self._rate_tables, self._rate = rate_tables(self._pair), rate_state(self._pair)
+        if self._implicit:
+            self._chain_tables, self._chain = chain_tables(self._pair), chain_state(self._pair)
+            self._pulleys = pulleys(self._pair)
 
     def step(self, force: float, spring: float, load: float, dt: float, row: FloatArray) -> float:
         """Return the motor's displacement in m; write tensions and flags to a row of `out`."""
         before = self._last_force
-        if self._rates:
-            s = self._rate
-            moved, flags = mesh_rates.sample(
-                self._rate_tables, s, 0, before, force, spring, 0.0, load, dt
-            )
+        if self._implicit:
+            s, given = self._chain, (before, force, spring, 0.0, load, 1.0, 0.0, dt)
+            moved, flags = mesh_implicit.sample(self._chain_tables, s, self._pulleys, 0, *given)
             ends = s.tension[:, [0, -1]]
             slack = s.gap_m >= 0
         else:

@@ -4,7 +4,7 @@ The functions stay plain Python: with ``NUMBA_DISABLE_JIT=1`` the same equations
 a test holds the two equal.
 
 numba renews a cached function when its own file changes, not when a file does that it calls into.
-So the cache has a folder for each state of the sources that hold kernels.
+So the cache has a folder for each state of this package's sources.
 """
 
 from __future__ import annotations
@@ -28,9 +28,7 @@ def _cache_folder() -> Path:
     """Return the folder for the present sources, in the tree or, if that is read-only, at home."""
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(_HERE.rglob("*.py")):
-        text = source.read_bytes()
-        if b"compiled" in text or b"NamedTuple" in text:  # kernels, and the types they take
-            digest.update(text)
+        digest.update(source.read_bytes())
     name = _PREFIX + digest.hexdigest()[:16]
     base = _HERE / "__pycache__"
     try:
@@ -69,3 +67,8 @@ def compiled_in_place(function: F) -> F:
     spend nine tenths of their time on those counts otherwise.
     """
     return _compile(function, _nrt=False)
+
+
+def inlined(function: F) -> F:
+    """Mark a small function to be compiled into its callers: handing over arrays costs more."""
+    return _compile(function, _nrt=False, inline="always")

@@ -1,6 +1,6 @@
 """The cable cut into segments: a chain of Coulomb sliders joined by springs.
 
-Reads a `Transmission`; `mesh_events` and `mesh_rates` step what is built here.
+Reads a `Transmission`; `mesh_events` and `mesh_implicit` step what is built here.
 
 Nodes 0..N carry a tension, segments 0..N-1 the friction. The friction of segment j acts at a slider
 inside it, and a segment whose end tensions are T_j and T_j+1 has the stretch

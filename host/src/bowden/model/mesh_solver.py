@@ -1,17 +1,19 @@
 """Answers a mode with the mesh: pulley angles and torques to cable ends and back.
 
-Reads a `Transmission` and two series, calls the compiled kernels (`mesh_events` where friction
-knows no rate and no tension, `mesh_rates` otherwise), returns a `Trajectory`.
+Reads a `Transmission` and two series, calls the compiled kernels (`mesh_events` where there are no
+laws but Coulomb's and Hooke's, `mesh_implicit` otherwise), returns a `Trajectory`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from bowden.model import mesh_events, mesh_rates
+from bowden.model import mesh_events, mesh_implicit
 from bowden.model.errors import ModelError
 from bowden.model.friction.coulomb import slide_exponent
+from bowden.model.histories import Histories
 from bowden.model.mesh import (
+    Mesh,
     breakaway_excesses,
     cut,
     rest_state,
@@ -19,15 +21,21 @@ from bowden.model.mesh import (
     sliding_weight,
     tables,
 )
-from bowden.model.mesh_rate_chain import RateState, RateTables
+from bowden.model.mesh_chain import ChainState, ChainTables
+from bowden.model.mesh_implicit import Pulleys
 from bowden.model.trajectory import FloatArray, Mode, Trajectory
 from bowden.model.transmission import Transmission
 
 FREE_PULLEY = {Mode.TORQUE_POSITION: 0, Mode.POSITION_TORQUE: 1, Mode.POSITION_POSITION: -1}
 
 
-def simulate_mesh(
-    transmission: Transmission, mode: Mode, time_s: FloatArray, motor: FloatArray, load: FloatArray
+def simulate_mesh(  # noqa: PLR0917
+    transmission: Transmission,
+    mode: Mode,
+    time_s: FloatArray,
+    motor: FloatArray,
+    load: FloatArray,
+    histories: Histories | None = None,
 ) -> Trajectory:
     """Simulate a virgin pair: at the first sample both cables have their initial tension.
 
@@ -37,6 +45,8 @@ def simulate_mesh(
     mode : Mode
     time_s, motor, load : ndarray of shape (n,)
         Time and the mode's two series, motor's first; checked by `Inputs.for_mode`.
+    histories : Histories or None
+        What else changes from sample to sample.
 
     Returns
     -------
@@ -48,6 +58,7 @@ def simulate_mesh(
     ------
     ModelError
         No equilibrium was found in some sample; only with speeds or tensions far beyond a cable's.
+        Or play at a load whose torque is given.
     """
     free = FREE_PULLEY[mode]
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
@@ -55,7 +66,24 @@ def simulate_mesh(
     motor_end = motor / r_motor if free == 0 else motor * r_motor
     load_end = load / r_load if free == 1 else load * -r_load
     out = np.zeros((time_s.size, 6))
-    if transmission.friction.is_coulomb:
+    factor, longer = _series(histories or Histories(), time_s.size)
+    changing = bool(np.any(factor != 1.0) or np.any(longer != 0.0))
+    if needs_implicit_steps(transmission) or changing:
+        if free == 1 and transmission.load_play_rad > 0:
+            raise ModelError("load_play_rad: found with mode position-torque, accepted: others")
+        failed = mesh_implicit.run(
+            chain_tables(transmission),
+            chain_state(transmission),
+            pulleys(transmission),
+            free,
+            time_s,
+            motor_end,
+            load_end,
+            factor,
+            longer,
+            out,
+        )
+    else:
         failed = mesh_events.run(
             tables(transmission),
             rest_state(transmission),
@@ -67,16 +95,6 @@ def simulate_mesh(
             transmission.rest_time_s,
             out,
         )
-    else:
-        failed = mesh_rates.run(
-            rate_tables(transmission),
-            rate_state(transmission),
-            free,
-            time_s,
-            motor_end,
-            load_end,
-            out,
-        )
     if failed or not np.all(np.isfinite(out)):
         raise ModelError(
             f"no equilibrium found in {failed} of {time_s.size} samples, "
@@ -85,44 +103,113 @@ def simulate_mesh(
     return trajectory_of(transmission, mode, time_s, motor, load, out)
 
 
-def rate_tables(transmission: Transmission) -> RateTables:
-    """Compute the constants of `mesh_rates`."""
+def needs_implicit_steps(transmission: Transmission) -> bool:
+    """Whether the pair has laws that the exact steps from event to event leave out."""
+    return not (transmission.friction.is_coulomb and transmission.is_plain)
+
+
+def _series(histories: Histories, samples: int) -> tuple[FloatArray, FloatArray]:
+    """Return friction factor and lengthening; of one value where nothing changes."""
+    found = []
+    for name, still in (("friction_factor", 1.0), ("lengthening_m", 0.0)):
+        series = getattr(histories, name)
+        series = np.array([still]) if series is None else np.ascontiguousarray(series, dtype=float)
+        if series.size not in {1, samples} or not np.all(np.isfinite(series)):
+            raise ModelError(f"{name}: found {series.size} values, accepted: {samples} finite ones")
+        found.append(series)
+    if np.any(found[0] < 0):
+        raise ModelError(f"friction_factor: found {found[0].min():g}, accepted: 0 or more")
+    return found[0], found[1]
+
+
+def chain_tables(transmission: Transmission) -> ChainTables:
+    """Compute the constants of `mesh_implicit`."""
     law, mesh = transmission.friction, cut(transmission)
-    exponent = slide_exponents(transmission, mesh)
-    half = sliding_weight(exponent[0].mean(axis=0)) * mesh.length_m
     wrap = slide_exponent(1.0, law.direction_asymmetry, mesh.wrap_rad)
-    compliance = np.zeros(mesh.length_m.size + 1)
-    compliance[:-1] += half
-    compliance[1:] += half
-    return RateTables(
+    compliance = _at_nodes(_half_length(transmission, mesh)) / transmission.axial_stiffness_n
+    g, reference = transmission.stiffening, transmission.pretension_n
+    reference = reference if reference > 0 else 1.0
+    return ChainTables(
         wrap=wrap,
         mu_d=law.mu_d,
         mu_v_s_per_m=law.mu_v_s_per_m,
         excess=breakaway_excesses(transmission, mesh),
-        stiffness=transmission.axial_stiffness_n / compliance,
+        stiffness=1.0 / compliance,
+        share=_at_nodes(mesh.length_m / 2) / transmission.length_m,
         stribeck_gain=law.stribeck_gain,
         stribeck_speed_m_per_s=law.stribeck_speed_m_per_s,
         tension_exponent=law.tension_exponent,
-        reference_n=transmission.pretension_n if transmission.pretension_n > 0 else 1.0,
+        reference_n=reference,
         memory_s=law.memory_s,
+        presliding_m=law.presliding_m,
+        lag_s=law.lag_s,
+        linear=float(np.sqrt(1.0 - g)),
+        quadratic=g / (4.0 * reference),
+        creep_share=transmission.creep_share,
+        creep_time_s=transmission.creep_time_s,
+        tiny_m=1e-10 * reference * float(compliance.mean()),
     )
 
 
-def rate_state(transmission: Transmission) -> RateState:
-    """Return both cables at rest for `mesh_rates`."""
-    rest = rest_state(transmission)
-    n = rest.node_n.shape[1] - 1
-    return RateState(
+def chain_state(transmission: Transmission) -> ChainState:
+    """Return both cables at rest for `mesh_implicit`."""
+    rest, t, mesh = rest_state(transmission), chain_tables(transmission), cut(transmission)
+    n = mesh.length_m.size
+    # What a spring of the stiffness at no tension would carry: the root of T = (p + q tau) tau.
+    tau = 2 * rest.node_n / (t.linear + np.sqrt(t.linear**2 + 4 * t.quadratic * rest.node_n))
+    reserve = np.zeros((2, n))
+    if transmission.initial_tension_n is None:
+        hidden = mesh.length_m - 2 * _half_length(transmission, mesh)
+        reserve[:] = tau[0, 0] * hidden / transmission.axial_stiffness_n
+    return ChainState(
+        stretch=tau * (1 + t.creep_share) / t.stiffness,
         tension=rest.node_n.copy(),
+        creep_n=tau.copy(),
         speed=np.zeros((2, n)),
-        slides=np.where(slide_exponents(transmission, cut(transmission))[:, 0] == 0, 1, 0),
+        rate=np.zeros((2, n)),
+        slides=np.where((t.wrap[:, 0] == 0) | (t.mu_d == 0), 1, 0),
         rested=np.ones((2, n), dtype=np.int64),
+        held=np.log(rest.node_n[:, 1:] / rest.node_n[:, :-1])
+        if np.all(rest.node_n > 0)
+        else np.zeros((2, n)),
+        reserve_m=reserve * (1 + t.creep_share),
         gap_m=rest.gap_m.copy(),
+        limit=np.zeros((2, 2, n)),
+        grip=np.zeros((2, 2, n)),
         slip=np.zeros((2, n)),
-        slip_per_x=np.zeros((2, n)),
-        saved=np.zeros((2, 5, n + 1)),
-        room=np.zeros((2, 5, n)),
+        now=rest.node_n.copy(),
+        tangent=np.zeros((2, n + 1)),
+        row=np.zeros((2, 4, n)),
+        change=np.zeros((2, 3, n)),
+        ahead=np.zeros((2, n)),
+        saved=np.zeros((2, 9, n + 1)),
     )
+
+
+def pulleys(transmission: Transmission) -> Pulleys:
+    """Return the pulleys at rest for `mesh_implicit`, the load's in the middle of its play."""
+    return Pulleys(
+        bearing_n=transmission.motor_bearing_nm / transmission.motor_pulley_radius_m,
+        play_m=transmission.load_play_rad * transmission.load_pulley_radius_m,
+        rolls=np.zeros(1, dtype=np.int64),
+        touches=np.zeros(1, dtype=np.int64),
+        apart_m=np.zeros(1),
+    )
+
+
+def _half_length(transmission: Transmission, mesh: Mesh) -> FloatArray:
+    """Length of each segment that stretches with the tension at one of its ends, m."""
+    exponent = slide_exponents(transmission, mesh)
+    half: FloatArray = sliding_weight(exponent[0].mean(axis=0)) * mesh.length_m
+    return half
+
+
+def _at_nodes(of_segments: FloatArray) -> FloatArray:
+    """Add up at each node what its two segments have there."""
+    at = np.zeros(of_segments.size + 1)
+    at[:-1] += of_segments
+    at[1:] += of_segments
+    return at
 
 
 def trajectory_of(  # noqa: PLR0917

@@ -61,7 +61,8 @@ def solver_of(document: ModelFile, pair: Transmission, effects: Sequence[InForce
         return chosen
     if document.friction.law in BRISTLE_LAWS:
         return "lumped"
-    return "mesh" if _mesh_only(pair, effects) else "mesh_free"
+    plain = _plain_friction(pair) and not _mesh_only(pair, effects)
+    return "mesh_free" if plain else "mesh"
 
 
 def lumped_of(document: ModelFile) -> Lumped:
@@ -93,17 +94,22 @@ def misfits(document: ModelFile, pair: Transmission, effects: Sequence[InForce])
     only = _mesh_only(pair, effects)
     if solver != "mesh" and only:
         return [f"numerics.solver: found {solver} with {only}, accepted: mesh"]
+    if solver == "lumped" and not _plain_friction(pair):
+        return ["numerics.solver: found lumped with stiction or a friction effect, accepted: mesh"]
     return []
 
 
 def _mesh_only(pair: Transmission, effects: Sequence[InForce]) -> str:
-    """Return what only the mesh can compute; nothing if there is no such thing."""
+    """Return which effect, beside a friction law, only the mesh can compute; "" for none."""
     for one in effects:
         if one.variant.histories is not None:
             return one.effect.name
+    return "" if pair.is_plain else "an effect of cables or pulleys"
+
+
+def _plain_friction(pair: Transmission) -> bool:
     law = pair.friction
-    plain = law.is_coulomb and not law.has_stiction and law.direction_asymmetry == 0
-    return "" if plain else "stiction or a friction effect"
+    return law.is_coulomb and not law.has_stiction and law.direction_asymmetry == 0
 
 
 def _bristle_law(friction: Friction) -> Dahl | LuGre | BoucWen:

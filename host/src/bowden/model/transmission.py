@@ -44,7 +44,11 @@ class FrictionLaw:
     direction_asymmetry : float, -1 < a < 1
         ``mu (1 + a)`` while the pair moves towards positive angle, ``mu (1 - a)`` back.
     memory_s : float, s, >= 0
-        Time constant of the low-pass filter on the friction speed.
+        Time constant of the low-pass filter on the speed of the Stribeck term.
+    presliding_m : float, m, >= 0
+        Slip over which friction builds up before a segment slides.
+    lag_s : float, s, >= 0
+        Time constant with which friction approaches what its law says.
     """
 
     mu_d: float
@@ -56,6 +60,8 @@ class FrictionLaw:
     tension_exponent: float = 0.0
     direction_asymmetry: float = 0.0
     memory_s: float = 0.015
+    presliding_m: float = 0.0
+    lag_s: float = 0.0
 
     @property
     def has_stiction(self) -> bool:
@@ -65,12 +71,13 @@ class FrictionLaw:
     @property
     def is_rate_independent(self) -> bool:
         """Whether time scaling leaves the answer as it is."""
-        return self.mu_v_s_per_m == 0.0 and self.stribeck_gain == 0.0
+        return self.mu_v_s_per_m == 0.0 and self.stribeck_gain == 0.0 and self.lag_s == 0.0
 
     @property
     def is_coulomb(self) -> bool:
         """Whether sliding obeys one constant coefficient, so that the capstan law holds."""
-        return self.is_rate_independent and self.tension_exponent == 0.0
+        plain = self.tension_exponent == 0.0 and self.presliding_m == 0.0
+        return self.is_rate_independent and plain
 
 
 @dataclass(frozen=True)
@@ -100,6 +107,16 @@ class Transmission:
     initial_position_m, initial_tension_n : ndarray of shape (n_points,) or None, m and N
         Initial tension profile of both cables in place of the uniform pretension: linear between
         the points; positions rise from 0 to L.
+    stiffening : float, 0 <= g < 1
+        Share of the tangent stiffness that depends on tension: EA sqrt(1 - g + g T/T0).
+    creep_share : float, >= 0
+        Compliance that follows with a delay, over the one that follows at once.
+    creep_time_s : float, s, > 0
+        Time constant of that delay, at constant tension.
+    motor_bearing_nm : float, N m, >= 0
+        Dry friction between the motor's torque and its pulley.
+    load_play_rad : float, rad, >= 0
+        Play between the load's pulley and the handle, from contact to contact.
     """
 
     axial_stiffness_n: float
@@ -115,6 +132,11 @@ class Transmission:
     velocity_dead_band_m_per_s: float = 1e-6
     initial_position_m: FloatArray | None = None
     initial_tension_n: FloatArray | None = None
+    stiffening: float = 0.0
+    creep_share: float = 0.0
+    creep_time_s: float = 1.0
+    motor_bearing_nm: float = 0.0
+    load_play_rad: float = 0.0
 
     def __post_init__(self) -> None:
         problems = [
@@ -166,8 +188,30 @@ class Transmission:
                 "-1 .. 1",
             ),
             ("memory_s", law.memory_s, 0 <= law.memory_s < np.inf, ">= 0"),
+            ("presliding_m", law.presliding_m, 0 <= law.presliding_m < np.inf, ">= 0"),
+            ("lag_s", law.lag_s, 0 <= law.lag_s < np.inf, ">= 0"),
+            ("stiffening", self.stiffening, 0 <= self.stiffening < 1, "0 .. 1"),
+            ("creep_share", self.creep_share, 0 <= self.creep_share < np.inf, ">= 0"),
+            ("creep_time_s", self.creep_time_s, _positive(self.creep_time_s), "> 0"),
+            (
+                "motor_bearing_nm",
+                self.motor_bearing_nm,
+                0 <= self.motor_bearing_nm < np.inf,
+                ">= 0",
+            ),
+            ("load_play_rad", self.load_play_rad, 0 <= self.load_play_rad < np.inf, ">= 0"),
             ("segments", self.segments, self.segments is None or self.segments >= 1, ">= 1"),
         ]
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether cables and pulleys have no laws of their own: linear springs, no losses."""
+        return (
+            self.stiffening == 0.0
+            and self.creep_share == 0.0
+            and self.motor_bearing_nm == 0.0
+            and self.load_play_rad == 0.0
+        )
 
     @property
     def length_m(self) -> float:

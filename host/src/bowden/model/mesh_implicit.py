@@ -1,0 +1,443 @@
+"""Steps the mesh implicitly, for laws that the exact steps of `mesh_events` leave out.
+
+The chains of `mesh_chain`, solved once a sample by Newton's method over all segments of both cables
+and the pulleys: backward Euler in time, so that a speed term adds damping and no spikes, whatever
+the step. `mesh_solver` prepares the tables and reads the answer.
+
+A pulley either has its place given or is in balance with a torque. Two effects add cases of their
+own, which are part of what Newton's method settles: with bearing friction the motor's pulley stays
+where it is until the torque exceeds what the cables and the bearing hold; with play the load's
+pulley touches the handle on one side, on the other, or floats without torque in between.
+"""
+
+# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.model.compiled import compiled_in_place
+from bowden.model.mesh_chain import (
+    ChainState,
+    ChainTables,
+    assemble,
+    elastic_stretch,
+    end_line,
+    finish,
+    follow,
+    lay_out,
+    prepare,
+    set_tensions,
+    solve,
+)
+from bowden.model.trajectory import NOT_CARRIED, FloatArray
+
+FRONTS_RUN = 6  # rounds in which fronts run ahead, see `mesh_chain.sweep`
+ALL_AT_ONCE = 16  # rounds that revise all segments at once; then one at a time, if at all
+REFINEMENTS = (1, 4, 16, 64)  # steps that a sample is cut into where fewer find no answer
+SETTLED = 1e-9  # share of the tensions that may be out of balance
+
+
+class Pulleys(NamedTuple):
+    """What the pulleys add, and their memory; axis of the arrays: one value each.
+
+    ``bearing_n`` is the dry friction of the motor's bearing over the pulley's radius; ``play_m``
+    how far the load's pulley moves from one contact with the handle to the other. ``rolls`` is the
+    direction in which the motor's pulley moves (0 held), ``touches`` the contact (+1: the pulley is
+    outward of the handle, -1, 0 floats), ``apart_m`` how far outward of its middle it is.
+    """
+
+    bearing_n: float
+    play_m: float
+    rolls: NDArray[np.int64]
+    touches: NDArray[np.int64]
+    apart_m: FloatArray
+
+
+@compiled_in_place
+def set_both(
+    t: ChainTables, s: ChainState, motor: float, load: float, longer: float, dt: float
+) -> None:
+    """Work out the tensions of the taut cables for a trial."""
+    for cable in range(2):
+        sign = 1.0 - 2.0 * cable
+        if s.gap_m[cable] < 0:
+            set_tensions(t, s, cable, sign * motor, sign * load, longer, dt)
+
+
+@compiled_in_place
+def force_at(s: ChainState, end: int) -> float:
+    """Difference of the taut cables' tensions at a pulley in the trial, N."""
+    node = 0 if end == 0 else s.now.shape[1] - 1
+    total = 0.0
+    for cable in range(2):
+        if s.gap_m[cable] < 0:
+            total += (1.0 - 2.0 * cable) * s.now[cable, node]
+    return total
+
+
+@compiled_in_place
+def revise_pulleys(
+    t: ChainTables,
+    s: ChainState,
+    p: Pulleys,
+    free: int,
+    force: float,
+    motor: float,
+    load: float,
+    handle: float,
+) -> bool:
+    """Let the pulleys stick, roll, touch or float as the trial asks for; True if one changed."""
+    changed = False
+    scale = SETTLED * (t.reference_n + abs(force))
+    if free == 0 and p.bearing_n > 0:
+        if p.rolls[0] == 0:
+            over = force - force_at(s, 0)
+            if abs(over) > p.bearing_n + scale:
+                p.rolls[0] = 1 if over > 0 else -1
+                changed = True
+        elif motor * p.rolls[0] < -t.tiny_m:
+            p.rolls[0] = 0
+            changed = True
+    if p.play_m > 0:
+        apart = p.apart_m[0] + load - handle
+        if p.touches[0] == 0:
+            if abs(apart) > 0.5 * p.play_m + t.tiny_m:
+                p.touches[0] = 1 if apart > 0 else -1
+                changed = True
+        elif force_at(s, 1) * p.touches[0] > scale:
+            p.touches[0] = 0
+            changed = True
+    return changed
+
+
+@compiled_in_place
+def move_pulleys(
+    t: ChainTables,
+    s: ChainState,
+    p: Pulleys,
+    free: int,
+    force: float,
+    spring: float,
+    motor: float,
+    load: float,
+    handle: float,
+) -> tuple[float, float]:
+    """Return how far the linearised cables let both pulleys move on."""
+    f_0, f_1, k_00, k_01, k_10, k_11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for cable in range(2):
+        if s.gap_m[cable] < 0:
+            sign = 1.0 - 2.0 * cable
+            now, by_0, by_1 = end_line(t, s, cable, 0)
+            f_0, k_00, k_01 = f_0 + sign * now, k_00 + sign * by_0, k_01 + sign * by_1
+            now, by_0, by_1 = end_line(t, s, cable, 1)
+            f_1, k_10, k_11 = f_1 + sign * now, k_10 + sign * by_0, k_11 + sign * by_1
+    x_given, x = free != 0, 0.0
+    want_0 = force - spring * motor - p.bearing_n * p.rolls[0]
+    if free == 0:
+        k_00 += spring
+        if p.bearing_n > 0 and p.rolls[0] == 0:
+            x_given, x = True, -motor
+    if free == 1:
+        k_11 += spring
+        y = (force - spring * load - f_1) / k_11 if k_11 > 0 else 0.0
+        return 0.0, y
+    y = handle - load
+    if p.play_m > 0:
+        stiff, over = k_11, -f_1 - k_10 * x
+        if not x_given and k_00 > 0:
+            stiff -= k_10 * k_01 / k_00
+            over -= k_10 * (want_0 - f_0) / k_00
+        y -= p.apart_m[0]
+        y = float_on(p, y, over, stiff if stiff > SETTLED * k_11 else 0.0)
+    if not x_given:
+        x = (want_0 - f_0 - k_01 * y) / k_00 if k_00 > 0 else 0.0
+    return x, y
+
+
+@compiled_in_place
+def float_on(p: Pulleys, middle: float, over: float, stiff: float) -> float:
+    """Return how far a load pulley with play moves on; `middle` is how far to the play's middle.
+
+    Floating, it goes where `over` newtons meet its stiffness, as far as the play lets it.
+    """
+    reach = 0.5 * p.play_m
+    if p.touches[0] != 0:
+        return float(middle + p.touches[0] * reach)
+    y = over / stiff if stiff > 0 else math.copysign(2.0 * reach, over) if over != 0 else 0.0
+    if y >= middle + reach:
+        p.touches[0] = 1
+        return float(middle + reach)
+    if y <= middle - reach:
+        p.touches[0] = -1
+        return float(middle - reach)
+    return float(y)
+
+
+@compiled_in_place
+def balanced(
+    t: ChainTables,
+    s: ChainState,
+    p: Pulleys,
+    free: int,
+    force: float,
+    spring: float,
+    motor: float,
+    load: float,
+) -> bool:
+    """Whether the pulleys that are free to move have the torque that they should."""
+    good = True
+    if free == 0 and (p.bearing_n == 0 or p.rolls[0] != 0):
+        out = force - spring * motor - p.bearing_n * p.rolls[0] - force_at(s, 0)
+        good = abs(out) <= SETTLED * (t.reference_n + abs(force))
+    elif free == 1:
+        out = force - spring * load - force_at(s, 1)
+        good = abs(out) <= SETTLED * (t.reference_n + abs(force))
+    if p.play_m > 0 and p.touches[0] == 0:
+        good = good and abs(force_at(s, 1)) <= SETTLED * t.reference_n
+    return good
+
+
+@compiled_in_place
+def first_guess(p: Pulleys, free: int, motor: float, load: float) -> tuple[float, float]:
+    """Return displacements to start from: as given or guessed, but for bearing and play."""
+    if free == 0 and p.bearing_n > 0 and p.rolls[0] == 0:
+        motor = 0.0
+    if p.play_m > 0:
+        middle, reach = load - p.apart_m[0], 0.5 * p.play_m
+        load = min(max(0.0, middle - reach), middle + reach)
+        if p.touches[0] != 0:
+            load = middle + p.touches[0] * reach
+    return motor, load
+
+
+@compiled_in_place
+def attempt(
+    t: ChainTables,
+    s: ChainState,
+    p: Pulleys,
+    free: int,
+    force: float,
+    spring: float,
+    motor: float,
+    load: float,
+    longer: float,
+    dt: float,
+    patient: bool,
+) -> tuple[float, float, bool]:
+    """Solve a sample for the cables that are taut now; (both displacements, solved).
+
+    `motor` and `load` are what is given, or a guess.
+    """
+    n, handle = t.wrap.shape[2], load
+    if s.gap_m[0] >= 0 and s.gap_m[1] >= 0 and free >= 0:
+        motor, load = (0.0, load) if free == 0 else (motor, 0.0)
+        return motor, load, abs(force) <= p.bearing_n * (free == 0)
+    motor, load = first_guess(p, free, motor, load)
+    for rounds in range(ALL_AT_ONCE + (4 * n if patient else 0)):
+        set_both(t, s, motor, load, longer, dt)
+        one, changed, worst = rounds >= ALL_AT_ONCE, False, 0.0
+        if rounds > 0:
+            changed = revise_pulleys(t, s, p, free, force, motor, load, handle)
+        for cable in range(2):
+            if s.gap_m[cable] < 0:
+                change, error = assemble(t, s, cable, dt, rounds > 0 and not (one and changed), one)
+                changed |= change
+                worst = max(worst, error)
+        done = rounds > 0 and not changed and worst <= SETTLED
+        if done and balanced(t, s, p, free, force, spring, motor, load):
+            return motor, load, True
+        if not worst < 1e30:
+            return motor, load, False
+        for cable in range(2):
+            if s.gap_m[cable] < 0:
+                solve(t, s, cable, dt, rounds < FRONTS_RUN)
+        x, y = move_pulleys(t, s, p, free, force, spring, motor, load, handle)
+        for cable in range(2):
+            if s.gap_m[cable] < 0:
+                follow(t, s, cable, x, y)
+        motor += x
+        load += y
+    return motor, load, False
+
+
+@compiled_in_place
+def step(
+    t: ChainTables,
+    s: ChainState,
+    p: Pulleys,
+    free: int,
+    force: float,
+    spring: float,
+    motor: float,
+    load: float,
+    factor: float,
+    longer: float,
+    dt: float,
+    patient: bool,
+) -> tuple[float, int]:
+    """Take one step, `patient` or giving up early.
+
+    `free` is the pulley whose torque is given (0 motor, 1 load, -1 none), as a difference of
+    tensions `force` less `spring` times its displacement; `motor` and `load` are the displacements
+    that are given, or guessed for the free one. Which cables are taut is tried, the present ones
+    first, until the stretches that follow agree. Returns the free pulley's displacement and flags
+    (8: not solved).
+    """
+    before_a = elastic_stretch(t, s, 0, dt) - longer
+    before_b = elastic_stretch(t, s, 1, dt) - longer
+    now = (1 if s.gap_m[0] >= 0 else 0) + (2 if s.gap_m[1] >= 0 else 0)
+    lost = free >= 0 and now == 3 and force != 0
+    for trial in range(4):
+        slack = now ^ trial
+        for cable in range(2):
+            is_slack = (slack >> cable) & 1 == 1
+            if s.gap_m[cable] >= 0 and not is_slack:
+                sign = 1.0 - 2.0 * cable
+                lay_out(t, s, cable, 1 if sign * (load - motor) > 0 else -1, dt)
+            s.gap_m[cable] = 0.0 if is_slack else -1.0
+            prepare(t, s, cable, factor, dt)
+        x, y, solved = attempt(t, s, p, free, force, spring, motor, load, longer, dt, patient)
+        for cable in range(2):
+            sign = 1.0 - 2.0 * cable
+            stretch = (before_a if cable == 0 else before_b) + sign * (x + y)
+            sure = SETTLED * (abs(x) + abs(y)) + t.tiny_m
+            if s.gap_m[cable] >= 0:
+                solved = solved and stretch <= sure
+                s.gap_m[cable] = max(-stretch, 0.0)
+            else:
+                solved = solved and stretch >= -sure
+        if solved:
+            for cable in range(2):
+                sign = 1.0 - 2.0 * cable
+                finish(t, s, cable, sign * x, sign * y, longer, dt)
+            p.apart_m[0] += y - load
+            return x if free == 0 else y, NOT_CARRIED if lost else 0
+    return 0.0, 8
+
+
+@compiled_in_place
+def save(s: ChainState, p: Pulleys) -> None:
+    """Keep the state, to come back to."""
+    for cable in range(2):
+        s.saved[cable, 0, -1] = s.gap_m[cable]
+        for i in range(s.tension.shape[1]):
+            s.saved[cable, 1, i] = s.stretch[cable, i]
+            s.saved[cable, 2, i] = s.tension[cable, i]
+            s.saved[cable, 3, i] = s.creep_n[cable, i]
+        for j in range(s.speed.shape[1]):
+            s.saved[cable, 0, j] = s.reserve_m[cable, j]
+            s.saved[cable, 4, j] = s.speed[cable, j]
+            s.saved[cable, 5, j] = s.slides[cable, j]
+            s.saved[cable, 6, j] = s.rested[cable, j]
+            s.saved[cable, 7, j] = s.held[cable, j]
+            s.saved[cable, 8, j] = s.rate[cable, j]
+    s.saved[0, 4, -1] = p.rolls[0]
+    s.saved[0, 5, -1] = p.touches[0]
+    s.saved[0, 6, -1] = p.apart_m[0]
+
+
+@compiled_in_place
+def restore(s: ChainState, p: Pulleys) -> None:
+    """Come back to the state that was kept."""
+    for cable in range(2):
+        s.gap_m[cable] = s.saved[cable, 0, -1]
+        for i in range(s.tension.shape[1]):
+            s.stretch[cable, i] = s.saved[cable, 1, i]
+            s.tension[cable, i] = s.saved[cable, 2, i]
+            s.creep_n[cable, i] = s.saved[cable, 3, i]
+        for j in range(s.speed.shape[1]):
+            s.reserve_m[cable, j] = s.saved[cable, 0, j]
+            s.speed[cable, j] = s.saved[cable, 4, j]
+            s.slides[cable, j] = int(s.saved[cable, 5, j])
+            s.rested[cable, j] = int(s.saved[cable, 6, j])
+            s.held[cable, j] = s.saved[cable, 7, j]
+            s.rate[cable, j] = s.saved[cable, 8, j]
+    p.rolls[0] = int(s.saved[0, 4, -1])
+    p.touches[0] = int(s.saved[0, 5, -1])
+    p.apart_m[0] = s.saved[0, 6, -1]
+
+
+@compiled_in_place
+def sample(
+    t: ChainTables,
+    s: ChainState,
+    p: Pulleys,
+    free: int,
+    force_0: float,
+    force_1: float,
+    spring: float,
+    motor: float,
+    load: float,
+    factor: float,
+    longer: float,
+    dt: float,
+) -> tuple[float, int]:
+    """Take one sample in one step, or in 4, 16, 64 where that finds no answer."""
+    save(s, p)
+    for tries in range(2 * len(REFINEMENTS)):
+        parts = REFINEMENTS[tries % len(REFINEMENTS)]
+        patient = tries >= len(REFINEMENTS)
+        share = 1.0 / parts
+        moved, flags = 0.0, 0
+        for part in range(parts):
+            force = force_0 + (force_1 - force_0) * (part + 1) * share - spring * moved
+            x, y, more = motor * share, load * share, longer * share
+            way, flag = step(t, s, p, free, force, spring, x, y, factor, more, dt * share, patient)
+            moved += way
+            flags |= flag
+            if flag & 8:
+                break
+        if flags & 8 == 0:
+            return moved, flags
+        restore(s, p)
+    return 0.0, 8
+
+
+@compiled_in_place
+def run(
+    t: ChainTables,
+    s: ChainState,
+    p: Pulleys,
+    free: int,
+    time: FloatArray,
+    motor: FloatArray,
+    load: FloatArray,
+    factor: FloatArray,
+    longer: FloatArray,
+    out: FloatArray,
+) -> int:
+    """Run all samples; arguments, rows of `out` and return value as in `mesh_events.run`.
+
+    `factor` and `longer` are those of `Histories`, of one sample where nothing changes.
+    """
+    failed, place, n, force_before, speed = 0, 0.0, t.wrap.shape[2], 0.0, 0.0
+    for i in range(time.size):
+        # The first sample applies the first torque; it has no duration, so it takes the next one's.
+        dt = time[i] - time[i - 1] if i > 0 else time[1] - time[0]
+        x = motor[i] - motor[i - 1] if i > 0 else 0.0
+        y = load[i] - load[i - 1] if i > 0 else 0.0
+        force = motor[i] if free == 0 else load[i] if free == 1 else 0.0
+        if free == 0:
+            x = speed * dt
+        elif free == 1:
+            y = speed * dt
+        extra = longer[i] - longer[i - 1] if 0 < i < longer.size else longer[0] if i == 0 else 0.0
+        moved, flags = sample(
+            t, s, p, free, force_before, force, 0.0, x, y, factor[i % factor.size], extra, dt
+        )
+        force_before = force
+        place += moved
+        speed = moved / dt
+        failed += flags >> 3
+        out[i, 0] = place
+        out[i, 1] = max(s.tension[0, 0], 0.0)
+        out[i, 2] = max(s.tension[0, n], 0.0)
+        out[i, 3] = max(s.tension[1, 0], 0.0)
+        out[i, 4] = max(s.tension[1, n], 0.0)
+        out[i, 5] = (flags & 7) + (s.gap_m[0] >= 0) + 2 * (s.gap_m[1] >= 0)
+    return failed
