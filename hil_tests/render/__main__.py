@@ -42,7 +42,9 @@ def main() -> int:
         f"{hand.stiffness_nm_per_rad:.1f} N m/rad {hand.damping_nm_s_per_rad:.2f} N m s/rad, "
         f"load side {0.25 * rig.rig.sensing.load_encoder_delay_ticks:g} ms late"
     )
-    say("hidden: " + ", ".join(rig.hidden))
+    for effect, parameters in rig.hidden.items():
+        values = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
+        say(f"hidden: {effect}: {values}")
     belief = rig.belief
     say(
         f"the drive believes mu {belief.friction:.3f}, T0 {belief.pretension_n:.2f} N, "

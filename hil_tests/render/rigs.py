@@ -8,14 +8,15 @@ friction's error, because only their product counts. Two effects of moderate str
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from hil_tests.rig.constants import least_substeps
-from hil_tests.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing, changed
+from hil_tests.rig.hidden import hide
+from hil_tests.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
 
 MODEL_ERROR: Final = 0.15
 LENGTH_M: Final = 2.0
@@ -56,8 +57,8 @@ class RenderRig:
     friction_nm : float
         2 r_in T0 m: torque at the motor that the friction of the moving pair takes.
     motor_limit_nm : float
-    hidden : tuple of str
-        Assignments that `parameters.changed` took: the effects that the drive knows nothing of.
+    hidden : mapping of str to mapping of str to float
+        Effects of the catalogue that the drive knows nothing of, and their parameters.
     """
 
     seed: int
@@ -66,7 +67,7 @@ class RenderRig:
     tunnel: Tunnel
     friction_nm: float
     motor_limit_nm: float
-    hidden: tuple[str, ...]
+    hidden: Mapping[str, Mapping[str, float]]
 
     @property
     def apart(self) -> bool:
@@ -109,14 +110,14 @@ def draw(seed: int) -> RenderRig:
         current_noise_a=_log(random, 0.5e-3, 5e-3),
         load_encoder_delay_ticks=delay,
         load_cell_delay_ticks=delay,
+        conduit_temperature_c=random.uniform(15.0, 40.0),
     )
     rig = Rig(cable, motor, load, hand, sensing)
-    names = sorted(HIDDEN)
-    chosen = random.choice(len(names), size=HIDDEN_EFFECTS, replace=False)
-    hidden = tuple(a for i in sorted(chosen) for a in HIDDEN[names[i]](random, rig))
-    for assignment in hidden:
-        rig = changed(rig, assignment)
-    rig = replace(rig, substeps=max(12, least_substeps(rig.cable, rig.elements)))
+    rig = replace(rig, substeps=max(rig.substeps, least_substeps(rig.cable, rig.elements)))
+    chosen = sorted(random.choice(sorted(MODERATE), size=HIDDEN_EFFECTS, replace=False).tolist())
+    hidden = {name: MODERATE[name](random, rig) for name in chosen}
+    for name, parameters in hidden.items():
+        rig = hide(rig, name, parameters)
     belief = Belief(
         friction=cable.friction * _wrong(random),
         pretension_n=cable.pretension_n * _wrong(random),
@@ -162,87 +163,58 @@ def _phase(random: Random) -> float:
     return float(random.uniform(0.0, 2.0 * math.pi))
 
 
-def _slip(random: Random, rig: Rig) -> tuple[str, ...]:
-    """Presliding over 0.05 to 0.3 mm at pretension."""
-    radius_m = rig.cable.path[0][1]
-    shear = rig.cable.friction * rig.cable.pretension_n / radius_m / random.uniform(5e-5, 3e-4)
-    return (f"cable.contact_stiffness_n_per_m2={min(shear, 1.5e6)}",)
+Draw = Callable[[Random, Rig], dict[str, float]]
 
-
-Effect = Callable[[Random, Rig], tuple[str, ...]]
-
-# Middles of the ranges in the effect library (science.md, section 2).
-HIDDEN: Final[dict[str, Effect]] = {
-    "viscous_friction": lambda r, _: (f"cable.viscous_s_per_m={r.uniform(0.05, 0.3)}",),
-    "stribeck_friction": lambda r, _: (
-        f"cable.static_ratio={r.uniform(1.1, 1.5)}",
-        f"cable.stribeck_speed_m_per_s={r.uniform(0.002, 0.02)}",
-    ),
-    "presliding_compliance": _slip,
-    "frictional_lag": lambda r, _: (f"cable.friction_lag_s={r.uniform(2e-3, 2e-2)}",),
-    "direction_asymmetry": lambda r, _: (f"cable.direction_asymmetry={_signed(r, 0.05, 0.2)}",),
-    "tension_dependent_friction": lambda r, _: (f"cable.tension_exponent={r.uniform(0.05, 0.2)}",),
-    "bearing_friction": lambda r, _: (f"motor.bearing_friction_nm={r.uniform(2e-3, 1e-2)}",),
-    "thermal_friction": lambda r, _: (
-        f"cable.friction_change_per_k={-r.uniform(2e-3, 8e-3)}",
-        f"cable.warming_change_k={r.uniform(5.0, 15.0)}",
-        "cable.warming_time_s=3.0",
-    ),
-    "wear": lambda r, _: (
-        f"cable.wear_change={_signed(r, 0.05, 0.2)}",
-        "cable.wear_travel_m=0.5",
-    ),
-    "dwell_strengthening": lambda r, _: (f"cable.dwell_gain={r.uniform(0.1, 0.4)}",),
-    "position_dependent_friction": lambda r, _: (
-        f"cable.place_gain={r.uniform(0.05, 0.2)}",
-        f"cable.place_per_turn={r.uniform(1.0, 6.0)}",
-        f"cable.place_phase_rad={_phase(r)}",
-    ),
-    "wrap_angle_change": lambda r, rig: (
-        f"cable.extra_wrap_rad={_signed(r, 0.05, 0.15) * LENGTH_M / rig.cable.path[0][1]}",
-    ),
-    "conduit_compliance": lambda r, _: (f"cable.conduit_stiffness_n_per_m={_log(r, 1e4, 1e5)}",),
-    "cable_stiffening": lambda r, _: (f"cable.stiffening_per_n={r.uniform(0.01, 0.05)}",),
-    "pretension_loss": lambda r, _: (
-        f"cable.pretension_loss={r.uniform(0.03, 0.1)}",
-        "cable.pretension_loss_time_s=1.0",
-    ),
-    "viscoelastic_cable": lambda r, _: (
-        f"cable.creep={r.uniform(0.05, 0.3)}",
-        f"cable.creep_time_s={_log(r, 0.03, 0.5)}",
-    ),
-    "termination_backlash": lambda r, _: (f"load.play_rad={r.uniform(1e-3, 1e-2)}",),
-    "pulley_eccentricity": lambda r, _: (
-        f"motor.eccentricity={r.uniform(2e-3, 2e-2)}",
-        f"motor.eccentricity_phase_rad={_phase(r)}",
-    ),
-    "encoder_eccentricity": lambda r, _: (
-        f"sensing.encoder_eccentricity_rad={r.uniform(2e-3, 1e-2)}",
-        f"sensing.encoder_eccentricity_phase_rad={_phase(r)}",
-    ),
-    "encoder_offset": lambda r, _: (f"sensing.load_encoder_offset_rad={_signed(r, 2e-3, 1e-2)}",),
-    "load_cell_gain": lambda r, _: (f"sensing.load_cell_gain_error={_signed(r, 0.01, 0.04)}",),
-    "load_cell_offset": lambda r, _: (f"sensing.load_cell_offset_nm={_signed(r, 2e-3, 2e-2)}",),
-    "load_cell_drift": lambda r, _: (f"sensing.load_cell_drift_nm_per_s={_signed(r, 1e-3, 5e-3)}",),
-    "load_cell_hysteresis": lambda r, _: (
-        f"sensing.load_cell_hysteresis_nm={_log(r, 5e-3, 2e-2)}",
-    ),
-    "torque_constant_error": lambda r, _: (
-        f"motor.torque_constant_error={_signed(r, 0.03, 0.08)}",
-    ),
-    "motor_torque_offset": lambda r, _: (f"motor.torque_offset_nm={_signed(r, 1e-3, 6e-3)}",),
-    "cogging": lambda r, _: (
-        f"motor.cogging_nm={r.uniform(1e-3, 6e-3)}",
-        f"motor.cogging_phase_rad={_phase(r)}",
-    ),
-    "motor_inertia": lambda r, rig: (
-        f"motor.inertia_kg_m2={rig.motor.inertia_kg_m2 * r.uniform(1.3, 2.0)}",
-    ),
-    "load_inertia": lambda r, _: (f"load.cell_side_inertia_kg_m2={_log(r, 1e-4, 1e-3)}",),
-    "gravity_imbalance": lambda r, _: (
-        f"load.gravity_nm={r.uniform(0.02, 0.1)}",
-        f"load.gravity_phase_rad={_phase(r)}",
-    ),
-    "time_delay": lambda r, _: (f"sensing.motor_current_delay_ticks={r.integers(1, 5)}",),
-    "amplifier_lag": lambda r, _: (f"motor.amplifier_bandwidth_hz={_log(r, 100.0, 500.0)}",),
+# Middles of the ranges of effects on such rigs: 0.1 to 0.3 of friction, 1 to 2 % of a radius ...
+MODERATE: Final[dict[str, Draw]] = {
+    "viscous_friction": lambda r, _: {"mu_v_s_per_m": r.uniform(0.05, 0.3)},
+    "stribeck_friction": lambda r, _: {
+        "a": r.uniform(0.1, 0.5),
+        "v_s_m_per_s": r.uniform(0.002, 0.02),
+    },
+    "presliding_compliance": lambda r, _: {"slip_m": r.uniform(5e-5, 3e-4)},
+    "frictional_lag": lambda r, _: {"lag_s": r.uniform(2e-3, 2e-2)},
+    "direction_asymmetry": lambda r, _: {"a": _signed(r, 0.05, 0.2)},
+    "tension_dependent_friction": lambda r, _: {"p": r.uniform(0.05, 0.2)},
+    "bearing_friction": lambda r, _: {"torque_nm": r.uniform(2e-3, 1e-2)},
+    "thermal_friction": lambda r, _: {"alpha_per_k": _signed(r, 2e-3, 8e-3)},
+    "wear": lambda r, _: {"a": _signed(r, 0.05, 0.2), "travel_m": 0.5},
+    "dwell_strengthening": lambda r, _: {"a": r.uniform(0.1, 0.4)},
+    "position_dependent_friction": lambda r, _: {
+        "a": r.uniform(0.05, 0.2),
+        "waves_per_turn": r.uniform(1.0, 6.0),
+        "phase_rad": _phase(r),
+    },
+    "wrap_angle_change": lambda r, rig: {
+        "extra_wrap_rad": _signed(r, 0.05, 0.15) * LENGTH_M / rig.cable.path[0][1]
+    },
+    "conduit_compliance": lambda r, _: {"stiffness_n_per_m": _log(r, 1e4, 1e5)},
+    "cable_stiffening": lambda r, _: {"gain": r.uniform(0.2, 0.6)},
+    "pretension_loss": lambda r, _: {"a": r.uniform(0.03, 0.1), "tau_s": 1.0},
+    "viscoelastic_cable": lambda r, _: {"a": r.uniform(0.05, 0.3), "tau_s": _log(r, 0.03, 0.5)},
+    "termination_backlash": lambda r, _: {"play_rad": r.uniform(1e-3, 1e-2)},
+    "pulley_eccentricity": lambda r, _: {"e": r.uniform(2e-3, 2e-2), "phase_rad": _phase(r)},
+    "encoder_eccentricity": lambda r, _: {"e_rad": r.uniform(2e-3, 1e-2), "phase_rad": _phase(r)},
+    "encoder_offset": lambda r, _: {"load_offset_rad": _signed(r, 2e-3, 1e-2)},
+    "load_cell_gain": lambda r, _: {"g": _signed(r, 0.01, 0.04)},
+    "load_cell_offset": lambda r, _: {"offset_nm": _signed(r, 2e-3, 2e-2)},
+    "load_cell_drift": lambda r, _: {"drift_nm_per_s": _signed(r, 1e-3, 5e-3)},
+    "load_cell_hysteresis": lambda r, _: {"width_nm": _log(r, 5e-3, 2e-2)},
+    "torque_constant_error": lambda r, _: {"g": _signed(r, 0.03, 0.08)},
+    "motor_torque_offset": lambda r, _: {"offset_nm": _signed(r, 1e-3, 6e-3)},
+    "cogging": lambda r, _: {
+        "amplitude_nm": r.uniform(1e-3, 6e-3),
+        "harmonic": float(r.integers(4, 25)),
+        "phase_rad": _phase(r),
+    },
+    "motor_inertia": lambda r, rig: {
+        "inertia_kg_m2": rig.motor.inertia_kg_m2 * r.uniform(1.3, 2.0)
+    },
+    "load_inertia": lambda r, _: {"inertia_kg_m2": _log(r, 1e-4, 1e-3)},
+    "gravity_imbalance": lambda r, _: {
+        "amplitude_nm": r.uniform(0.02, 0.1),
+        "phase_rad": _phase(r),
+    },
+    "time_delay": lambda r, _: {"motor_torque_delay_s": r.uniform(2.5e-4, 1e-3)},
+    "amplifier_lag": lambda r, _: {"lag_s": _log(r, 3e-4, 1.5e-3)},
 }

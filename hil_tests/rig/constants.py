@@ -13,6 +13,7 @@ from hil_tests.rig import parameters
 
 CONTROL_PERIOD_S: Final = 250e-6
 GRAVITY_M_PER_S2: Final = 9.81
+REFERENCE_C: Final = 20.0  # at which the conduit's friction is stated
 
 HAND_ON: Final = 0
 HAND_FREE: Final = 1
@@ -45,6 +46,7 @@ class Constants(NamedTuple):
     # what changes slowly
     ages: int
     friction_per_k: float
+    above_reference_k: float
     warming_k: float
     warming_s: float
     wear_change: float
@@ -55,6 +57,9 @@ class Constants(NamedTuple):
     place_gain: float
     place_per_turn: float
     place_phase_rad: float
+    bump_gain: float
+    bump_centre_rad: float
+    bump_width_rad: float
     loss: float
     loss_time_s: float
     # motor
@@ -142,6 +147,7 @@ def constants(rig: parameters.Rig) -> Constants:
         creep_share=-math.expm1(-dt / cable.creep_time_s),
         ages=int(_ages(cable)),
         friction_per_k=cable.friction_change_per_k,
+        above_reference_k=rig.sensing.conduit_temperature_c - REFERENCE_C,
         warming_k=cable.warming_change_k,
         warming_s=cable.warming_time_s,
         wear_change=cable.wear_change,
@@ -152,6 +158,9 @@ def constants(rig: parameters.Rig) -> Constants:
         place_gain=cable.place_gain,
         place_per_turn=cable.place_per_turn,
         place_phase_rad=cable.place_phase_rad,
+        bump_gain=cable.bump_gain_change,
+        bump_centre_rad=cable.bump_centre_offset_rad,
+        bump_width_rad=cable.bump_width_rad,
         loss=cable.pretension_loss,
         loss_time_s=cable.pretension_loss_time_s,
         motor_radius_m=motor.pulley_radius_m,
@@ -185,8 +194,15 @@ def constants(rig: parameters.Rig) -> Constants:
 
 def _ages(cable: parameters.Cable) -> bool:
     """Tell whether anything changes slowly."""
-    changes = (cable.friction_change_per_k, cable.warming_change_k, cable.wear_change)
     return any(
         change != 0.0
-        for change in (*changes, cable.dwell_gain, cable.place_gain, cable.pretension_loss)
+        for change in (
+            cable.friction_change_per_k,
+            cable.warming_change_k,
+            cable.wear_change,
+            cable.dwell_gain,
+            cable.place_gain,
+            cable.bump_gain_change,
+            cable.pretension_loss,
+        )
     )

@@ -53,7 +53,7 @@ def turn_motor(c: Constants, s: NDArray[np.float64], arm_m: float, powered: bool
         tau += c.torque_offset_nm
     if c.cogging_nm != 0.0:
         place = c.cogging_per_turn * s[at.MOTOR_ANGLE] + c.cogging_phase_rad
-        tau += c.cogging_nm * math.sin(place)
+        tau += c.cogging_nm * math.cos(place)
     speed = s[at.MOTOR_SPEED]
     back = arm_m * (s[at.MOTOR_TENSION_A] - s[at.MOTOR_TENSION_B]) + c.motor_viscous_nm_s * speed
     new = speed + c.dt_s / c.motor_inertia_kg_m2 * (tau - back)

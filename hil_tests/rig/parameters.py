@@ -85,13 +85,15 @@ class Cable:
     creep, creep_time_s : float
         Standard linear solid: that share more of stretch, with that time constant.
     friction_change_per_k, warming_change_k, warming_time_s : float
-        The conduit warms by so much, exponentially; mu (1 + alpha times the warming).
+        mu (1 + alpha (temperature - 20 degC)); the conduit warms by so much, exponentially.
     wear_change, wear_travel_m : float
         mu (1 + change (1 - exp(-travel / travel_m))).
     dwell_gain, dwell_time_s, dwell_slip_m : float
         mu (1 + gain q); q rises to 1 with rest and is rubbed off over a slip.
     place_gain, place_per_turn, place_phase_rad : float
         mu (1 + gain cos(k theta_l + phase)).
+    bump_gain_change, bump_centre_offset_rad, bump_width_rad : float
+        mu (1 + gain exp(-((theta_l - centre) / width)^2)).
     pretension_loss, pretension_loss_time_s : float
         T0 (1 - a ln(1 + t / tau)).
     """
@@ -126,6 +128,9 @@ class Cable:
     place_gain: float = 0.0
     place_per_turn: float = 1.0
     place_phase_rad: float = 0.0
+    bump_gain_change: float = 0.0
+    bump_centre_offset_rad: float = 0.0
+    bump_width_rad: float = 0.1
     pretension_loss: float = 0.0
     pretension_loss_time_s: float = 10.0
 
@@ -143,6 +148,7 @@ class Cable:
                 "wear_travel_m",
                 "dwell_time_s",
                 "dwell_slip_m",
+                "bump_width_rad",
                 "pretension_loss_time_s",
             ),
         )
@@ -169,7 +175,7 @@ class Motor:
     """Motor, amplifier and proximal pulley.
 
     `torque_constant_error` g, `torque_offset_nm` b: the true torque is (1 + g) times what the drive
-    believes, plus b while the bridge is on, plus cogging A sin(k theta + phase).
+    believes, plus b while the bridge is on, plus cogging A cos(k theta + phase).
     `eccentricity` e: the pulley's radius is r (1 + e sin(theta + phase)).
     """
 
