@@ -69,6 +69,7 @@ static compensation_law_t law_on(fallback_rung_t rung, compensation_law_t config
 int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
                        const rendering_inputs_t *inputs) {
     uint32_t saturations = 0; /* beyond the range of int32_t the motor's limit holds anyway */
+    rendering->active = inputs->active;
     rendering->wanted_unm =
         fixed_scale(inputs->asked_unm, rendering->load_per_motor_torque, &saturations);
     if (!rendering->model_runs) {
@@ -122,7 +123,8 @@ bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
     dictionary->rendered_energy_uj = outputs->energy_uj;
     dictionary->model_friction_torque_unm = outputs->friction_unm;
     dictionary->motor_innovation_nm = outputs->innovation_nm;
-    if (dictionary->adaptation_enabled != 0 && rendering->model_runs) {
+    /* At rest the entry is the host's to write, and this has to wait. */
+    if (dictionary->adaptation_enabled != 0 && rendering->model_runs && rendering->active) {
         dictionary->adapted_friction_factor_ppm = outputs->friction_factor_ppm;
     }
     dictionary->compensation_active_law = (uint8_t)law_on(fallback->rung, rendering->law);

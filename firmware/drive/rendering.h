@@ -25,6 +25,7 @@ typedef struct {
     bool model_runs;               /* the configuration of the cables can run */
     ratio_t load_per_motor_torque; /* rho */
     int32_t wanted_unm;            /* at the load, in the last tick */
+    bool active;                   /* in the last tick */
     uint32_t saturations_seen;     /* of the model, until the last tick */
 } rendering_t;
 

@@ -318,4 +318,9 @@ def test_what_was_adapted_is_kept_and_can_be_reset() -> None:
     assert drive.write(0x213B, 0, 1, 1)[0] == 0x60
     assert drive.write(0x2130, 0, MODEL_INVERSION, 1)[0] == 0x60
     drive.tick(250)
-    assert drive.values.adapted_friction_factor_ppm == 1_100_000  # nothing moves: it stays
+    assert drive.values.adapted_friction_factor_ppm == 1_100_000
+    assert drive.write(0x213C, 0, 900_000, 4)[0] == 0x60
+    drive.tick(250)  # not overwritten until it was taken
+    assert drive.enable().bridge_enabled
+    drive.tick(250)
+    assert drive.values.adapted_friction_factor_ppm == 900_000  # nothing moves: it stays
