@@ -185,6 +185,17 @@ def test_one_front_needs_coulomb_friction() -> None:
         simulate_passive_load(viscous, T, ANGLE, 1.0)
 
 
+def test_what_steps_the_bare_pair_refuses_effects_around_it() -> None:
+    gained = coulomb().with_effect("load_cell_gain", {"g": 0.1})
+    with pytest.raises(
+        ModelError, match=r"effects\[0\]: found load_cell_gain, which a closed loop"
+    ):
+        simulate_closed_loop(gained, Tunnel(), T, ANGLE)
+    worn = coulomb().with_effect("wear", {"a": 0.1, "travel_m": 1.0})
+    with pytest.raises(ModelError, match="found wear, which a passive load leaves out"):
+        simulate_passive_load(worn, T, ANGLE, 1.0)
+
+
 def test_the_model_is_not_changed_by_a_run() -> None:
     model = coulomb()
     before = format_model(model)

@@ -17,6 +17,7 @@ import numpy as np
 from bowden.model import mesh_events
 from bowden.model.description import Model
 from bowden.model.errors import ModelError
+from bowden.model.layers import refuse_layers
 from bowden.model.mesh import Tables, rest_state, tables
 from bowden.model.mesh_solver import trajectory_of
 from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
@@ -54,6 +55,7 @@ def simulate_passive_load(
         Friction that depends on rate or tension, a stiffness of 0 or less, bad series.
     """
     pair = model.transmission
+    refuse_layers(model.effects, "a passive load")
     if not pair.friction.is_coulomb:
         raise ModelError("friction: found a rate or tension term, accepted: coulomb or stiction")
     if not 0 < load_stiffness_nm_per_rad < np.inf:

@@ -14,6 +14,7 @@ import numpy as np
 
 from bowden.model.effects import CATALOGUE
 from bowden.model.effects.effect import Channel, Enters
+from bowden.model.errors import ModelError
 from bowden.model.histories import Histories
 from bowden.model.model_effects import InForce
 from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajectory
@@ -122,8 +123,10 @@ class Layers:
         series: dict[str, FloatArray] = {"time_s": times}
         for name in (*self._given, "conduit_temperature_c"):
             values = getattr(inputs, name)
-            if values is not None:
-                series[name] = np.interp(times, time_s, values)
+            if values is None:
+                continue
+            same = times.size == time_s.size
+            series[name] = np.asarray(values, float) if same else np.interp(times, time_s, values)
         if "motor_angle_rad" not in series:
             series["motor_angle_rad"] = ratio * series["load_angle_rad"]
         if "load_angle_rad" not in series:
@@ -164,6 +167,21 @@ class Layers:
                 )
 
 
+def refuse_layers(effects: Sequence[InForce], who: str) -> None:
+    """Refuse effects that are more than other constants of the pair, where only those are read.
+
+    Raises
+    ------
+    ModelError
+    """
+    left_out = [one for one in effects if one.variant.channels or one.variant.histories is not None]
+    if left_out:
+        raise ModelError(
+            f"{left_out[0].where}: found {left_out[0].effect.name}, which {who} leaves out; "
+            "accepted: effects that change the pair's constants"
+        )
+
+
 def _depth(one: InForce) -> tuple[int, int, int]:
     effect = one.effect
     entry, place = list(CATALOGUE).index(effect.name), effect.variants.index(one.variant)
@@ -177,7 +195,7 @@ def _channel(one: InForce, name: str) -> Channel | None:
 def _with_earlier(time_s: FloatArray, delays: Sequence[float]) -> FloatArray:
     """Return the times with those that lie a delay before each; none twice but for rounding."""
     times = time_s
-    for delay in delays:
+    for delay in filter(None, delays):
         earlier = time_s - delay
         after = np.searchsorted(times, earlier)
         gap = np.minimum(

@@ -30,7 +30,7 @@ def _angle(channel: str, size: str, at: str) -> Channel:
         for _ in range(ROUNDS if p[size] else 1):
             before = found
             found = values - p[size] * (math.cos(p[at]) - np.cos(found + p[at]))
-            if np.abs(found - before).max(initial=0.0) < 1e-15:
+            if np.abs(found - before).max(initial=0.0) < 1e-13:
                 break
         return found
 
