@@ -1,14 +1,35 @@
 /* compensation.c: see compensation.h. */
 #include "compensation.h"
 
+#define PPM 1000000
+#define TRUSTED 128 /* confidence below which ever less of the friction is compensated */
+
 void compensation_configure(compensation_t *compensation, const transmission_t *transmission,
                             const compensation_settings_t *settings) {
     const transmission_settings_t *pair = &transmission->settings;
+    uint32_t saturations = 0; /* a friction beyond the range is beyond the motor */
+    const sliding_t sliding = sliding_of(transmission, settings->slack_floor_un);
+    const int32_t friction_motor_unm = sliding_motor_torque_unm(&sliding, 0, 1);
+    const ratio_t ratio = ratio_of(pair->load_pulley_radius_nm, pair->motor_pulley_radius_nm);
+    const int32_t friction_unm = fixed_scale(friction_motor_unm, ratio, &saturations);
+    const ratio_t arc_per_motor_torque =
+        ratio_of(pair->motor_pulley_radius_nm,
+                 sliding.motor_unm_per_rad > 0 ? (uint32_t)sliding.motor_unm_per_rad : 1u);
     *compensation = (compensation_t){
         .settings = *settings,
-        .outputs = {.friction_factor_ppm = 1000000},
-        .motor_per_load_torque =
-            ratio_of(pair->motor_pulley_radius_nm, pair->load_pulley_radius_nm),
+        .outputs = {.friction_factor_ppm = PPM, .friction_unm = friction_unm},
+        .motor_per_load_torque = ratio_reciprocal(ratio),
+        .friction_unm = friction_unm,
+        .sliding = sliding,
+        .estimator = estimator_of(
+            settings->ticks_per_s, settings->load_count_nm,
+            fixed_scale(friction_motor_unm, arc_per_motor_torque, &saturations), friction_unm),
+        .passivity = passivity_of(pair->load_pulley_radius_nm, friction_unm),
+        .inversion = inversion_of(transmission, &sliding, settings->ticks_per_s,
+                                  settings->motor_inertia_gmm2, settings->rest_band_unm,
+                                  settings->integral_gain_mhz),
+        .published = published_of(transmission, &sliding, settings->ticks_per_s,
+                                  settings->integral_gain_mhz),
     };
 }
 
@@ -16,19 +37,111 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
     compensation->outputs.friction_factor_ppm = friction_factor_ppm;
 }
 
+/* Part of the model's friction to compensate, in ppm: with a load cell all of it, the cell sees to
+ * the rest; without one the configured share, less when the model is not to be trusted. */
+static uint32_t friction_share_ppm(const compensation_t *compensation, bool cell) {
+    const uint64_t factor = compensation->outputs.friction_factor_ppm;
+    if (cell) {
+        return (uint32_t)factor;
+    }
+    const uint32_t confidence = compensation->estimator.confidence;
+    const uint64_t trust = confidence < TRUSTED ? confidence : TRUSTED;
+    const uint64_t share = compensation->settings.friction_share_ppm;
+    return (uint32_t)(factor * share / PPM * trust / TRUSTED);
+}
+
+/* What the law adds to the naive torque, or for ours the torque itself. */
+static int32_t law_torque_unm(compensation_t *compensation, const compensation_inputs_t *inputs,
+                              int32_t wanted_unm, int32_t load_torque_unm) {
+    uint32_t saturations = 0; /* the motor's limit is far below */
+    const published_t *published = &compensation->published;
+    const int32_t naive_unm =
+        fixed_scale(wanted_unm, compensation->motor_per_load_torque, &saturations);
+    switch (inputs->law) {
+    case COMPENSATION_COULOMB:
+        return fixed_add(naive_unm, published_coulomb_unm(published), &saturations);
+    case COMPENSATION_INTEGRAL:
+        return fixed_add(naive_unm, published_integral_unm(published), &saturations);
+    case COMPENSATION_SMOOTH_INVERSE:
+        return fixed_add(naive_unm, published_smooth_inverse_unm(published), &saturations);
+    case COMPENSATION_ADAPTIVE_HYSTERESIS:
+        return fixed_add(naive_unm, published_hysteresis_unm(published), &saturations);
+    case COMPENSATION_MODEL_INVERSION:
+        return inversion_step(
+            &compensation->inversion, &compensation->sliding, &compensation->estimator,
+            &(inversion_inputs_t){
+                .wanted_unm = wanted_unm,
+                .load_torque_unm = load_torque_unm,
+                .cell = inputs->load_cell_valid,
+                .limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0,
+                .share_ppm = friction_share_ppm(compensation, inputs->load_cell_valid),
+            });
+    case COMPENSATION_NONE:
+    case COMPENSATION_LAWS:
+    default:
+        return naive_unm;
+    }
+}
+
+static uint8_t flags_of(const compensation_t *compensation, const compensation_inputs_t *inputs,
+                        bool limited, bool damped) {
+    uint8_t flags = 0;
+    if (limited) {
+        flags |= COMPENSATION_LIMITED;
+    }
+    if (damped) {
+        flags |= COMPENSATION_DAMPED;
+    }
+    if (compensation->estimator.confidence < TRUSTED) {
+        flags |= COMPENSATION_DISAGREES;
+    }
+    if (inputs->law == COMPENSATION_MODEL_INVERSION && compensation->inversion.resting) {
+        flags |= COMPENSATION_RESTING;
+    }
+    return flags;
+}
+
 void compensation_step(compensation_t *compensation, transmission_t *transmission,
                        const compensation_inputs_t *inputs) {
     compensation_outputs_t *outputs = &compensation->outputs;
-    uint32_t *saturations = &transmission->saturations;
-    transmission_step_torque(transmission, inputs->motor_torque_unm, inputs->load_arc_nm);
-    outputs->load_torque_unm = transmission_load_torque_unm(transmission);
-    outputs->innovation_nm =
-        fixed_subtract(inputs->motor_arc_nm, transmission->motor.arc_nm, saturations);
-    const int32_t wanted =
-        inputs->active
-            ? fixed_scale(inputs->wanted_unm, compensation->motor_per_load_torque, saturations)
-            : 0;
+    estimator_t *estimator = &compensation->estimator;
+    uint32_t saturations = 0;
+    estimator_step(estimator, transmission,
+                   &(estimator_inputs_t){
+                       .motor_arc_nm = inputs->motor_arc_nm,
+                       .load_arc_nm = inputs->load_arc_nm,
+                       .motor_torque_unm = inputs->motor_torque_unm,
+                       .load_cell_unm = inputs->load_cell_unm,
+                       .load_cell_valid = inputs->load_cell_valid,
+                   });
+    const int32_t load_torque_unm =
+        inputs->load_cell_valid ? inputs->load_cell_unm : estimator->load_torque_unm;
+    const int32_t error_unm = fixed_subtract(inputs->wanted_unm, load_torque_unm, &saturations);
+    const bool runs = inputs->active && inputs->law != COMPENSATION_NONE;
+    passivity_step(&compensation->passivity, inputs->load_arc_nm, runs ? -error_unm : 0);
+    published_step(&compensation->published, estimator, inputs->load_arc_nm, error_unm,
+                   runs && inputs->law == COMPENSATION_INTEGRAL,
+                   runs && inputs->law == COMPENSATION_ADAPTIVE_HYSTERESIS);
+    int32_t torque_unm = 0;
+    int32_t drag_unm = 0;
+    if (inputs->active) {
+        drag_unm = inputs->law == COMPENSATION_MODEL_INVERSION
+                       ? passivity_drag_unm(&compensation->passivity)
+                       : 0;
+        const int32_t wanted_unm =
+            fixed_subtract(inputs->wanted_unm, estimator->load_direction * drag_unm, &saturations);
+        torque_unm = law_torque_unm(compensation, inputs, wanted_unm, load_torque_unm);
+    }
     const int32_t limit = compensation->settings.torque_limit_unm;
-    outputs->motor_torque_unm = fixed_clamp(wanted, -limit, limit);
-    outputs->flags = outputs->motor_torque_unm != wanted ? COMPENSATION_LIMITED : 0;
+    outputs->motor_torque_unm = fixed_clamp(torque_unm, -limit, limit);
+    if (!inputs->active || inputs->law != COMPENSATION_MODEL_INVERSION) {
+        inversion_follow(&compensation->inversion, outputs->motor_torque_unm);
+    }
+    outputs->load_torque_unm = estimator->load_torque_unm;
+    outputs->innovation_nm = estimator->innovation_nm;
+    outputs->slip = estimator->slip;
+    outputs->confidence = estimator->confidence;
+    outputs->flags =
+        flags_of(compensation, inputs, outputs->motor_torque_unm != torque_unm, drag_unm > 0);
+    outputs->energy_uj = passivity_energy_uj(&compensation->passivity);
 }

@@ -19,7 +19,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "estimator.h"
 #include "fixed.h"
+#include "law_inversion.h"
+#include "laws_published.h"
+#include "passivity.h"
+#include "sliding.h"
 #include "transmission.h"
 
 /* Values of the entry compensation_law. */
@@ -61,13 +66,6 @@ typedef struct {
     int32_t load_cell_unm;    /* by the cables on the load; any value while not valid */
 } compensation_inputs_t;
 
-/* Is the pair moving as a whole? */
-typedef enum {
-    SLIP_STUCK,    /* part of each cable at rest: what the motor does need not reach the load */
-    SLIP_POSITIVE, /* slides as for a positive angle */
-    SLIP_NEGATIVE,
-} slip_state_t;
-
 /* Bits of compensation_outputs_t.flags. */
 enum {
     COMPENSATION_LIMITED = 1 << 0,   /* the motor's limit cuts the law */
@@ -94,6 +92,12 @@ typedef struct {
     compensation_settings_t settings;
     compensation_outputs_t outputs;
     ratio_t motor_per_load_torque; /* 1 / rho */
+    int32_t friction_unm;          /* of the model's sliding pair, at the load */
+    sliding_t sliding;
+    estimator_t estimator;
+    passivity_t passivity;
+    inversion_t inversion;
+    published_t published;
 } compensation_t;
 
 /* Computes the constants from a configured transmission, and starts at rest. Slow: not in a tick

@@ -1,0 +1,103 @@
+/* estimator.c: see estimator.h. Divisions by constants only; they round towards zero, so a mirrored
+ * motion gives mirrored results. */
+#include "estimator.h"
+
+#define DIRECTION_COUNTS 3     /* travel of the load that makes a direction ... */
+#define DIRECTION_FORGOTTEN 50 /* ... which is forgotten 1/50 s after the last such travel */
+#define GAP_SPEED_TICKS 8      /* time constant; an encoder count spread over 2 ms */
+#define CORRECTION_TICKS 32    /* time constant of the load cell's correction, 8 ms */
+#define DOUBT_TICKS 512        /* the turn of the motor at a reversal is no reason for doubt */
+
+estimator_t estimator_of(uint32_t ticks_per_s, int32_t load_count_nm, int32_t windup_nm,
+                         int32_t tolerance_unm) {
+    return (estimator_t){
+        .ticks_per_s = ticks_per_s,
+        .load_count_nm = load_count_nm,
+        .windup_nm = windup_nm > 0 ? windup_nm : 1,
+        .tolerance_unm = tolerance_unm > 0 ? tolerance_unm : 1,
+        .confidence = 255,
+    };
+}
+
+static int32_t magnitude(int32_t value) {
+    return value < 0 ? -value : value;
+}
+
+static void follow_direction(estimator_t *estimator, int32_t load_arc_nm) {
+    uint32_t saturations = 0; /* the travel since the mark is small */
+    const int32_t travel_nm = fixed_subtract(load_arc_nm, estimator->mark_nm, &saturations);
+    if (magnitude(travel_nm) >= DIRECTION_COUNTS * estimator->load_count_nm) {
+        estimator->load_direction = travel_nm > 0 ? 1 : -1;
+    } else if (++estimator->mark_age <= estimator->ticks_per_s / DIRECTION_FORGOTTEN) {
+        return;
+    } else {
+        estimator->load_direction = 0;
+    }
+    estimator->mark_nm = load_arc_nm;
+    estimator->mark_age = 0;
+}
+
+static void follow_gap(estimator_t *estimator, const estimator_inputs_t *inputs) {
+    uint32_t saturations = 0; /* cables do not stretch by metres */
+    const int32_t gap_nm = fixed_subtract(inputs->motor_arc_nm, inputs->load_arc_nm, &saturations);
+    const int32_t step_nm = fixed_clamp(
+        fixed_subtract(gap_nm, estimator->last_gap_nm, &saturations), -(1 << 22), 1 << 22);
+    estimator->last_gap_nm = gap_nm;
+    estimator->gap_speed_q8_nm += (step_nm * 256 - estimator->gap_speed_q8_nm) / GAP_SPEED_TICKS;
+    estimator->gap_speed_nm = estimator->gap_speed_q8_nm / 256;
+}
+
+static slip_state_t slip_of(const transmission_t *transmission) {
+    const cable_t *a = &transmission->a;
+    const cable_t *b = &transmission->b;
+    const bool a_slides = a->motion == CABLE_MASS;
+    const bool b_slides = b->motion == CABLE_MASS;
+    if (!(a_slides || a->motion == CABLE_SLACK) || !(b_slides || b->motion == CABLE_SLACK) ||
+        !(a_slides || b_slides)) {
+        return SLIP_STUCK;
+    }
+    const cable_direction_t a_would =
+        a_slides ? a->end[CABLE_PROXIMAL].direction
+                 : (b->end[CABLE_PROXIMAL].direction == CABLE_PULL ? CABLE_RELEASE : CABLE_PULL);
+    return a_would == CABLE_PULL ? SLIP_POSITIVE : SLIP_NEGATIVE;
+}
+
+/* A disagreement as large as `half` takes half of the confidence. */
+static int32_t doubt(int32_t disagreement, int32_t half) {
+    const int64_t scaled = (int64_t)magnitude(disagreement) * 128 / half;
+    return scaled > 255 ? 255 : (int32_t)scaled;
+}
+
+void estimator_step(estimator_t *estimator, transmission_t *transmission,
+                    const estimator_inputs_t *inputs) {
+    uint32_t *saturations = &transmission->saturations;
+    uint32_t ignored = 0; /* a motor without cables may turn for ever */
+    if (!estimator->started) {
+        estimator->started = true;
+        estimator->mark_nm = inputs->load_arc_nm;
+        estimator->last_gap_nm =
+            fixed_subtract(inputs->motor_arc_nm, inputs->load_arc_nm, &ignored);
+    }
+    transmission_step_torque(transmission, inputs->motor_torque_unm, inputs->load_arc_nm);
+    follow_direction(estimator, inputs->load_arc_nm);
+    follow_gap(estimator, inputs);
+    estimator->slip = slip_of(transmission);
+    estimator->innovation_nm =
+        fixed_subtract(inputs->motor_arc_nm, transmission->motor.arc_nm, &ignored);
+    const int32_t model_unm = transmission_load_torque_unm(transmission);
+    int32_t doubted = doubt(estimator->innovation_nm, estimator->windup_nm);
+    if (inputs->load_cell_valid) {
+        const int32_t error_unm = fixed_subtract(inputs->load_cell_unm, model_unm, saturations);
+        const int32_t limited_unm = fixed_clamp(error_unm, -(1 << 22), 1 << 22);
+        estimator->correction_q8_unm +=
+            (limited_unm * 256 - estimator->correction_q8_unm) / CORRECTION_TICKS;
+        const int32_t by_cell = doubt(error_unm, estimator->tolerance_unm);
+        doubted = by_cell > doubted ? by_cell : doubted;
+    } else {
+        estimator->correction_q8_unm -= estimator->correction_q8_unm / DOUBT_TICKS;
+    }
+    estimator->load_torque_unm =
+        fixed_add(model_unm, estimator->correction_q8_unm / 256, saturations);
+    estimator->doubt_q8 += (doubted * 256 * 16 - estimator->doubt_q8) / DOUBT_TICKS;
+    estimator->confidence = (uint8_t)(255 - estimator->doubt_q8 / (256 * 16));
+}

@@ -1,0 +1,70 @@
+/* estimator.h: what the drive believes of the pair, from both encoders, the motor torque and, when
+ * there is one, the load cell.
+ *
+ * One model step a tick, in torque-position mode: the measured motor torque and the load encoder
+ * move it, so the tension profile can never drift away from the torque that the motor really gives.
+ * (A position-position step, whose motor place is shifted until the torque agrees, ends at the same
+ * profile; it needs a gain, and is wrong by the shift until that has settled.) The motor encoder
+ * then checks the model: *innovation* is where the motor is, less where the model has it. The load
+ * cell corrects the estimated load torque, slowly enough that the model's fast part stays.
+ *
+ * A reversal at the load counts when it is larger than the encoder's dither (transmission.h,
+ * load_dead_band_nm) and then counts in full. Direction and speed here are for the laws: direction
+ * is 0 unless the load has just gone some counts one way.
+ */
+#ifndef BOWDEN_CORE_ESTIMATOR_H
+#define BOWDEN_CORE_ESTIMATOR_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fixed.h"
+#include "transmission.h"
+
+/* Is the pair moving as a whole? */
+typedef enum {
+    SLIP_STUCK,    /* part of a cable at rest: what the motor does need not reach the load */
+    SLIP_POSITIVE, /* slides as for a positive angle */
+    SLIP_NEGATIVE,
+} slip_state_t;
+
+typedef struct {
+    int32_t motor_arc_nm; /* radius times angle, from where the model started */
+    int32_t load_arc_nm;
+    int32_t motor_torque_unm;
+    int32_t load_cell_unm;
+    bool load_cell_valid;
+} estimator_inputs_t;
+
+typedef struct {
+    /* constants */
+    uint32_t ticks_per_s;
+    int32_t load_count_nm;
+    int32_t windup_nm;     /* motor travel in which the friction of the pair turns over */
+    int32_t tolerance_unm; /* an error of the load torque that halves the confidence */
+    /* result */
+    int32_t load_torque_unm; /* by the cables on the load */
+    int32_t innovation_nm;
+    slip_state_t slip;
+    uint8_t confidence;     /* 0 .. 255 */
+    int32_t load_direction; /* 1, 0 or -1 */
+    int32_t gap_speed_nm;   /* nm a tick by which the motor pulley outruns the load pulley */
+    /* memory */
+    int32_t correction_q8_unm; /* of the model by the load cell */
+    int32_t doubt_q8;          /* mean disagreement, 0 .. 255 */
+    int32_t mark_nm;           /* load arc from which travel counts */
+    uint32_t mark_age;
+    int32_t last_gap_nm;
+    int32_t gap_speed_q8_nm;
+    bool started;
+} estimator_t;
+
+/* Constants and a start at rest. `windup_nm`, `tolerance_unm`: > 0. */
+estimator_t estimator_of(uint32_t ticks_per_s, int32_t load_count_nm, int32_t windup_nm,
+                         int32_t tolerance_unm);
+
+/* One tick; steps the model once. */
+void estimator_step(estimator_t *estimator, transmission_t *transmission,
+                    const estimator_inputs_t *inputs);
+
+#endif

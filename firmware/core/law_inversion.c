@@ -1,0 +1,135 @@
+/* law_inversion.c: see law_inversion.h. */
+#include "law_inversion.h"
+
+#define DAMPING_PER_S 100 /* D / J: below what 2 ms of delay in the encoders allow */
+#define SETTLED_LAGS 4    /* a change of side has settled; at rest twice this */
+#define SIDE_BAND 6       /* an error above 1/6 of the friction changes the side */
+#define PATIENCE_MOST 4
+
+static uint32_t square_root(uint64_t square) {
+    uint64_t root = 0;
+    for (uint64_t bit = UINT64_C(1) << 62; bit > 0; bit >>= 2) {
+        if (square >= root + bit) {
+            square -= root + bit;
+            root = (root >> 1) + bit;
+        } else {
+            root >>= 1;
+        }
+    }
+    return (uint32_t)root;
+}
+
+inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sliding,
+                         uint32_t ticks_per_s, uint32_t motor_inertia_gmm2, int32_t rest_band_unm,
+                         uint32_t integral_gain_mhz) {
+    const transmission_settings_t *pair = &transmission->settings;
+    const uint32_t inertia = motor_inertia_gmm2 > 0 ? motor_inertia_gmm2 : 1;
+    /* omega = sqrt(k / J); uN m and g mm^2 are 1e-6 and 1e-9 */
+    const uint64_t stiffness = (uint64_t)(uint32_t)sliding->motor_unm_per_rad;
+    const uint32_t omega_rad_per_s = square_root(stiffness * 1000u / inertia);
+    const uint32_t lag = ticks_per_s / (omega_rad_per_s > 0 ? omega_rad_per_s : 1u);
+    uint32_t saturations = 0;
+    const ratio_t motor_per_load =
+        ratio_of(pair->motor_pulley_radius_nm, pair->load_pulley_radius_nm);
+    /* the taut friction at the load: what arrives less when the motor gives as much */
+    const int32_t friction_unm = fixed_scale(sliding_motor_torque_unm(sliding, 0, 1),
+                                             ratio_reciprocal(motor_per_load), &saturations);
+    return (inversion_t){
+        .motor_per_load_torque = motor_per_load,
+        /* D = J DAMPING_PER_S in 1e-9 N m s; a speed of 1 nm a tick is ticks_per_s / r_nm rad/s */
+        .damping = ratio_of((uint64_t)inertia * DAMPING_PER_S * ticks_per_s,
+                            (uint64_t)pair->motor_pulley_radius_nm * 1000u),
+        .lag_ticks = (int32_t)(lag > 0 ? lag : 1u),
+        .friction_unm = friction_unm,
+        .rest_band_unm = rest_band_unm,
+        .integral_ticks =
+            integral_gain_mhz > 0 ? (int32_t)(ticks_per_s * 1000u / integral_gain_mhz) + 1 : 0,
+    };
+}
+
+void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm) {
+    const int32_t limited_unm = fixed_clamp(motor_torque_unm, -(1 << 26), 1 << 26);
+    inversion->lag_q4_unm[0] = limited_unm * 16;
+    inversion->lag_q4_unm[1] = limited_unm * 16;
+    inversion->side = 0;
+}
+
+static int32_t magnitude(int32_t value) {
+    return value < 0 ? -value : value;
+}
+
+/* Chooses the side, and says whether the error is small enough to leave alone. */
+static void choose_side(inversion_t *inversion, int32_t error_unm, int32_t wanted_unm,
+                        int32_t direction) {
+    const int32_t band_unm =
+        (inversion->friction_unm / SIDE_BAND << inversion->patience) + inversion->rest_band_unm;
+    const int32_t change_unm = magnitude(wanted_unm - inversion->settled_unm);
+    if (direction != 0 || change_unm > band_unm) {
+        inversion->patience = 0;
+        inversion->settled_unm = wanted_unm;
+    }
+    const int32_t settled_ticks =
+        inversion->lag_ticks * (direction != 0 ? SETTLED_LAGS : 2 * SETTLED_LAGS);
+    if (inversion->side_ticks < UINT32_MAX) {
+        inversion->side_ticks++;
+    }
+    if (inversion->side == 0) {
+        inversion->side = direction != 0 ? direction : (error_unm < 0 ? -1 : 1);
+        inversion->side_ticks = 0;
+        return;
+    }
+    const bool wrong = inversion->side > 0 ? error_unm < -band_unm : error_unm > band_unm;
+    if (wrong && direction != inversion->side && inversion->side_ticks > (uint32_t)settled_ticks) {
+        inversion->side = -inversion->side;
+        inversion->side_ticks = 0;
+        if (direction == 0 && inversion->patience < PATIENCE_MOST) {
+            inversion->patience++;
+        }
+    }
+}
+
+/* Takes the load cell's error up into the shift of this side. */
+static void learn(inversion_t *inversion, int32_t error_unm, int32_t direction, bool limited) {
+    const int32_t towards = inversion->side > 0 ? error_unm : -error_unm;
+    const bool settled = inversion->side_ticks > (uint32_t)(SETTLED_LAGS * inversion->lag_ticks);
+    const bool useful = direction == inversion->side || towards > 0;
+    if (inversion->integral_ticks == 0 || !settled || !useful || inversion->resting ||
+        (limited && towards > 0)) {
+        return;
+    }
+    int32_t *shift = &inversion->shift_q8_unm[inversion->side > 0 ? 1 : 0];
+    const int32_t most_q8 = fixed_clamp(inversion->friction_unm, 0, 1 << 22) * 256;
+    const int32_t step_q8 =
+        fixed_clamp(error_unm, -(1 << 22), 1 << 22) * 256 / inversion->integral_ticks;
+    *shift = fixed_clamp(*shift + step_q8, -most_q8, most_q8);
+}
+
+int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
+                       const estimator_t *estimator, const inversion_inputs_t *inputs) {
+    uint32_t saturations = 0; /* the motor's limit is far below */
+    const int32_t direction = estimator->load_direction;
+    const int32_t error_unm =
+        fixed_subtract(inputs->wanted_unm, inputs->load_torque_unm, &saturations);
+    choose_side(inversion, error_unm, inputs->wanted_unm, direction);
+    inversion->resting = direction == 0 && magnitude(error_unm) <= inversion->rest_band_unm;
+    if (inputs->cell) {
+        learn(inversion, error_unm, direction, inputs->limited);
+    }
+    const int32_t side = inversion->side;
+    const int32_t shift_unm = inversion->shift_q8_unm[side > 0 ? 1 : 0] / 256;
+    const int32_t aim_unm = fixed_add(inputs->wanted_unm, shift_unm, &saturations);
+    const int32_t plain_unm =
+        fixed_scale(inputs->wanted_unm, inversion->motor_per_load_torque, &saturations);
+    const int32_t full_unm = sliding_motor_torque_unm(sliding, aim_unm, side);
+    const int64_t extra_unm =
+        ((int64_t)full_unm - plain_unm) * (int64_t)inputs->share_ppm / 1000000;
+    const int32_t target_unm = fixed_clamp((int32_t)(plain_unm + extra_unm), -(1 << 26), 1 << 26);
+    int32_t *lag = inversion->lag_q4_unm;
+    const int32_t ticks =
+        direction != 0 ? inversion->lag_ticks : inversion->lag_ticks + inversion->lag_ticks / 2;
+    lag[0] += (target_unm * 16 - lag[0]) / ticks;
+    lag[1] += (lag[0] - lag[1]) / ticks;
+    const int32_t damping_unm =
+        fixed_scale(estimator->gap_speed_nm, inversion->damping, &saturations);
+    return fixed_subtract(lag[1] / 16, damping_unm, &saturations);
+}

@@ -1,0 +1,67 @@
+/* law_inversion.h: our law: the motor torque that makes the wanted torque arrive as the cables lie.
+ *
+ * While the pair slides, sliding.h gives that torque for either direction. So what remains to be
+ * known is the direction in which it slides, or has to: the *side*. A load that moves says it
+ * itself. A load at rest holds whatever torque is there, within the friction; then the side is the
+ * one towards which the load torque has to change, and where the error is small nothing is done:
+ * friction holds it, so there is no limit cycle. A reversal of the side turns the whole tension
+ * profile over; the motor travels by the backlash for it, on a spring, so the torque goes over
+ * along two lags of the pair's own resonance and the motor's overshoot is damped.
+ *
+ * Each side has a *shift* of the wanted torque, an integral of the load cell's error: what the
+ * model's friction is wrong by that way. It stays when the side changes, and when the cell dies.
+ * Without a cell only a share of the model's friction is compensated: overcompensation would push.
+ *
+ * At rest, each further change of side needs twice the error, until the load moves or something
+ * else is wanted: however wrong the model is, the law comes to rest.
+ */
+#ifndef BOWDEN_CORE_LAW_INVERSION_H
+#define BOWDEN_CORE_LAW_INVERSION_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "estimator.h"
+#include "fixed.h"
+#include "sliding.h"
+
+/* What the law is told in a tick; torques by the cables on the load unless motor_ is said. */
+typedef struct {
+    int32_t wanted_unm;
+    int32_t load_torque_unm; /* the cell's, or the estimate */
+    bool cell;               /* it is the cell's */
+    bool limited;            /* the motor's limit cut the last answer */
+    uint32_t share_ppm;      /* of the friction to compensate; 0 .. 1000000 */
+} inversion_inputs_t;
+
+typedef struct {
+    /* constants */
+    ratio_t motor_per_load_torque; /* 1 / rho */
+    ratio_t damping;               /* uN m at the motor per nm a tick */
+    int32_t lag_ticks;             /* of one radian of the pair's resonance; >= 1 */
+    int32_t friction_unm;          /* at the load, of the sliding pair */
+    int32_t rest_band_unm;
+    int32_t integral_ticks; /* in which a shift takes up an error; 0: never */
+    /* state */
+    int32_t side;            /* 1 or -1; 0: not yet */
+    uint32_t side_ticks;     /* since it changed */
+    uint32_t patience;       /* changes of side at rest since the load moved; 0 .. 4 */
+    int32_t settled_unm;     /* the wanted torque that the patience is for */
+    int32_t shift_q8_unm[2]; /* of the wanted torque; [negative, positive side] */
+    int32_t lag_q4_unm[2];   /* motor torque behind one and two lags */
+    bool resting;
+} inversion_t;
+
+/* Constants and a start with nothing learned. `motor_inertia_gmm2`: 0 is taken for 1. */
+inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sliding,
+                         uint32_t ticks_per_s, uint32_t motor_inertia_gmm2, int32_t rest_band_unm,
+                         uint32_t integral_gain_mhz);
+
+/* The law rests and another gives this motor torque: it will go on from there. */
+void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm);
+
+/* Motor torque of the tick. */
+int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
+                       const estimator_t *estimator, const inversion_inputs_t *inputs);
+
+#endif

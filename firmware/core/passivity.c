@@ -1,0 +1,42 @@
+/* passivity.c: see passivity.h. */
+#include "passivity.h"
+
+#define BANK_URAD 2000   /* motion against full friction that fills the bank */
+#define REPAY_URAD 20000 /* motion in which the drag pays a debt back */
+
+passivity_t passivity_of(uint32_t load_radius_nm, int32_t friction_unm) {
+    return (passivity_t){
+        .angle_per_arc = ratio_of(1000000, load_radius_nm),
+        .bank = -(int64_t)friction_unm * BANK_URAD,
+        .drag_most_unm = friction_unm / 2,
+    };
+}
+
+void passivity_step(passivity_t *passivity, int32_t load_arc_nm, int32_t excess_unm) {
+    uint32_t saturations = 0; /* a tick's motion is small */
+    if (!passivity->started) {
+        passivity->started = true;
+        passivity->last_arc_nm = load_arc_nm;
+    }
+    const int32_t step_nm = fixed_subtract(load_arc_nm, passivity->last_arc_nm, &saturations);
+    const int32_t step_urad = fixed_scale(step_nm, passivity->angle_per_arc, &saturations);
+    passivity->last_arc_nm = load_arc_nm;
+    /* 2^62 is added to at most 2^61: no overflow */
+    const int64_t most = INT64_C(1) << 61;
+    const int64_t sum = passivity->balance + (int64_t)excess_unm * step_urad;
+    const int64_t limited = sum > most ? most : sum;
+    passivity->balance = limited < passivity->bank ? passivity->bank : limited;
+}
+
+int32_t passivity_drag_unm(const passivity_t *passivity) {
+    if (passivity->balance <= 0) {
+        return 0;
+    }
+    const int64_t drag = passivity->balance / REPAY_URAD;
+    return drag > passivity->drag_most_unm ? passivity->drag_most_unm : (int32_t)drag;
+}
+
+int32_t passivity_energy_uj(const passivity_t *passivity) {
+    uint32_t saturations = 0;
+    return fixed_saturate(passivity->balance / 1000000, &saturations);
+}
