@@ -43,36 +43,33 @@ def rendered_stiffness(angle_rad: Array, torque_nm: Array, wanted_nm: Array) -> 
 
 
 def swings(series: Array, band: float) -> list[float]:
-    """Sizes of successive swings to and fro that are larger than `band`.
+    """Sizes of the swings between successive turning points, in order.
 
     A turning point counts once the series has come back from it by more than the band, so noise
-    within the band is none.
+    within the band is none; the start and the end are none either.
     """
-    turns = [float(series[0])]
+    turns: list[float] = []
     low = high = float(series[0])
     direction = 0
     for value in series.tolist():
         low, high = min(low, value), max(high, value)
         if direction >= 0 and value < high - band:
-            if direction > 0 or high > turns[0]:
-                turns.append(high)
+            turns += [high] if direction > 0 else []
             direction, low = -1, value
         elif direction <= 0 and value > low + band:
-            if direction < 0 or low < turns[0]:
-                turns.append(low)
+            turns += [low] if direction < 0 else []
             direction, high = 1, value
-    turns.append(high if direction > 0 else low)
-    return [abs(b - a) for a, b in pairwise(turns) if abs(b - a) > band]
+    return [abs(b - a) for a, b in pairwise(turns)]
 
 
 def limit_cycle(series: Array, band: float) -> bool:
-    """Tell whether a series that should rest swings on: four swings that do not die away.
+    """Tell whether a series that should rest swings on: three whole swings that do not die away.
 
-    A drift or a single move is no limit cycle; nor is a ringing that has lost half of its size by
-    the last swing.
+    A drift or a single move is no limit cycle; nor is a ringing whose last swing has lost half of
+    the largest.
     """
     sizes = swings(series, band)
-    return len(sizes) >= 4 and sizes[-1] > 0.5 * max(sizes[:2])
+    return len(sizes) >= 3 and sizes[-1] > 0.5 * max(sizes)
 
 
 def net_energy(
