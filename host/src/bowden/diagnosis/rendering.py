@@ -17,6 +17,9 @@ from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
+# CiA 402 statusword: mask of the state, and Operation enabled.
+_STATE, _ENABLED = 0x6F, 0x27
+
 
 @dataclass(frozen=True)
 class Tunnel:
@@ -69,8 +72,25 @@ class Rendering:
     full_law_share: float
 
 
-def wanted_and_felt(recording: Recording, tunnel: Tunnel, settle_s: float) -> tuple[_Floats, ...]:
-    """Return load angle, wanted and felt torque from `settle_s` on.
+@dataclass(frozen=True)
+class Stretch:
+    """The samples that count; arrays of shape (n,), torques at the load.
+
+    Parameters
+    ----------
+    load_angle_rad, wanted_nm, felt_nm : ndarray
+    law : ndarray or None
+        The law that ran, where the drive told it.
+    """
+
+    load_angle_rad: _Floats
+    wanted_nm: _Floats
+    felt_nm: _Floats
+    law: _Floats | None
+
+
+def stretch_of(recording: Recording, tunnel: Tunnel, settle_s: float) -> Stretch:
+    """Take what counts of a recording: from `settle_s` on, while the drive was enabled.
 
     Raises
     ------
@@ -78,12 +98,23 @@ def wanted_and_felt(recording: Recording, tunnel: Tunnel, settle_s: float) -> tu
         Nothing is left of the recording then.
     """
     kept = recording.time_s - recording.time_s[0] >= settle_s
+    status = recording.extra.get("status")
+    if status is not None:
+        kept &= (status.astype(np.int64) & _STATE) == _ENABLED
     if np.count_nonzero(kept) < 2:
         raise BadInput(
-            recording.source, f"less than {settle_s:g} s", "a recording that is longer than that"
+            recording.source,
+            f"less than {settle_s:g} s with the drive enabled",
+            "a recording that is longer than that",
         )
     angle = recording.load_angle_rad[kept]
-    return angle, tunnel.wanted_nm(angle), recording.load_torque_nm[kept]
+    law = recording.extra.get("compensation_active_law")
+    return Stretch(
+        angle,
+        tunnel.wanted_nm(angle),
+        recording.load_torque_nm[kept],
+        None if law is None else law[kept],
+    )
 
 
 def judge_rendering(recording: Recording, tunnel: Tunnel, law: int, settle_s: float) -> Rendering:
@@ -92,25 +123,25 @@ def judge_rendering(recording: Recording, tunnel: Tunnel, law: int, settle_s: fl
     Parameters
     ----------
     recording : Recording
-        With a column ``compensation_active_law`` where the drive told it.
+        At an even rate; with a column ``compensation_active_law`` where the drive told it.
     tunnel : Tunnel
     law : int
         The law that was asked for.
     settle_s : float, s
         Left out at the start: the hand swells to its stroke, and the cables forget the rest before.
     """
-    angle, wanted, felt = wanted_and_felt(recording, tunnel, settle_s)
-    error = felt - wanted
+    taken = stretch_of(recording, tunnel, settle_s)
+    angle, felt = taken.load_angle_rad, taken.felt_nm
+    error = felt - taken.wanted_nm
     inside = np.abs(angle) < tunnel.half_width_rad
-    active = recording.extra.get("compensation_active_law")
-    duration_s = recording.time_s[-1] - recording.time_s[0] - settle_s
+    duration_s = (angle.size - 1) * float(np.median(np.diff(recording.time_s)))
     work_j = float(np.sum(0.5 * (felt[1:] + felt[:-1]) * np.diff(angle)))
     return Rendering(
         rms_error_nm=_rms(error),
         peak_error_nm=float(np.abs(error).max()),
         dead_zone_friction_nm=_rms(felt[inside]),
         loss_w=-work_j / duration_s,
-        full_law_share=1.0 if active is None else float(np.mean(active[-angle.size :] == law)),
+        full_law_share=1.0 if taken.law is None else float(np.mean(taken.law == law)),
     )
 
 

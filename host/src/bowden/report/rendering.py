@@ -14,7 +14,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from bowden.diagnosis.rendering import Rendering, Tunnel, wanted_and_felt
+from bowden.diagnosis.rendering import Rendering, Tunnel, stretch_of
 from bowden.recording.recording import Recording
 from bowden.report.canvas import PRESCRIBED, SIMULATED, draw, dress, legend_above
 from bowden.report.page import Section, figure, page, paragraph, table
@@ -159,7 +159,8 @@ def loops(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float) -> go.Figure:
     )
     for number, run in enumerate(runs):
         row, col = divmod(number, columns)
-        angle, _, felt = wanted_and_felt(run.recording, tunnel, settle_s)
+        taken = stretch_of(run.recording, tunnel, settle_s)
+        angle, felt = taken.load_angle_rad, taken.felt_nm
         ends = np.linspace(angle.min(), angle.max(), 401)
         for name, line, curve in (
             ("felt at the load", SIMULATED, (np.degrees(angle), felt)),
