@@ -20,7 +20,6 @@ import numpy as np
 from bowden.model import mesh_events, mesh_implicit
 from bowden.model.description import Model
 from bowden.model.errors import ModelError
-from bowden.model.layers import refuse_layers
 from bowden.model.mesh import rest_state, tables
 from bowden.model.mesh_solver import (
     chain_state,
@@ -162,7 +161,6 @@ def simulate_closed_loop(
     """
     given = Inputs(time_s, motor_torque_nm=np.zeros_like(time_s), load_angle_rad=load_angle_rad)
     time_s, _, load = given.for_mode(Mode.TORQUE_POSITION)
-    refuse_layers(model.effects, "a closed loop")
     pair = model.transmission
     r_motor, r_load = pair.motor_pulley_radius_m, pair.load_pulley_radius_m
     ratio = r_load / r_motor
@@ -191,7 +189,7 @@ class _Stepper:
         self._events_tables, self._events = tables(self._pair), rest_state(self._pair)
         if self._implicit:
             self._chain_tables, self._chain = chain_tables(self._pair), chain_state(self._pair)
-            self._pulleys = pulleys(self._pair)
+            self._pulleys = pulleys(self._pair, 0)
 
     def step(self, force: float, spring: float, load: float, dt: float, row: FloatArray) -> float:
         """Return the motor's displacement in m; write tensions and flags to a row of `out`."""

@@ -11,7 +11,7 @@ and w_N. A slider bears the log-ratio of tensions E_j = ln(T_{j+1}/T_j):
 With Coulomb friction, eq. (1), the bounds are +-A_j, A_j = mu ds/R. They depend on
 
     speed, tension      mu = (f mu_d (1 + b exp(-(v/v_s)^2)) + mu_v |v|) (T/T0)^-p
-    the last sample     frictional lag: E approaches +-A with a time constant, `frictional_lag`
+    the last sample     with frictional lag E comes nearer to +-A by a share dt/(lag + dt) a step
     rest                a segment at rest holds (mu_s - mu_d) l_s/R more
 
 f is the friction factor of the sample, v_s's speed the segment's own behind a low-pass filter as it
@@ -158,7 +158,7 @@ def bound(
     a = min(a, MOST_WRAP)
     if t.lag_s > 0:
         new = dt / (t.lag_s + dt)
-        e = (1.0 - new) * s.held[cable, j] + new * towards * a
+        e = (1.0 - new) * towards * max(towards * s.held[cable, j], 0.0) + new * towards * a
         return e, new * towards * slope, new * towards * by_tension
     return towards * a, towards * slope, towards * by_tension
 
@@ -179,10 +179,6 @@ def gives_way(
         grip = half_tanh(2.0 * math.atanh(grip) + trial * t.excess[j])
     if trial * (there - here - grip * (there + here)) > HELD * (abs(there) + abs(here)):
         return trial
-    if t.lag_s > 0:  # the lagging window need not contain 0
-        e, _, _ = bound(t, s, cable, j, -trial, dt)
-        if -trial * (there - here - half_tanh(e) * (there + here)) > HELD * (there + here):
-            return -trial
     return 0
 
 

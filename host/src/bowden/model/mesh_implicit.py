@@ -5,9 +5,9 @@ and the pulleys: backward Euler in time, so that a speed term adds damping and n
 the step. `mesh_solver` prepares the tables and reads the answer.
 
 A pulley either has its place given or is in balance with a torque. Two effects add cases of their
-own, which are part of what Newton's method settles: with bearing friction the motor's pulley stays
-where it is until the torque exceeds what the cables and the bearing hold; with play the load's
-pulley touches the handle on one side, on the other, or floats without torque in between.
+own, which are part of what Newton's method settles: with bearing friction the pulley whose torque
+is given stays where it is until the torque exceeds what cables and bearing hold; with play the
+load's pulley touches the handle on one side, on the other, or floats without torque in between.
 """
 
 # ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
@@ -45,9 +45,9 @@ SETTLED = 1e-9  # share of the tensions that may be out of balance
 class Pulleys(NamedTuple):
     """What the pulleys add, and their memory; axis of the arrays: one value each.
 
-    ``bearing_n`` is the dry friction of the motor's bearing over the pulley's radius; ``play_m``
-    how far the load's pulley moves from one contact with the handle to the other. ``rolls`` is the
-    direction in which the motor's pulley moves (0 held), ``touches`` the contact (+1: the pulley is
+    ``bearing_n`` is the dry friction of the free pulley's bearing over its radius; ``play_m`` how
+    far the load's pulley moves from one contact with the handle to the other. ``rolls`` is the
+    direction in which the free pulley moves (0 held), ``touches`` the contact (+1: the pulley is
     outward of the handle, -1, 0 floats), ``apart_m`` how far outward of its middle it is.
     """
 
@@ -94,13 +94,13 @@ def revise_pulleys(
     """Let the pulleys stick, roll, touch or float as the trial asks for; True if one changed."""
     changed = False
     scale = SETTLED * (t.reference_n + abs(force))
-    if free == 0 and p.bearing_n > 0:
+    if free >= 0 and p.bearing_n > 0:
         if p.rolls[0] == 0:
-            over = force - force_at(s, 0)
+            over = force - force_at(s, free)
             if abs(over) > p.bearing_n + scale:
                 p.rolls[0] = 1 if over > 0 else -1
                 changed = True
-        elif motor * p.rolls[0] < -t.tiny_m:
+        elif (motor if free == 0 else load) * p.rolls[0] < -t.tiny_m:
             p.rolls[0] = 0
             changed = True
     if p.play_m > 0:
@@ -137,25 +137,25 @@ def move_pulleys(
             now, by_0, by_1 = end_line(t, s, cable, 1)
             f_1, k_10, k_11 = f_1 + sign * now, k_10 + sign * by_0, k_11 + sign * by_1
     x_given, x = free != 0, 0.0
-    want_0 = force - spring * motor - p.bearing_n * p.rolls[0]
-    if free == 0:
-        k_00 += spring
-        if p.bearing_n > 0 and p.rolls[0] == 0:
-            x_given, x = True, -motor
+    want = force - p.bearing_n * p.rolls[0] - spring * (motor if free == 0 else load)
+    if free >= 0 and p.bearing_n > 0 and p.rolls[0] == 0:
+        if free == 1:
+            return 0.0, -load
+        x_given, x = True, -motor
     if free == 1:
         k_11 += spring
-        y = (force - spring * load - f_1) / k_11 if k_11 > 0 else 0.0
-        return 0.0, y
+        return 0.0, (want - f_1) / k_11 if k_11 > 0 else 0.0
+    k_00 += spring
     y = handle - load
     if p.play_m > 0:
         stiff, over = k_11, -f_1 - k_10 * x
         if not x_given and k_00 > 0:
             stiff -= k_10 * k_01 / k_00
-            over -= k_10 * (want_0 - f_0) / k_00
+            over -= k_10 * (want - f_0) / k_00
         y -= p.apart_m[0]
         y = float_on(p, y, over, stiff if stiff > SETTLED * k_11 else 0.0)
     if not x_given:
-        x = (want_0 - f_0 - k_01 * y) / k_00 if k_00 > 0 else 0.0
+        x = (want - f_0 - k_01 * y) / k_00 if k_00 > 0 else 0.0
     return x, y
 
 
@@ -191,12 +191,9 @@ def balanced(
 ) -> bool:
     """Whether the pulleys that are free to move have the torque that they should."""
     good = True
-    if free == 0 and (p.bearing_n == 0 or p.rolls[0] != 0):
-        out = force - spring * motor - p.bearing_n * p.rolls[0] - force_at(s, 0)
-        good = abs(out) <= SETTLED * (t.reference_n + abs(force))
-    elif free == 1:
-        out = force - spring * load - force_at(s, 1)
-        good = abs(out) <= SETTLED * (t.reference_n + abs(force))
+    if free >= 0 and (p.bearing_n == 0 or p.rolls[0] != 0):
+        out = force - p.bearing_n * p.rolls[0] - spring * (motor if free == 0 else load)
+        good = abs(out - force_at(s, free)) <= SETTLED * (t.reference_n + abs(force))
     if p.play_m > 0 and p.touches[0] == 0:
         good = good and abs(force_at(s, 1)) <= SETTLED * t.reference_n
     return good
@@ -205,8 +202,8 @@ def balanced(
 @compiled_in_place
 def first_guess(p: Pulleys, free: int, motor: float, load: float) -> tuple[float, float]:
     """Return displacements to start from: as given or guessed, but for bearing and play."""
-    if free == 0 and p.bearing_n > 0 and p.rolls[0] == 0:
-        motor = 0.0
+    if free >= 0 and p.bearing_n > 0 and p.rolls[0] == 0:
+        motor, load = (0.0, load) if free == 0 else (motor, 0.0)
     if p.play_m > 0:
         middle, reach = load - p.apart_m[0], 0.5 * p.play_m
         load = min(max(0.0, middle - reach), middle + reach)
@@ -236,7 +233,7 @@ def attempt(
     n, handle = t.wrap.shape[2], load
     if s.gap_m[0] >= 0 and s.gap_m[1] >= 0 and free >= 0:
         motor, load = (0.0, load) if free == 0 else (motor, 0.0)
-        return motor, load, abs(force) <= p.bearing_n * (free == 0)
+        return motor, load, abs(force) <= p.bearing_n
     motor, load = first_guess(p, free, motor, load)
     for rounds in range(ALL_AT_ONCE + (4 * n if patient else 0)):
         set_both(t, s, motor, load, longer, dt)

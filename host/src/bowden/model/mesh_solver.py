@@ -58,7 +58,7 @@ def simulate_mesh(  # noqa: PLR0917
     ------
     ModelError
         No equilibrium was found in some sample; only with speeds or tensions far beyond a cable's.
-        Or play at a load whose torque is given.
+        Or histories of other lengths.
     """
     free = FREE_PULLEY[mode]
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
@@ -69,12 +69,10 @@ def simulate_mesh(  # noqa: PLR0917
     factor, longer = _series(histories or Histories(), time_s.size)
     changing = bool(np.any(factor != 1.0) or np.any(longer != 0.0))
     if needs_implicit_steps(transmission) or changing:
-        if free == 1 and transmission.load_play_rad > 0:
-            raise ModelError("load_play_rad: found with mode position-torque, accepted: others")
         failed = mesh_implicit.run(
             chain_tables(transmission),
             chain_state(transmission),
-            pulleys(transmission),
+            pulleys(transmission, free),
             free,
             time_s,
             motor_end,
@@ -186,11 +184,17 @@ def chain_state(transmission: Transmission) -> ChainState:
     )
 
 
-def pulleys(transmission: Transmission) -> Pulleys:
-    """Return the pulleys at rest for `mesh_implicit`, the load's in the middle of its play."""
+def pulleys(transmission: Transmission, free: int) -> Pulleys:
+    """Return the pulleys at rest for `mesh_implicit`, the load's in the middle of its play.
+
+    A load whose torque is given (`free` 1) is the pulley itself: the handle's angle differs from it
+    by the play, see `effects.termination_backlash`.
+    """
+    r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
+    bearings_n = transmission.motor_bearing_nm / r_motor, transmission.load_bearing_nm / r_load
     return Pulleys(
-        bearing_n=transmission.motor_bearing_nm / transmission.motor_pulley_radius_m,
-        play_m=transmission.load_play_rad * transmission.load_pulley_radius_m,
+        bearing_n=bearings_n[free] if free >= 0 else 0.0,
+        play_m=transmission.load_play_rad * r_load if free != 1 else 0.0,
         rolls=np.zeros(1, dtype=np.int64),
         touches=np.zeros(1, dtype=np.int64),
         apart_m=np.zeros(1),

@@ -113,8 +113,8 @@ class Transmission:
         Compliance that follows with a delay, over the one that follows at once.
     creep_time_s : float, s, > 0
         Time constant of that delay, at constant tension.
-    motor_bearing_nm : float, N m, >= 0
-        Dry friction between the motor's torque and its pulley.
+    motor_bearing_nm, load_bearing_nm : float, N m, >= 0
+        Dry friction between a torque that is given and its pulley.
     load_play_rad : float, rad, >= 0
         Play between the load's pulley and the handle, from contact to contact.
     """
@@ -136,6 +136,7 @@ class Transmission:
     creep_share: float = 0.0
     creep_time_s: float = 1.0
     motor_bearing_nm: float = 0.0
+    load_bearing_nm: float = 0.0
     load_play_rad: float = 0.0
 
     def __post_init__(self) -> None:
@@ -199,6 +200,7 @@ class Transmission:
                 0 <= self.motor_bearing_nm < np.inf,
                 ">= 0",
             ),
+            ("load_bearing_nm", self.load_bearing_nm, 0 <= self.load_bearing_nm < np.inf, ">= 0"),
             ("load_play_rad", self.load_play_rad, 0 <= self.load_play_rad < np.inf, ">= 0"),
             ("segments", self.segments, self.segments is None or self.segments >= 1, ">= 1"),
         ]
@@ -210,6 +212,7 @@ class Transmission:
             self.stiffening == 0.0
             and self.creep_share == 0.0
             and self.motor_bearing_nm == 0.0
+            and self.load_bearing_nm == 0.0
             and self.load_play_rad == 0.0
         )
 

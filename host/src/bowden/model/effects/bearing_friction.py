@@ -1,8 +1,54 @@
-"""Dry friction of the bearing of a pulley, in series with the cables."""
+"""Dry friction of the bearing of a pulley, in series with the cables.
+
+Between a torque that is given and its pulley it is part of the balance that the mesh solves. Where
+the angle is given and the torque is predicted, the recorded one has it on top, with the sign of the
+motion; a bearing at rest keeps what it held, and winds up elastically before it turns.
+"""
 
 from __future__ import annotations
 
-from bowden.model.effects.effect import Effect, Parameter, Variant
+from dataclasses import replace
+
+import numpy as np
+
+from bowden.model.compiled import compiled
+from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
+from bowden.model.trajectory import FloatArray
+from bowden.model.transmission import Transmission
+
+WIND_UP_RAD = 1e-4  # from the middle: less than a count of any encoder here
+
+
+def _motor_pair(pair: Transmission, p: Values) -> Transmission:
+    return replace(pair, motor_bearing_nm=p["torque_nm"])
+
+
+def _load_pair(pair: Transmission, p: Values) -> Transmission:
+    return replace(pair, load_bearing_nm=p["load_torque_nm"])
+
+
+def _inside(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    del around, p
+    return values  # the mesh has the bearing
+
+
+def _motor_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    return values + p["torque_nm"] * wound_up(around["motor_angle_rad"])
+
+
+def _load_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    return values - p["load_torque_nm"] * wound_up(around["load_angle_rad"])
+
+
+@compiled
+def wound_up(angle_rad: FloatArray) -> FloatArray:
+    """Return the bearing's torque against the motion, over its dry friction: -1 .. 1."""
+    found = np.zeros_like(angle_rad)
+    for i in range(1, angle_rad.size):
+        held = found[i - 1] + (angle_rad[i] - angle_rad[i - 1]) / WIND_UP_RAD
+        found[i] = min(max(held, -1.0), 1.0)
+    return found
+
 
 EFFECT = Effect(
     name="bearing_friction",
@@ -12,6 +58,8 @@ EFFECT = Effect(
         Variant(
             "motor",
             (Parameter("torque_nm", "N m", 0.0, 0.1, 0.0, 0.01, "at the motor pulley", least=0),),
+            pair=_motor_pair,
+            channels=(Channel("motor_torque_nm", _inside, _motor_applied),),
         ),
         Variant(
             "load",
@@ -20,6 +68,8 @@ EFFECT = Effect(
                     "load_torque_nm", "N m", 0.0, 0.5, 0.0, 0.05, "at the load pulley", least=0
                 ),
             ),
+            pair=_load_pair,
+            channels=(Channel("load_torque_nm", _inside, _load_applied),),
         ),
     ),
     law="a dry torque in series; the pulley moves only when more than it is left over",

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from bowden.model.effects.effect import Effect, Parameter, Variant
+from dataclasses import replace
+
+from bowden.model.effects.effect import Effect, Parameter, Values, Variant
+from bowden.model.transmission import Transmission
+
+
+def _pair(pair: Transmission, p: Values) -> Transmission:
+    return replace(pair, friction=replace(pair.friction, lag_s=p["lag_s"]))
+
 
 EFFECT = Effect(
     name="frictional_lag",
@@ -16,9 +24,10 @@ EFFECT = Effect(
                     "lag_s", "s", 0.0, 0.2, 0.0, 0.01, "by which friction lags the motion", least=0
                 ),
             ),
+            pair=_pair,
         ),
     ),
-    law="the friction force follows its law with the time constant lag_s",
+    law="friction that bears up against sliding grows towards mu T with the time constant lag_s",
     signature="the loop of friction over speed opens with frequency",
     excited_by=(
         "reversal",

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from bowden.model.effects.effect import Effect, Parameter, Variant
+from dataclasses import replace
+
+from bowden.model.effects.effect import Effect, Parameter, Values, Variant
+from bowden.model.transmission import Transmission
+
+
+def _pair(pair: Transmission, p: Values) -> Transmission:
+    return replace(pair, friction=replace(pair.friction, presliding_m=p["slip_m"]))
+
 
 EFFECT = Effect(
     name="presliding_compliance",
@@ -16,9 +24,10 @@ EFFECT = Effect(
                     "slip_m", "m", 0.0, 2e-3, 0.0, 3e-4, "over which friction builds up", least=0
                 ),
             ),
+            pair=_pair,
         ),
     ),
-    law="friction rises elastically to mu T over slip_m of local slip, then slides",
+    law="friction rises in proportion to local slip, to mu T at slip_m, then slides",
     signature="reversals are rounded over a distance, whatever the speed",
     excited_by=("reversal",),
     confused_with=(

@@ -1,8 +1,23 @@
-"""Pretension that creeps down with time."""
+"""Pretension that creeps down with time.
+
+Both cables get longer by what takes the tension of a uniform cable down to the law's; what they
+carry now then follows by itself.
+"""
 
 from __future__ import annotations
 
-from bowden.model.effects.effect import Effect, Parameter, Variant
+import numpy as np
+
+from bowden.model.effects.effect import Effect, Parameter, Signals, Values, Variant
+from bowden.model.histories import Histories
+from bowden.model.transmission import Transmission
+
+
+def _histories(inside: Signals, pair: Transmission, p: Values) -> Histories:
+    elapsed = inside["time_s"] - inside["time_s"][0]
+    lost_n = pair.pretension_n * p["a"] * np.log1p(elapsed / p["tau_s"])
+    return Histories(lengthening_m=lost_n * pair.length_m / pair.axial_stiffness_n)
+
 
 EFFECT = Effect(
     name="pretension_loss",
@@ -25,6 +40,7 @@ EFFECT = Effect(
                     least=1e-6,
                 ),
             ),
+            histories=_histories,
         ),
     ),
     law="T0 (1 - a ln(1 + t/tau))",

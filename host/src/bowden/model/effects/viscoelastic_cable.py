@@ -1,8 +1,20 @@
-"""A cable that stretches at once and then a little more."""
+"""A cable that stretches at once and then a little more.
+
+A standard linear solid: EA is the stiffness at once, the rig is at rest for long at the first
+sample. tau is the time constant at constant tension; at constant length it is tau/(1 + a).
+"""
 
 from __future__ import annotations
 
-from bowden.model.effects.effect import Effect, Parameter, Variant
+from dataclasses import replace
+
+from bowden.model.effects.effect import Effect, Parameter, Values, Variant
+from bowden.model.transmission import Transmission
+
+
+def _pair(pair: Transmission, p: Values) -> Transmission:
+    return replace(pair, creep_share=p["a"], creep_time_s=p["tau_s"])
+
 
 EFFECT = Effect(
     name="viscoelastic_cable",
@@ -27,6 +39,7 @@ EFFECT = Effect(
                     least=1e-6,
                 ),
             ),
+            pair=_pair,
         ),
     ),
     law="standard linear solid: compliance (1 + a (1 - exp(-t/tau)))/EA",
