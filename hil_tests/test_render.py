@@ -12,8 +12,9 @@ from hil_tests.bench import TICKS_PER_S
 from hil_tests.render import measures
 from hil_tests.render.laws import LAWS, NAIVE, entries, law_named
 from hil_tests.render.rigs import MODERATE, draw
+from hil_tests.render.table import error_ratios, markdown, summarise
 from hil_tests.render.tasks import TASKS, Task, task_named
-from hil_tests.render.trial import judge, run
+from hil_tests.render.trial import Outcome, judge, run
 from hil_tests.rig import state as at
 from hil_tests.rig.hidden import TABLE
 from hil_tests.targets.emulated import ELF, EmulatedTarget
@@ -56,6 +57,15 @@ def test_net_energy_is_what_a_closed_path_gives() -> None:
     assert found == pytest.approx(given / exchanged, rel=1e-3)
     assert measures.net_energy(wanted - 0.1 * speed, wanted, CLOSED, TICKS_PER_S) < 0.0
     assert measures.net_energy(wanted, wanted, CLOSED, TICKS_PER_S) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_net_energy_of_a_path_without_exchange_is_against_its_least_torque() -> None:
+    push = 1e-3 * np.append(COSINE, 1.0)
+    given = 1e-3 * math.pi
+    # 4 rad of path at 0.5 N m
+    found = measures.net_energy(push, 0.0 * push, CLOSED, TICKS_PER_S, 0.5)
+    assert found == pytest.approx(given / 2.0, rel=1e-3)
+    assert measures.net_energy(push, 0.0 * push, CLOSED, TICKS_PER_S) == pytest.approx(1.0)
 
 
 def test_net_energy_is_of_the_worst_path() -> None:
@@ -153,6 +163,59 @@ def test_hand_of_every_task_starts_at_rest_at_zero() -> None:
         hand = task.hand(draw(3))
         assert hand.shape == (task.ticks, 2)
         assert np.all(hand[0] == pytest.approx(0.0, abs=1e-3))
+
+
+def outcome(seed: int, law: str, rms_nm: float, **more: object) -> Outcome:
+    plain = Outcome(
+        seed=seed,
+        apart=False,
+        law=law,
+        task="free",
+        rms_nm=rms_nm,
+        peak_nm=2.0 * rms_nm,
+        felt_friction_nm=rms_nm,
+        stiffness=1.0,
+        limit_cycle=False,
+        net_energy=-0.5,
+        slack=0.0,
+        bridge_off=False,
+        fallback=0.0,
+    )
+    return replace(plain, **more)  # type: ignore[arg-type]
+
+
+def test_summary_compares_each_rig_with_its_own_naive_error() -> None:
+    law = "model-inversion"
+    outcomes = [
+        *(outcome(seed, "none", 1.0) for seed in range(1, 6)),
+        *(outcome(seed, law, 0.1 * seed, felt_friction_nm=-0.02) for seed in range(1, 5)),
+        outcome(5, law, 1.5, net_energy=0.02, limit_cycle=True, bridge_off=True),
+        # a second task of rig 5, in which the law is right: pooled, it is (1.5^2 / 2)^(1/2) worse
+        outcome(5, "none", 1.0, task="tunnel"),
+        outcome(5, law, 0.0, task="tunnel"),
+    ]
+    found = summarise(outcomes, law)
+    assert found.rigs == 5
+    assert error_ratios(outcomes, law)[5] == pytest.approx(1.5 / math.sqrt(2.0))
+    assert found.ratio_median == pytest.approx(0.3)
+    assert found.ratio_worst == pytest.approx(1.5 / math.sqrt(2.0))
+    assert found.trials_above_naive == pytest.approx(1.0 / 6.0)
+    assert found.felt_median == pytest.approx(0.02)
+    assert (found.active, found.limit_cycles, found.stopped) == (1, 1, 1)
+    assert found.energy_worst == pytest.approx(0.02)
+    assert f"| {law} | 0.300 " in markdown(outcomes)
+
+
+def test_rigs_beyond_their_motor_are_summed_up_apart() -> None:
+    outcomes = [
+        outcome(1, "none", 1.0),
+        outcome(1, "coulomb", 0.5),
+        outcome(2, "none", 1.0, apart=True),
+        outcome(2, "coulomb", 0.9, apart=True),
+    ]
+    counted, apart = markdown(outcomes).split("## 1 rigs apart")
+    assert "| coulomb | 0.500 " in counted
+    assert "| coulomb | 0.900 " in apart
 
 
 def short(name: str) -> Task:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from bowden.recording.atomic import replace_whole
 
-from hil_tests.benchmarks import bench_speed, board, first_call, model_speed, newton_tendon
+from hil_tests.benchmarks import bench_speed, board, first_call, model_speed, newton_tendon, render
 from hil_tests.benchmarks.measurement import Figure, machine
 
 SUBJECTS: dict[str, Callable[[], list[Figure]]] = {
@@ -20,6 +20,7 @@ SUBJECTS: dict[str, Callable[[], list[Figure]]] = {
     "newton": newton_tendon.figures,
     "bench": bench_speed.figures,
     "board": board.figures,
+    "render": render.figures,
 }
 
 

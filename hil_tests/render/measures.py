@@ -73,13 +73,18 @@ def limit_cycle(series: Array, band: float) -> bool:
 
 
 def net_energy(
-    load_torque_nm: Array, wanted_nm: Array, load_angle_rad: Array, period: int
+    load_torque_nm: Array,
+    wanted_nm: Array,
+    load_angle_rad: Array,
+    period: int,
+    least_torque_nm: float = 0.0,
 ) -> float:
     """Most energy that a closed path has given the hand beyond the wanted, as a part of exchanged.
 
-    Over each whole period: integral of (tau - wanted) d theta over that of abs(tau d theta). The
-    wanted torque stores and gives back, so it takes away what a path that does not quite close
-    would show. Negative: the cables took energy on every path.
+    Over each whole period: integral of (tau - wanted) d theta over that of abs(tau d theta), but at
+    least of `least_torque_nm` along the path, where next to nothing is to be exchanged. The wanted
+    torque stores and gives back, so it takes away what a path that does not quite close would
+    show. Negative: the cables took energy on every path.
     """
     step = np.diff(load_angle_rad)
     middle = 0.5 * (load_torque_nm[1:] + load_torque_nm[:-1])
@@ -87,7 +92,9 @@ def net_energy(
     parts = []
     for start in range(0, len(step) - period + 1, period):
         path = slice(start, start + period)
-        exchanged = float(np.sum(np.abs(middle * step)[path]))
+        exchanged = float(
+            np.sum((np.maximum(np.abs(middle), least_torque_nm) * np.abs(step))[path])
+        )
         parts.append(float(np.sum((beyond * step)[path])) / exchanged if exchanged > 0.0 else 0.0)
     return max(parts, default=0.0)
 

@@ -166,7 +166,10 @@ def judge(trial: Trial) -> Outcome:
         cycles = measures.limit_cycle(torque, band)
     energy = nan
     if task.period_s > 0.0:
-        energy = measures.net_energy(torque, wanted, angle, round(task.period_s * TICKS_PER_S))
+        # nothing is to be exchanged in free strokes: there the friction's work is the measure
+        least_nm = rig.ratio * rig.friction_nm if task.kind == "free" else 0.0
+        period = round(task.period_s * TICKS_PER_S)
+        energy = measures.net_energy(torque, wanted, angle, period, least_nm)
     fallback = nan
     if trial.drive:
         fallback = float(np.mean(trial.drive["compensation_active_law"] != trial.law.number))
