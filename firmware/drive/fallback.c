@@ -13,8 +13,10 @@
 /* A step of the innovation that lasts; the noise of the current measurement does not. */
 #define SLIPPED_TICKS (5u * TICKS_PER_MS)
 
-/* A stuck cell shows when the estimate has moved on by this part of the tolerance. */
+/* A stuck cell shows when the estimate has moved on by this part of the tolerance, and for so long:
+ * a cell with little noise may well read the same twice. */
 #define STUCK_PART 4
+#define STUCK_TICKS (50u * TICKS_PER_MS)
 
 static int32_t distance(int32_t a, int32_t b) {
     uint32_t saturations = 0;
@@ -43,11 +45,13 @@ static uint16_t causes_of_cell(fallback_t *fallback, const fallback_found_t *fou
     if (found->cell_end_of_range) {
         causes |= FALLBACK_CELL_END_OF_RANGE;
     }
-    if (found->cell_counts != fallback->quiet_counts) {
+    const bool quiet = found->cell_counts == fallback->quiet_counts;
+    if (!quiet) {
         fallback->quiet_counts = found->cell_counts;
         fallback->quiet_model_unm = found->model_torque_unm;
-    } else if (distance(found->model_torque_unm, fallback->quiet_model_unm) >
-               tolerance_unm / STUCK_PART) {
+    }
+    if (lasts(quiet, &fallback->quiet_ticks, STUCK_TICKS) &&
+        distance(found->model_torque_unm, fallback->quiet_model_unm) > tolerance_unm / STUCK_PART) {
         causes |= FALLBACK_CELL_STUCK;
     }
     if (lasts(distance(found->cell_torque_unm, found->model_torque_unm) > tolerance_unm,

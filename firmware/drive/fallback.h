@@ -31,7 +31,7 @@ enum {
     FALLBACK_MODEL_REFUSED = 1 << 0,
     FALLBACK_CELL_BROKEN = 1 << 1, /* the board says so */
     FALLBACK_CELL_END_OF_RANGE = 1 << 2,
-    FALLBACK_CELL_STUCK = 1 << 3,       /* the same count while the estimate moves */
+    FALLBACK_CELL_STUCK = 1 << 3,       /* the same count for long while the estimate moved */
     FALLBACK_CELL_IMPLAUSIBLE = 1 << 4, /* too far from the estimate, for too long */
     FALLBACK_ENCODER_SLIPPED = 1 << 5,
     FALLBACK_MODEL_SATURATES = 1 << 6,
@@ -70,7 +70,7 @@ typedef struct {
     uint16_t causes; /* FALLBACK_* bits that count */
     uint32_t absent_ticks[FALLBACK_CAUSES];
     int32_t quiet_counts, quiet_model_unm; /* cell and estimate when the cell last moved */
-    uint32_t implausible_ticks, slipped_ticks;
+    uint32_t quiet_ticks, implausible_ticks, slipped_ticks;
     int32_t given_unm, offset_unm; /* of the blend */
 } fallback_t;
 

@@ -25,10 +25,26 @@ void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
     }
 }
 
-/* Friction that is off by 15 %, and effects that the model lacks: half of what the cables carry,
- * and of the friction in them, is beyond any of that. */
-static int32_t half_of_both(int32_t friction_unm, int32_t torque_unm) {
-    return friction_unm / 2 + (torque_unm < 0 ? -torque_unm : torque_unm) / 2;
+static int32_t magnitude(int32_t value) {
+    return value < 0 ? -value : value;
+}
+
+/* What a sane model may be off by: with friction that is wrong by 15 % and effects that it lacks it
+ * stays within half of what the cables carry and of the friction in them. */
+static int32_t torque_margin_unm(int32_t friction_unm, int32_t torque_unm) {
+    return magnitude(friction_unm) / 2 + magnitude(torque_unm) / 2;
+}
+
+/* The same for the place of the motor: the stretch of the pretension, and half of what the motor's
+ * force pulls out of a cable. */
+static int32_t arc_margin_nm(const transmission_t *transmission, int32_t motor_torque_unm) {
+    uint32_t saturations = 0; /* a margin of 2 m is as good as none */
+    const cable_path_t *path = &transmission->path;
+    const ratio_t compliance = path->front[CABLE_PROXIMAL][CABLE_PULL][path->segments].compliance;
+    const int32_t force_un = fixed_scale(magnitude(motor_torque_unm),
+                                         transmission->force_per_motor_torque, &saturations);
+    return fixed_add(path->pretension_stretch_nm,
+                     fixed_scale(force_un, compliance, &saturations) / 2, &saturations);
 }
 
 /* What the ladder is to look at: this tick's measurements against what the model made of the last
@@ -39,18 +55,19 @@ static bool watch(rendering_t *rendering, transmission_t *transmission,
     const bool saturates = transmission->saturations != rendering->saturations_seen;
     rendering->saturations_seen = transmission->saturations;
     const int32_t model_unm = transmission_load_torque_unm(transmission);
-    return fallback_step(&rendering->fallback,
-                         &(fallback_found_t){
-                             .cell_broken = inputs->load_cell_broken,
-                             .cell_end_of_range = inputs->load_cell_saturated,
-                             .cell_counts = inputs->load_cell_counts,
-                             .cell_torque_unm = inputs->load_cell_unm,
-                             .model_torque_unm = model_unm,
-                             .model_margin_unm = half_of_both(outputs->friction_unm, model_unm),
-                             .innovation_nm = outputs->innovation_nm,
-                             .innovation_margin_nm = transmission->path.pretension_stretch_nm,
-                             .model_saturates = saturates,
-                         });
+    return fallback_step(
+        &rendering->fallback,
+        &(fallback_found_t){
+            .cell_broken = inputs->load_cell_broken,
+            .cell_end_of_range = inputs->load_cell_saturated,
+            .cell_counts = inputs->load_cell_counts,
+            .cell_torque_unm = inputs->load_cell_unm,
+            .model_torque_unm = model_unm,
+            .model_margin_unm = torque_margin_unm(outputs->friction_unm, model_unm),
+            .innovation_nm = outputs->innovation_nm,
+            .innovation_margin_nm = arc_margin_nm(transmission, inputs->motor_torque_unm),
+            .model_saturates = saturates,
+        });
 }
 
 static compensation_law_t law_on(fallback_rung_t rung, compensation_law_t configured) {

@@ -114,11 +114,23 @@ def test_a_cell_that_stands_still_while_the_estimate_moves_is_stuck() -> None:
     run(fallback, 10, cell)
     stuck = {"cell_counts": 0, "cell_torque_unm": 0}
     moved = TOLERANCE_UNM // 4
-    run(fallback, 100, cell, **stuck, model_torque_unm=0)  # nothing moves: as it should be
+    run(fallback, 300, cell, **stuck, model_torque_unm=0)  # nothing moves: as it should be
     run(fallback, 1, cell, **stuck, model_torque_unm=moved)
     assert fallback.causes == 0
     run(fallback, 1, cell, **stuck, model_torque_unm=moved + 1)
     assert (fallback.rung, fallback.causes) == (WITHOUT_CELL, STUCK)
+
+
+def test_a_quiet_cell_may_read_the_same_for_a_moment() -> None:
+    fallback, cell = ladder(), Cell()
+    run(fallback, 10, cell)
+    stuck = {"cell_counts": 7, "cell_torque_unm": 0}
+    run(fallback, 1, cell, **stuck)  # the cell's last move
+    moved = {"model_torque_unm": TOLERANCE_UNM // 2}
+    run(fallback, 199, cell, **stuck, **moved)  # just under 50 ms
+    assert fallback.causes == 0
+    run(fallback, 1, cell, **stuck, **moved)
+    assert fallback.causes == STUCK
 
 
 def test_a_cell_that_is_not_used_cannot_be_wrong() -> None:
