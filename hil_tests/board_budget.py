@@ -15,7 +15,7 @@ from typing import Final
 import can
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
-from hil_tests.board_parity import TUNNEL_MODE
+from hil_tests.board_parity import COMPENSATION_LAW, MODEL_INVERSION, SETTLE_S, TUNNEL_MODE
 from hil_tests.rig.parameters import Hand
 
 CYCLES_PER_INSTRUCTION: Final = 1.5
@@ -43,6 +43,7 @@ class Scenario:
     mode: int = TUNNEL_MODE
     command: Callable[[Board], None] | None = None  # in every control period
     babbler: can.Message | None = None  # on the bus without a pause
+    law: int = 0  # of the compensation
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,20 @@ SCENARIOS: Final = (
     # without motor torque the pulled-out cable goes slack in a third of each cycle
     Scenario("slack, 40 deg at 1 Hz", Hand(motion="sine", frequency_hz=1.0), TORQUE_MODE),
     Scenario("bus flood", Hand(motion="sine"), babbler=_SHORTEST),
+    Scenario("model inversion, 40 deg at 0.5 Hz", Hand(motion="sine"), law=MODEL_INVERSION),
+    Scenario(
+        "model inversion, 40 deg at 2 Hz, bus flood",
+        Hand(motion="sine", frequency_hz=2.0),
+        babbler=_SHORTEST,
+        law=MODEL_INVERSION,
+    ),
+    Scenario(
+        "model inversion, reversals",
+        Hand(motion="locked"),
+        TORQUE_MODE,
+        _reversals,
+        law=MODEL_INVERSION,
+    ),
 )
 
 
@@ -92,6 +107,9 @@ def measure(scenario: Scenario, duration_s: float = 2.0) -> list[Share]:
     """
     board = Board(hand=scenario.hand)
     board.run(0.05)
+    if scenario.law:
+        board.host.write(COMPENSATION_LAW, 0, scenario.law, 1)
+        board.run(SETTLE_S)
     board.host.enable(scenario.mode)
     board.run(0.1)
     board.chip.set_babbling(scenario.babbler)

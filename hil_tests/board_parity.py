@@ -25,6 +25,9 @@ from hil_tests.rig.sensors import Sensors
 from hil_tests.targets.native import NativeTarget
 
 TUNNEL_MODE: Final = -1
+COMPENSATION_LAW: Final = 0x2130
+MODEL_INVERSION: Final = 5
+SETTLE_S: Final = 0.06  # a configuration is taken 50 ms after its last entry
 HOST_PERIOD_S: Final = 0.01  # of the commands
 
 SENSORS: Final = struct.Struct("<IiiiiiiI")  # board_sensors_t, board.h
@@ -35,11 +38,12 @@ RING_FRAMES: Final = 32  # can.c
 
 @dataclass(frozen=True)
 class Experiment:
-    """What the person does, and the torque that the host commands; None is the drive's tunnel."""
+    """What the person does, the torque that the host commands (None: the tunnel), and the law."""
 
     name: str
     hand: Hand
     torque_nm: Callable[[float, float], float] | None
+    law: int = 0
 
 
 def _locked_sine(time_s: float, load_angle_rad: float) -> float:
@@ -58,6 +62,7 @@ EXPERIMENTS: Final = (
     Experiment("1, load locked", Hand(motion="locked"), _locked_sine),
     Experiment("2, passive transmission with the tunnel", Hand(motion="sine"), None),
     Experiment("3, position control of the handle", Hand(motion="free"), _follow),
+    Experiment("4, tunnel through model inversion", Hand(motion="sine"), None, MODEL_INVERSION),
 )
 
 
@@ -192,6 +197,9 @@ def compare(
     shadow = Shadow(board, distort)
     _watch(board, shadow)
     board.run(0.05)
+    if experiment.law:
+        board.host.write(COMPENSATION_LAW, 0, experiment.law, 1)
+        board.run(SETTLE_S)
     board.chip.set_babbling(babbler)
     board.host.enable(TUNNEL_MODE if experiment.torque_nm is None else TORQUE_MODE)
     for i in range(round(duration_s / HOST_PERIOD_S)):
