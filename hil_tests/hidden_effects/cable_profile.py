@@ -17,7 +17,7 @@ Displacements are counted OUTWARD, away from the cable's middle, at the end wher
 pulled outward, tension falls along the march. Read by `continuum`; knows only numbers.
 """
 
-# ruff: noqa: PLR0917  (kernels take their arguments by place)
+# ruff: noqa: PLR0915, PLR0917  (kernels take their arguments by place)
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ Profiles = NDArray[np.float64]
 TRIES = 150
 SHORT_TRIES = 8
 DISPLACEMENT_TOLERANCE_M = 1e-12
+MOTION_M = 1e-11  # a smaller step of an end is kept for the next time
 NEAR_ENOUGH_M = 1e-9
+MOVING_M_PER_S = 5e-3  # from here on `lag_s` holds in full; at rest friction stays as it is
 FASTEST_M_PER_S = 3.0  # faster is a trial gone astray; friction grows no further
 
 
@@ -45,6 +47,9 @@ class Law(NamedTuple):
     `rate_gain`, `rate_power`: factor 1 + rate_gain |v|^rate_power; `stribeck_gain`,
     `stribeck_speed_m_per_s`: + gain exp(-(v / v_s)^2); `tension_exponent` p: times (T / T0)^-p.
     `stiffening_per_n` k: tangent EA sqrt((1 + k T) / (1 + k T0)), which is T = E e + beta e^2.
+    `slip_m`: a bristle bends by this before it slides; `lag_s`: friction follows the direction of
+    sliding with this time constant while there is sliding. These two have a memory of their own,
+    q = -1 .. 1 in dT/ds = q mu T / R, and no stuck zones.
     """
 
     pretension_n: float
@@ -55,6 +60,8 @@ class Law(NamedTuple):
     stribeck_speed_m_per_s: float = 1.0
     tension_exponent: float = 0.0
     stiffening_per_n: float = 0.0
+    slip_m: float = 0.0
+    lag_s: float = 0.0
 
 
 class Path(NamedTuple):
@@ -85,6 +92,23 @@ def tension_at(law: Law, elastic_strain: float, compliance: float) -> float:
 
 
 @compiled
+def direction(law: Law, per_s: float, before: float, outward_m: float) -> tuple[float, float]:
+    """Return q after a step in which the place moved, and its derivative by that motion, 1/m."""
+    if law.slip_m > 0.0:
+        q = before - outward_m / law.slip_m
+        if q < -1.0 or q > 1.0:
+            return (-1.0 if q < 0.0 else 1.0), 0.0
+        return q, -1.0 / law.slip_m
+    share = 1.0 / (per_s * law.lag_s + 1.0)
+    wanted = -1.0 if outward_m > 0.0 else 1.0
+    moving = abs(outward_m) * per_s / MOVING_M_PER_S
+    if moving >= 1.0:
+        return before + share * (wanted - before), 0.0
+    by_motion = -wanted * per_s / MOVING_M_PER_S
+    return before + share * moving * (wanted - before), share * by_motion * (wanted - before)
+
+
+@compiled
 def friction_factor(law: Law, speed_m_per_s: float, tension_n: float) -> float:
     """Return f of mu f: what speed and tension make of the friction coefficient."""
     f = 1.0
@@ -100,7 +124,7 @@ def friction_factor(law: Law, speed_m_per_s: float, tension_n: float) -> float:
 
 @compiled
 def friction_slopes(law: Law, speed_m_per_s: float, tension_n: float) -> tuple[float, float]:
-    """Derivatives of `friction_factor` by speed and by tension."""
+    """Return the derivatives of `friction_factor` by speed and by tension."""
     by_speed = 0.0
     speed = max(speed_m_per_s, 1e-9)
     if law.rate_gain != 0.0:
@@ -201,6 +225,8 @@ def march_whole(
     factor_in: float,
     outward_m: float,
     end_n: float,
+    q_before: Vector,
+    q_after: Vector,
     profile_n: Vector,
 ) -> tuple[float, float, float]:
     """March from the motor to the load, sliding all along, turning over where the sign changes.
@@ -212,6 +238,7 @@ def march_whole(
         motor's tension, m/N, and by `outward_m`.
     """
     plain = law.rate_gain == 0.0 and law.stribeck_gain == 0.0 and law.tension_exponent == 0.0
+    memory = law.slip_m > 0.0 or law.lag_s > 0.0
     tension, here = end_n, outward_m
     slope, slope_here, other, other_here = 1.0, 0.0, 0.0, 1.0  # by end tension, by outward_m
     difference = strain(law, tension, compliance) - frozen_strain[0]
@@ -221,7 +248,13 @@ def march_whole(
         length = path.length_m[cell]
         theta = path.wrap_friction[cell]
         f, by_speed, by_tension = factor_out if side > 0.0 else -factor_in, 0.0, 0.0
-        if not plain:
+        if memory:
+            q, by_motion = direction(law, per_s, q_before[cell], here)
+            q_after[cell] = q
+            factor = factor_out if q < 0.0 else factor_in
+            f = -q * factor
+            by_speed = -by_motion * factor
+        elif not plain:
             speed = min(max(side * here, 0.0) * per_s, FASTEST_M_PER_S)
             by_speed, by_tension = friction_slopes(law, speed, tension)
             by_speed *= abs(f) * per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
@@ -230,7 +263,7 @@ def march_whole(
         drop = f * theta
         ratio = math.exp(-drop)
         new_tension, new_slope, new_other = tension * ratio, slope * ratio, other * ratio
-        if not plain:
+        if memory or not plain:
             new_slope -= new_tension * theta * (by_speed * slope_here + by_tension * slope)
             new_other -= new_tension * theta * (by_speed * other_here + by_tension * other)
         new_difference = strain(law, new_tension, compliance) - frozen_strain[cell + 1]
@@ -238,7 +271,7 @@ def march_whole(
         falls = side * difference
         bends = side * (difference - new_difference) / length
         root = falls * falls - 2.0 * bends * side * here
-        if falls > 0.0 and root > 0.0:
+        if falls > 0.0 and root > 0.0 and not memory:
             root = math.sqrt(root)
             at = max(2.0 * side * here / (falls + root), 0.0)
             if at < length:
@@ -279,6 +312,7 @@ def find_front(
     """Return the end's tension, its stiffness, N/m, and the front's depth in cells."""
     low, high = 0.0, math.inf
     tension = guess_n
+    nearest, least = guess_n, math.inf
     edge = path.length_m[-1] if from_load else path.length_m[0]
     for _ in range(TRIES):
         left, by_tension, by_outward, depth = march_front(
@@ -297,6 +331,8 @@ def find_front(
         by_tension = min(by_tension, -0.25 * edge * compliance)
         if abs(left) < DISPLACEMENT_TOLERANCE_M:
             return tension, -by_outward / by_tension, depth
+        if abs(left) < least:
+            nearest, least = tension, abs(left)
         if left > 0.0:
             low = tension
         else:
@@ -307,7 +343,21 @@ def find_front(
         if abs(new - tension) <= 1e-15 * tension:
             break
         tension = new
-    return tension, -by_outward / by_tension, depth
+    left, by_tension, by_outward, depth = march_front(
+        law,
+        path,
+        frozen_n,
+        frozen_strain,
+        compliance,
+        per_s,
+        from_load,
+        factor,
+        outward_m,
+        nearest,
+        profile_n,
+    )
+    by_tension = min(by_tension, -0.25 * edge * compliance)
+    return nearest, -by_outward / by_tension, depth
 
 
 @compiled
@@ -323,6 +373,8 @@ def find_whole(
     wanted_m: float,
     guess_n: float,
     tries: int,
+    q_before: Vector,
+    q_after: Vector,
     profile_n: Vector,
 ) -> tuple[float, float, bool]:
     """Return the motor's tension, its stiffness, N/m, and whether it was found.
@@ -344,6 +396,8 @@ def find_whole(
             factor_in,
             outward_m,
             tension,
+            q_before,
+            q_after,
             profile_n,
         )
         left = there - wanted_m
@@ -371,6 +425,8 @@ def find_whole(
         factor_in,
         outward_m,
         nearest,
+        q_before,
+        q_after,
         profile_n,
     )
     return nearest, -by_outward / by_tension, least < NEAR_ENOUGH_M
@@ -390,6 +446,8 @@ def advance_cable(
     load_outward_m: float,
     whole_first: bool,
     guess_n: float,
+    q_before: Vector,
+    q_after: Vector,
     profile_n: Vector,
 ) -> tuple[float, bool]:
     """Find the profile after both ends moved outward by the given displacements.
@@ -402,14 +460,16 @@ def advance_cable(
         Stiffness of the motor end, N/m, and whether the whole cable slid.
     """
     cells = path.length_m.size
-    if abs(motor_outward_m) < DISPLACEMENT_TOLERANCE_M:
+    memory = law.slip_m > 0.0 or law.lag_s > 0.0
+    if abs(motor_outward_m) < MOTION_M:
         motor_outward_m = 0.0  # rounding is no motion
-    if abs(load_outward_m) < DISPLACEMENT_TOLERANCE_M:
+    if abs(load_outward_m) < MOTION_M:
         load_outward_m = 0.0
     if motor_outward_m == 0.0 and load_outward_m == 0.0:
         profile_n[:] = frozen_n
+        q_after[:] = q_before
         return 0.0, whole_first
-    if whole_first:
+    if whole_first or memory:
         _, stiffness, found = find_whole(
             law,
             path,
@@ -421,10 +481,12 @@ def advance_cable(
             motor_outward_m,
             -load_outward_m,
             guess_n,
-            SHORT_TRIES,
+            TRIES if memory else SHORT_TRIES,
+            q_before,
+            q_after,
             profile_n,
         )
-        if found:
+        if found or memory:
             return stiffness, True
     profile_n[:] = frozen_n
     depth_motor, depth_load, stiffness = 0.0, 0.0, 1.0 / (0.25 * path.length_m[0] * compliance)
@@ -477,6 +539,8 @@ def advance_cable(
         -load_outward_m,
         frozen_n[0],
         TRIES,
+        q_before,
+        q_after,
         profile_n,
     )
     return stiffness, True

@@ -1,0 +1,295 @@
+"""Cases of the benchmark: a recording as a lab hands it in, the lab's model file, the truth apart.
+
+A case is drawn from a seed: a rig around Table I, what the lab believes of it (the truth is off by
+the tolerances that the model file states), half a minute of motion, a hidden truth (none, one
+effect, two, or one that no catalogue has), sensors. The strength of the hidden effect is set in
+units of the noise floor: what quantisation and noise do to the predicted channels.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from hil_tests.hidden_effects import draws, effects, excitation, unlisted
+from hil_tests.hidden_effects.cable_profile import Law
+from hil_tests.hidden_effects.continuum import Answer, Ends, Pair, solve
+from hil_tests.hidden_effects.hidden import Draw, Hidden, Signals, Vector, together
+
+MOTOR_COUNTS = 2000
+LOAD_COUNTS = 10000
+CELL_NOISE_NM = 5e-4
+WEAKEST, STRONGEST = 3.0, 30.0
+KINDS = ("complete", "single", "pair", "unlisted")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The true pair and the model file in which the lab believes."""
+
+    pair: Pair
+    model_yaml: str
+    nominal: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is hidden: nobody who diagnoses may see it."""
+
+    seed: int
+    kind: str
+    effects: tuple[tuple[str, dict[str, float]], ...]
+    strength: float
+    noise_floor: dict[str, float]
+    calibration: dict[str, dict[str, float]]
+    source: str = "continuum"
+
+    def to_json(self) -> str:
+        """Return it as text for truth.json."""
+        document = dict(vars(self))
+        document["effects"] = [{"name": n, "parameters": p} for n, p in self.effects]
+        return json.dumps(document, indent=2) + "\n"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording's columns by name, the model file, and the truth."""
+
+    columns: dict[str, Vector]
+    model_yaml: str
+    truth: Truth
+
+    def csv_text(self) -> str:
+        """Return the recording in its exchange form; nothing in it tells the truth."""
+        names = list(self.columns)
+        lines = ["# rig: bench", "# sample_rate_hz: 1000", ",".join(names)]
+        digits = ["%.4f" if n == "time_s" else "%.8g" for n in names]
+        table = np.column_stack(list(self.columns.values()))
+        form = ",".join(digits)
+        lines += [form % tuple(row) for row in table]
+        return "\n".join(lines) + "\n"
+
+    def write(self, folder: Path) -> tuple[Path, Path]:
+        """Write recording.csv, model.yaml and truth.json; return the first two."""
+        folder.mkdir(parents=True, exist_ok=True)
+        recording, model = folder / "recording.csv", folder / "model.yaml"
+        recording.write_text(self.csv_text(), encoding="utf-8")
+        model.write_text(self.model_yaml, encoding="utf-8")
+        (folder / "truth.json").write_text(self.truth.to_json(), encoding="utf-8")
+        return recording, model
+
+
+def draw_rig(rng: np.random.Generator) -> Rig:
+    """Draw a rig around Table I, and the truth from the tolerances of its model file."""
+    length = round(float(rng.uniform(1.2, 2.4)), 2)
+    wrap = float(rng.uniform(3.0, 7.0))
+    straight = round(float(rng.uniform(0.1, 0.4)), 2) if rng.random() < 0.4 else 0.0
+    first = round(float(rng.uniform(0.35, 0.65)) * (length - straight), 2)
+    bends = [first, length - straight - first]
+    share = float(rng.uniform(0.35, 0.65))
+    radii = [round(bends[0] / (wrap * share), 3), round(bends[1] / (wrap * (1.0 - share)), 3)]
+    pieces = [(bends[0], radii[0]), (bends[1], radii[1])]
+    if straight:
+        pieces.insert(1, (straight, np.inf))
+    believed = {
+        "pretension_n": round(float(rng.uniform(5.0, 20.0)), 1),
+        "mu_d": round(float(rng.uniform(0.10, 0.25)), 3),
+        "axial_stiffness_n": round(float(rng.uniform(2500.0, 7000.0)), -1),
+    }
+    tolerance = {"pretension_n": 0.10, "mu_d": 0.10, "axial_stiffness_n": 0.10}
+    true = {
+        name: value * (1.0 + tolerance[name] * float(np.clip(rng.normal(), -2.0, 2.0)))
+        for name, value in believed.items()
+    }
+    path = "\n".join(
+        f"      - {{length_m: {x:.4g}, radius_m: {'.inf' if np.isinf(r) else format(r, '.4g')}}}"
+        for x, r in pieces
+    )
+    pieces = [(float(f"{x:.4g}"), r) for x, r in pieces]
+    model_yaml = f"""\
+rig:
+  cable:
+    length_m: {sum(x for x, _ in pieces):.6g}
+    axial_stiffness_n: {{value: {believed["axial_stiffness_n"]:g}, tolerance: 10 %}}
+    path:
+{path}
+    pretension_n: {{value: {believed["pretension_n"]:g}, tolerance: 10 %}}
+  motor_pulley_radius_m: 0.020
+  load_pulley_radius_m: 0.104
+  motor_encoder_counts_per_turn: {MOTOR_COUNTS}
+  load_encoder_counts_per_turn: {LOAD_COUNTS}
+  load_cell_noise_nm: {CELL_NOISE_NM}
+friction: {{law: coulomb, mu_d: {{value: {believed["mu_d"]:g}, tolerance: 10 %}}}}
+effects: []
+numerics: {{segments: 100}}
+"""
+    law = Law(true["pretension_n"], true["axial_stiffness_n"])
+    pair = Pair(tuple(pieces), true["mu_d"], law, Ends(0.020, 0.104))
+    nominal = {f"believed {k}": v for k, v in believed.items()} | true
+    return Rig(pair, model_yaml, nominal)
+
+
+def _counts(values: Vector, per_turn: int) -> Vector:
+    step = 2.0 * np.pi / per_turn
+    return np.asarray(np.round(values / step) * step)
+
+
+@dataclass(frozen=True)
+class _Read:
+    motor_angle_rad: Vector
+    load_angle_rad: Vector
+    load_torque_nm: Vector
+
+
+def _run(pair: Pair, signals: Signals, hidden: Sequence[Hidden]) -> _Read:
+    """Run the pair with what is hidden; return the channels as noiseless sensors see them."""
+    for effect in hidden:
+        pair = effect.pair(pair)
+    torque = signals.motor_torque_nm
+    for effect in hidden:
+        torque = effect.true_torque(torque, signals)
+    histories = together([effect.histories(signals, pair) for effect in hidden])
+    steps = max([effect.oversample for effect in hidden], default=1)
+    answer: Answer = solve(
+        pair, signals.time_s, torque, signals.load_angle_rad, histories, oversample=steps
+    )
+    motor, load, cell = answer.motor_angle_rad, signals.load_angle_rad, answer.load_torque_nm
+    for effect in hidden:
+        motor = effect.read_motor_angle(motor, signals)
+        load = effect.read_load_angle(load, signals)
+        cell = effect.read_load_torque(cell, signals)
+    return _Read(motor, load, cell)
+
+
+def _rms(values: Vector) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _floor(pair: Pair, signals: Signals, base: _Read) -> dict[str, float]:
+    """Measure the noise floor: what the load encoder's counts do, and the sensors' own.
+
+    Between two changes of the count the angle is taken to be a straight line.
+    """
+    counts = _counts(signals.load_angle_rad, LOAD_COUNTS)
+    edges = np.flatnonzero(np.diff(counts, prepend=np.inf) != 0)
+    middles = np.concatenate([counts[:1], 0.5 * (counts[edges[1:]] + counts[edges[1:] - 1])])
+    path = np.interp(signals.time_s, signals.time_s[edges], middles)
+    counted = replace(signals, load_angle_rad=path)
+    coarse = _run(pair, counted, [])
+    torque = _rms(coarse.load_torque_nm - base.load_torque_nm)
+    angle = _rms(coarse.motor_angle_rad - base.motor_angle_rad)
+    step = 2.0 * np.pi / MOTOR_COUNTS / np.sqrt(12.0)
+    return {
+        "load_torque_nm": float(np.hypot(torque, CELL_NOISE_NM)),
+        "motor_angle_rad": float(np.hypot(angle, step)),
+    }
+
+
+def _strength(changed: _Read, base: _Read, floor: dict[str, float], twist: float) -> float:
+    """Measure how many noise floors an effect is worth in the channel that shows it best.
+
+    A change of the recorded load angle (an input) counts through what it does to the motor's angle,
+    `twist` times as much.
+    """
+    angle = changed.motor_angle_rad - base.motor_angle_rad
+    turned = twist * (changed.load_angle_rad - base.load_angle_rad)
+    return max(
+        _rms(changed.load_torque_nm - base.load_torque_nm) / floor["load_torque_nm"],
+        _rms(angle - turned) / floor["motor_angle_rad"],
+    )
+
+
+def _scaled(
+    name: str,
+    draw: Draw,
+    *,
+    pair: Pair,
+    signals: Signals,
+    base: _Read,
+    floor: dict[str, float],
+    wanted: float,
+) -> tuple[Hidden, float]:
+    """Give a drawn effect the magnitude that makes it worth `wanted` floors, within its limits."""
+    make = unlisted.HIDE[name] if name in unlisted.HIDE else effects.HIDE[name]
+    twist = pair.ends.load_radius_m / pair.ends.motor_radius_m
+    magnitude = abs(draw.parameters[draw.strength])
+    rounds = 1 if draw.fixed else 4
+    for _ in range(rounds):
+        hidden = make(draw.at(magnitude))
+        strength = _strength(_run(pair, signals, [hidden]), base, floor, twist)
+        if draw.fixed or abs(np.log(max(strength, 1e-9) / wanted)) < 0.1:
+            break
+        better = float(np.clip(magnitude * wanted / max(strength, 1e-9), draw.low, draw.high))
+        if better == magnitude:
+            break
+        magnitude = better
+    return hidden, strength
+
+
+def draw_case(
+    seed: int,
+    kind: str,
+    effect: str | Sequence[str] | None = None,
+    length_s: float = 30.0,
+) -> Case:
+    """Draw a case.
+
+    Parameters
+    ----------
+    seed : int
+        All that is random comes from it, the kind and the effect's name.
+    kind : "complete", "single", "pair", "unlisted"
+    effect : str or two of them, optional
+        Names; drawn where they are not given.
+    length_s : float
+    """
+    if kind not in KINDS:
+        raise ValueError(f"kind: found {kind!r}; accepted: {', '.join(KINDS)}")
+    names = [effect] if isinstance(effect, str) else list(effect or ())
+    label = [ord(c) for c in kind + "".join(names)]
+    rng = np.random.default_rng([seed, *label])
+    rig = draw_rig(rng)
+    friction_nm = 2.0 * rig.pair.ends.motor_radius_m * rig.pair.law.pretension_n
+    friction_nm *= rig.pair.mu * rig.pair.wrap_rad
+    signals = excitation.draw(rng, min(0.9 * friction_nm + 0.05, 0.6), length_s)
+    if not names and kind != "complete":
+        table = list(unlisted.HIDE) if kind == "unlisted" else list(effects.HIDE)
+        names = [str(x) for x in rng.choice(table, 2 if kind == "pair" else 1, replace=False)]
+    base = _run(rig.pair, signals, [])
+    floor = _floor(rig.pair, signals, base)
+    wanted = float(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))))
+    if kind in {"pair", "unlisted"}:
+        wanted = max(wanted, 8.0)
+    hidden, strength = [], 0.0
+    for name in names:
+        drawn = unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, rig.pair)
+        made, worth = _scaled(
+            name, drawn, pair=rig.pair, signals=signals, base=base, floor=floor, wanted=wanted
+        )
+        hidden.append(made)
+        strength = worth if strength == 0.0 else min(strength, worth)
+    read = _run(rig.pair, signals, hidden)
+    columns = {
+        "time_s": signals.time_s,
+        "motor_angle_rad": _counts(read.motor_angle_rad, MOTOR_COUNTS),
+        "load_angle_rad": _counts(read.load_angle_rad, LOAD_COUNTS),
+        "motor_torque_nm": signals.motor_torque_nm,
+        "load_torque_nm": read.load_torque_nm + rng.normal(0.0, CELL_NOISE_NM, signals.time_s.size),
+    }
+    warm = rng.random() < 0.5 or {"thermal_friction", "cell_temperature_crosstalk"} & set(names)
+    if warm:
+        noise = rng.normal(0.0, 0.02, signals.time_s.size)
+        columns["conduit_temperature_c"] = signals.temperature_c + noise
+    truth = Truth(
+        seed,
+        kind,
+        tuple((h.name, h.parameters) for h in hidden),
+        strength,
+        floor,
+        {"rig": rig.nominal},
+    )
+    return Case(columns, rig.model_yaml, truth)
