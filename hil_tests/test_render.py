@@ -177,6 +177,7 @@ def outcome(seed: int, law: str, rms_nm: float, **more: object) -> Outcome:
         stiffness=1.0,
         limit_cycle=False,
         net_energy=-0.5,
+        net_energy_to_friction=-0.5,
         slack=0.0,
         bridge_off=False,
         fallback=0.0,

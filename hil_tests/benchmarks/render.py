@@ -20,6 +20,7 @@ from typing import Final
 from bowden.recording.atomic import replace_whole
 
 from hil_tests.benchmarks.measurement import Figure
+from hil_tests.render.document import document
 from hil_tests.render.laws import LAWS, NAIVE, Law, law_named
 from hil_tests.render.rigs import RenderRig, draw
 from hil_tests.render.table import Summary, error_ratios, markdown, summarise
@@ -103,6 +104,7 @@ def _law_figures(s: Summary, context: str) -> list[Figure]:
         ("limit_cycles", float(s.limit_cycles), "rigs", "0" if ours else ""),
         ("active_paths", float(s.active), "rigs", "0" if ours else ""),
         ("net_energy_worst", s.energy_worst, "1", "0.01" if ours else ""),
+        ("net_energy_to_friction_worst", s.energy_to_friction, "1", ""),
         ("slack_median", s.slack_median, "1", ""),
     )
     return [
@@ -161,10 +163,10 @@ def main() -> int:
         parser.error(str(error))
     outcomes = measure(options.first_seed, options.rigs, laws)
     _tell_worst(outcomes)
-    text = markdown(outcomes)
     if options.output is None:
-        sys.stdout.write(text)
+        sys.stdout.write(markdown(outcomes))
         return 0
+    text = document(outcomes, options.first_seed, options.rigs)
     with replace_whole(options.output) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return 0

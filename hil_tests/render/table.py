@@ -42,8 +42,8 @@ class Summary:
         Of the wall, over the wanted one.
     limit_cycles, active : int
         Rigs with a limit cycle at rest; with a closed path that gives more than 1 %.
-    energy_worst : float
-        Most net energy of a closed path over the exchanged.
+    energy_worst, energy_to_friction : float
+        Most net energy of a closed path over the exchanged, and over the friction's work.
     slack_median, fallback : float
         Part of the time with a cable slack; in which a lesser law ran.
     stopped : int
@@ -63,6 +63,7 @@ class Summary:
     limit_cycles: int
     active: int
     energy_worst: float
+    energy_to_friction: float
     slack_median: float
     fallback: float
     stopped: int
@@ -106,7 +107,8 @@ def summarise(outcomes: Sequence[Outcome], law: str) -> Summary:
         stiffness_median=float(np.nanmedian([o.stiffness for o in own])),
         limit_cycles=sum(any(o.limit_cycle for o in mine[seed]) for seed in mine),
         active=sum(part > ACTIVE_ABOVE for part in energy.values()),
-        energy_worst=max(energy.values()),
+        energy_worst=_most(list(energy.values())),
+        energy_to_friction=_most([o.net_energy_to_friction for o in own]),
         slack_median=float(np.median([np.mean([o.slack for o in mine[s]]) for s in mine])),
         fallback=float(np.nanmean([o.fallback for o in own])),
         stopped=sum(o.bridge_off for o in own),
@@ -132,6 +134,7 @@ def _laws(outcomes: Sequence[Outcome], names: Sequence[str]) -> str:
     head = (
         "| law | error ratio: median | 95th | worst | trials worse than naive | peak ratio "
         "| friction felt: median | 95th | stiffness | limit cycles | active paths | worst path "
+        "| of the friction "
         "| slack | fell back | stopped |"
     )
     rows = [head, "| --- |" + " ---: |" * (head.count("|") - 2)]
@@ -140,7 +143,8 @@ def _laws(outcomes: Sequence[Outcome], names: Sequence[str]) -> str:
             f"| {s.law} | {s.ratio_median:.3f} | {s.ratio_p95:.3f} | {s.ratio_worst:.3f} "
             f"| {s.trials_above_naive:.1%} | {s.peak_median:.2f} | {s.felt_median:.3f} "
             f"| {s.felt_p95:.3f} | {s.stiffness_median:.2f} | {s.limit_cycles} of {s.rigs} "
-            f"| {s.active} of {s.rigs} | {s.energy_worst:+.1%} | {s.slack_median:.1%} "
+            f"| {s.active} of {s.rigs} | {s.energy_worst:+.1%} "
+            f"| {s.energy_to_friction:+.1%} | {s.slack_median:.1%} "
             f"| {s.fallback:.1%} | {s.stopped} |"
         )
     return "\n".join(rows) + "\n"
@@ -177,4 +181,4 @@ def _pooled(outcomes: Sequence[Outcome]) -> float:
 
 
 def _most(values: Sequence[float]) -> float:
-    return max((v for v in values if not math.isnan(v)), default=0.0)
+    return max((v for v in values if not math.isnan(v)), default=float("nan"))

@@ -7,6 +7,7 @@ goes through Python.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,6 +30,8 @@ from hil_tests.virtual_bus import VirtualBus
 TARGET_TORQUE: Final = 0x2040
 SETTLE_S: Final = 0.06  # the drive takes a configuration 50 ms after its last entry
 LEAST_BAND_NM: Final = 0.02  # a swing at the load below this is not felt
+HUNTING_COUNTS: Final = 3.0  # of the motor's encoder, to and fro
+MOTOR_COUNTS_PER_TURN: Final = 2000
 TENSIONS: Final = (
     at.MOTOR_TENSION_A,
     at.LOAD_TENSION_A,
@@ -84,7 +87,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Figures of one trial; nan where the task does not show it."""
+    """Figures of one trial; nan where the task does not show it.
+
+    `net_energy` is of what is exchanged on a closed path; `net_energy_to_friction` of what at least
+    the friction of the pair would take on it.
+    """
 
     seed: int
     apart: bool
@@ -96,6 +103,7 @@ class Outcome:
     stiffness: float
     limit_cycle: bool
     net_energy: float
+    net_energy_to_friction: float
     slack: float
     bridge_off: bool
     fallback: float
@@ -163,13 +171,17 @@ def judge(trial: Trial) -> Outcome:
     cycles = False
     if task.kind == "rest":
         band = max(LEAST_BAND_NM, 0.05 * rig.ratio * rig.friction_nm)
-        cycles = measures.limit_cycle(torque, band)
-    energy = nan
+        cycles = measures.limit_cycle(torque, band) or measures.limit_cycle(
+            rows[:, at.MOTOR_ANGLE], HUNTING_COUNTS * 2.0 * math.pi / MOTOR_COUNTS_PER_TURN
+        )
+    energy = to_friction = nan
     if task.period_s > 0.0:
-        # nothing is to be exchanged in free strokes: there the friction's work is the measure
-        least_nm = rig.ratio * rig.friction_nm if task.kind == "free" else 0.0
+        friction_nm = rig.ratio * rig.friction_nm
         period = round(task.period_s * TICKS_PER_S)
-        energy = measures.net_energy(torque, wanted, angle, period, least_nm)
+        to_friction = measures.net_energy(torque, wanted, angle, period, friction_nm)
+        energy = to_friction  # in free strokes nothing is to be exchanged
+        if task.kind != "free":
+            energy = measures.net_energy(torque, wanted, angle, period)
     fallback = nan
     if trial.drive:
         fallback = float(np.mean(trial.drive["compensation_active_law"] != trial.law.number))
@@ -184,6 +196,7 @@ def judge(trial: Trial) -> Outcome:
         stiffness=stiffness,
         limit_cycle=cycles,
         net_energy=energy,
+        net_energy_to_friction=to_friction,
         slack=measures.slack_share(rows[:, list(TENSIONS)]),
         bridge_off=trial.bridge_off,
         fallback=fallback,

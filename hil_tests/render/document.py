@@ -1,0 +1,56 @@
+"""The page docs/compensation-benchmark.md: how the laws were compared, and the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from hil_tests.render.table import markdown
+from hil_tests.render.trial import Outcome
+
+TEXT: Final = """\
+# Compensation: the benchmark
+
+Written by `python -m hil_tests.benchmarks.render --first-seed {first} --rigs {rigs} --output \
+docs/compensation-benchmark.md`; do not edit. What the laws are and how to tune them is in
+[compensation.md](compensation.md).
+
+Every law does the same tasks on the same rigs, on the natively built drive (the same sources as the
+flashed ELF, bit for bit). The simulated rig is not the drive's model: distributed masses, bristle
+friction, noise, quantisation. The rigs are drawn from the seeds {first} to {last}; the laws were
+developed on seeds below 1000 only.
+
+- **Rigs** (`hil_tests/render/rigs.py`): wrap 1 to 8 rad, pretension 1 to 20 N, mu 0.05 to 0.25, EA
+  2 to 8 kN, motor limit 0.3 to 3 N m, motor inertia 1e-5 to 5e-5 kg m2, handle 1e-3 to 1e-2 kg m2,
+  a hand of 5 to 200 N m/rad, load cell noise 0.2 to 2 mN m, load encoder and load cell up to 2 ms
+  late. Two effects of the catalogue are hidden in each at moderate strength.
+- **What the drive believes**: friction, pretension, stiffness and motor inertia are wrong by up to
+  15 % each, independently. It is configured over the bus; what is not listed here has its default.
+- **The tunnel** has the paper's width and stiffness. Its torque limit, at most the paper's
+  0.2 N m, is what the motor can render beyond its friction, less a tenth.
+- **Tasks** (`hil_tests/render/tasks.py`): strokes through the tunnel at 0.25, 0.5 and 1 Hz, to and
+  fro over the wall's edge, free strokes in a wide dead zone, torque steps, rest in the wall and in
+  the dead zone.
+
+What the columns mean; the truth is the rig's, not the load cell's:
+
+- **error ratio**: RMS of torque on the load less wanted torque, over all tasks of a rig, over that
+  of the naive law (`none`) on the same rig. **Trials worse than naive**: single tasks, by more than
+  1 % and 20 mN m. **Peak ratio**: largest error of any task over the naive law's.
+- **friction felt**: energy that the cables take in free strokes over the length of the path, over
+  that of the naive law. **Stiffness**: slope of the rendered wall over the wanted one.
+- **limit cycles**: rigs whose load torque or motor swings on at rest.
+- **active paths**: rigs with a closed path on which the cables give the hand over 1 % more than the
+  wanted torque would, as a part of the energy exchanged on that path (in free strokes, where
+  nothing is to be exchanged: of the friction's work). **Worst path**: the largest such part. **Of
+  the friction**: the same energy as a part of what the pair's friction would take on that path.
+- **slack**: median part of the time with an empty cable. **Fell back**: part of the time in which
+  a lesser law of the ladder ran. **Stopped**: trials in which the drive went to fault.
+
+"""
+
+
+def document(outcomes: Sequence[Outcome], first_seed: int, rigs: int) -> str:
+    """Write the page."""
+    text = TEXT.format(first=first_seed, last=first_seed + rigs - 1, rigs=rigs)
+    return text + markdown(outcomes)
