@@ -124,10 +124,19 @@ def test_a_clean_recording_still_has_a_positive_sigma() -> None:
     assert noise_floor(found.sigma["load_torque_nm"]) < 1e-4
 
 
-def test_persistent_errors_are_worth_few_samples() -> None:
-    share = noise_of("rests").share["load_torque_nm"]
-    assert share < 0.1
-    assert share * TIME_S.size > 5
+def test_errors_of_the_inputs_last_and_the_sensors_do_not() -> None:
+    found = noise_of("sine")
+    share = found.share("load_torque_nm")
+    inputs = found.parts["load_torque_nm"]["inputs"] / found.sigma["load_torque_nm"]
+    assert np.median(share[inputs > 0.99]) < 0.1
+    least = inputs <= np.quantile(inputs, 0.1)
+    assert np.median(share[least]) > 1.5 * np.median(share[inputs > 0.99])
+    assert np.all((share > 0.0) & (share <= 1.0))
+    assert 0.005 < found.memory_s["load_torque_nm"] < 3.0  # a stroke lasts 1.25 s
+    every_fifth = np.arange(0, TIME_S.size, 5)
+    thin = found.share("load_torque_nm", every_fifth)
+    assert np.all(thin >= share[every_fifth] * (1 - 1e-9))
+    assert thin.sum() <= share.sum() * 1.01
 
 
 @pytest.mark.parametrize("mode", [Mode.POSITION_TORQUE, Mode.POSITION_POSITION])

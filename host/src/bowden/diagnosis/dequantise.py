@@ -144,18 +144,21 @@ class _Rest:
         size = self.last - self.first + 1
         place = self.count + offset
         start, end = float(path[self.first]), float(path[self.last])
-        come = self._braking(size, arrival * 2.0 * abs(start - place) * self.before) * (
-            start - place
-        )
-        gone = self._braking(size, leaving * 2.0 * abs(end - place) * self.after) * (end - place)
+        come = (start - place) * self._braking(size, arrival * abs(start - place) * self.before)
+        gone = (end - place) * self._braking(size, leaving * abs(end - place) * self.after)
         path[self.first : self.last + 1] = place + come + gone[::-1]
         reach = np.maximum(abs(start - place), abs(end - place))
         return np.asarray(1.0 - (np.abs(come) + np.abs(gone[::-1])) / max(reach, 1e-9))
 
     @staticmethod
-    def _braking(size: int, lasts: float) -> _Floats:
-        """Return 1 falling to 0 along a parabola, within a share of the rest."""
-        since = np.arange(size) / max(min(lasts, BRAKING_SHARE * size), 1e-9)
+    def _braking(size: int, half: float) -> _Floats:
+        """Return 1 falling to 0 along a parabola, within a share of the rest.
+
+        `half` is how long it would take at the speed before; 0: a recording that begins at rest.
+        """
+        if half == 0.0:
+            return np.zeros(size)
+        since = np.arange(size) / min(2.0 * half, BRAKING_SHARE * size)
         return np.asarray((1.0 - np.minimum(since, 1.0)) ** 2)
 
 

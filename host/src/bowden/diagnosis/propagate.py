@@ -41,9 +41,8 @@ class LocalNoise:
     ----------
     sigma : dict of str to ndarray of shape (n,)
         For each of the mode's two predicted channels, in its unit; > 0.
-    share : dict of str to float
-        How many independent samples one sample is worth, 0..1: errors that come in through the
-        inputs stay for as long as friction remembers them.
+    memory_s : dict of str to float, s
+        How long an error stays that came in through the inputs: friction remembers it.
     parts : dict of str to dict of str to ndarray of shape (n,)
         What sigma consists of, added in squares: ``sensor`` (of the measured channel), ``inputs``
         (pushed through the model), ``mesh`` (the model's own discretisation).
@@ -52,9 +51,32 @@ class LocalNoise:
     """
 
     sigma: dict[str, _Floats]
-    share: dict[str, float]
+    memory_s: dict[str, float]
     parts: dict[str, dict[str, _Floats]]
     estimates: Estimates
+
+    def share(self, channel: str, index: NDArray[np.intp] | None = None) -> _Floats:
+        """Return how many independent samples each sample is worth, 0..1.
+
+        Parameters
+        ----------
+        channel : str
+        index : ndarray of int, shape (k,), optional
+            The samples that are used; all when absent. Of thinned ones each is worth more.
+
+        Returns
+        -------
+        ndarray of shape (k,)
+            Near 1 where the sensor's white noise prevails; small after reversals, where errors of
+            the inputs do, for they last.
+        """
+        time_s = self.estimates.recording.time_s
+        chosen = np.arange(time_s.size) if index is None else index
+        step = float(np.ptp(time_s[chosen])) / max(chosen.size - 1, 1)
+        lasts = max(self.memory_s[channel] / max(step, 1e-9), 1.0)
+        variance = self.sigma[channel][chosen] ** 2
+        white = self.parts[channel]["sensor"][chosen] ** 2 / variance
+        return np.asarray(1.0 / np.clip(white + (1.0 - white) * lasts, 1.0, chosen.size))
 
 
 def local_noise(
@@ -104,7 +126,8 @@ def local_noise(
             runs = list(own.map(lambda job: simulate_recording(job[0], mode, job[1]), jobs))
     else:
         runs = list(pool.map(lambda job: simulate_recording(job[0], mode, job[1]), jobs))
-    sigma, share, parts = {}, {}, {}
+    sigma, memory_s, parts = {}, {}, {}
+    duration = float(recording.time_s[-1] - recording.time_s[0])
     for name in PREDICTED[mode]:
         centre: _Floats = getattr(runs[0], name)
         errors = np.array([getattr(run, name) - centre for run in runs[1 : draws + 1]])
@@ -119,8 +142,9 @@ def local_noise(
         least = LEAST_SHARE * max(float(np.ptp(getattr(best, name))), float(np.ptp(centre)), 1e-9)
         total = sum(part**2 for part in parts[name].values())
         sigma[name] = np.sqrt(total + least**2)
-        share[name] = _independent(errors, sigma[name], parts[name])
-    return LocalNoise(sigma, share, parts, estimates)
+        scaled = errors / np.maximum(parts[name]["inputs"], least)
+        memory_s[name] = duration / float(np.mean([effective_samples(one) for one in scaled]))
+    return LocalNoise(sigma, memory_s, parts, estimates)
 
 
 def noise_floor(sigma: _Floats | Sequence[_Floats], counts: _Flags | None = None) -> float:
@@ -170,16 +194,3 @@ class _Smoothing:
         total = np.concatenate([[0.0], np.cumsum(values)])
         mean = (total[self._high] - total[self._low]) / (self._high - self._low)
         return np.asarray(np.maximum(mean, 0.0))
-
-
-def _independent(errors: _Floats, sigma: _Floats, parts: dict[str, _Floats]) -> float:
-    """Return how many independent samples one sample is worth.
-
-    In sigmas, errors of the inputs are correlated as the draws are; the sensor's are white; the
-    mesh's are as correlated as can be.
-    """
-    size = sigma.size
-    shares = {name: float(np.mean((part / sigma) ** 2)) for name, part in parts.items()}
-    drawn = float(np.mean([effective_samples(one / sigma) for one in errors])) / size
-    weight = shares["sensor"] + shares["inputs"] / max(drawn, 1.0 / size)
-    return float(np.clip(1.0 / max(weight, 1.0), 1.0 / size, 1.0))
