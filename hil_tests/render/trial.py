@@ -8,6 +8,7 @@ goes through Python.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -109,7 +110,13 @@ class Outcome:
     fallback: float
 
 
-def run(rig: RenderRig, law: Law, task: Task, target: Target | None = None) -> Trial:
+def run(
+    rig: RenderRig,
+    law: Law,
+    task: Task,
+    target: Target | None = None,
+    begins: Callable[[], None] | None = None,
+) -> Trial:
     """Do the task.
 
     Parameters
@@ -117,6 +124,8 @@ def run(rig: RenderRig, law: Law, task: Task, target: Target | None = None) -> T
     rig, law, task
     target : Target, optional
         A fresh one; without it the native drive.
+    begins : callable, optional
+        Called when the drive is configured and enabled.
     """
     target = target or make_target("native")
     bench = Bench(SimulatedRig(fitted(rig.rig, target.capabilities), rig.seed), target)
@@ -127,6 +136,8 @@ def run(rig: RenderRig, law: Law, task: Task, target: Target | None = None) -> T
         host.write(entry.index, entry.sub, entry.to_raw(value), entry.bits // 8)
     host.listen(SETTLE_S)
     host.enable(task.mode)
+    if begins is not None:
+        begins()
     if target.name == "native":
         record = native_loop.run(bench, task.ticks, task.hand(rig), task.target_nm(rig), WATCHED)
         rows, enabled = record.rig, bool(record.bridge_enabled.all())
