@@ -34,7 +34,7 @@ Profiles = NDArray[np.float64]
 
 TRIES = 150
 SHORT_TRIES = 8
-DISPLACEMENT_TOLERANCE_M = 1e-12
+DISPLACEMENT_TOLERANCE_M = 5e-12
 MOTION_M = 1e-11  # a smaller step of an end is kept for the next time
 NEAR_ENOUGH_M = 1e-9
 MOVING_M_PER_S = 5e-3  # from here on `lag_s` holds in full; at rest friction stays as it is
@@ -113,7 +113,8 @@ def friction_factor(law: Law, speed_m_per_s: float, tension_n: float) -> float:
     """Return f of mu f: what speed and tension make of the friction coefficient."""
     f = 1.0
     if law.rate_gain != 0.0:
-        f += law.rate_gain * speed_m_per_s**law.rate_power
+        grown = speed_m_per_s if law.rate_power == 1.0 else speed_m_per_s**law.rate_power
+        f += law.rate_gain * grown
     if law.stribeck_gain != 0.0:
         f += law.stribeck_gain * math.exp(-((speed_m_per_s / law.stribeck_speed_m_per_s) ** 2))
     if law.tension_exponent != 0.0:
@@ -128,7 +129,8 @@ def friction_slopes(law: Law, speed_m_per_s: float, tension_n: float) -> tuple[f
     by_speed = 0.0
     speed = max(speed_m_per_s, 1e-9)
     if law.rate_gain != 0.0:
-        by_speed += law.rate_gain * law.rate_power * speed ** (law.rate_power - 1.0)
+        grown = 1.0 if law.rate_power == 1.0 else speed ** (law.rate_power - 1.0)
+        by_speed += law.rate_gain * law.rate_power * grown
     if law.stribeck_gain != 0.0:
         x = speed / law.stribeck_speed_m_per_s
         by_speed -= 2.0 * law.stribeck_gain * x * math.exp(-x * x) / law.stribeck_speed_m_per_s
@@ -448,11 +450,15 @@ def advance_cable(
     guess_n: float,
     q_before: Vector,
     q_after: Vector,
+    load_front: Vector,
+    load_profile_n: Vector,
     profile_n: Vector,
 ) -> tuple[float, bool]:
     """Find the profile after both ends moved outward by the given displacements.
 
     `factor_out` belongs to sliding towards the motor, `factor_in` to sliding towards the load.
+    `load_front` (displacement, depth) and `load_profile_n` keep the load's front from one trial of
+    the motor's place to the next; the caller sets `load_front[0]` to nan for a new sample.
 
     Returns
     -------
@@ -509,22 +515,24 @@ def advance_cable(
         profile_n[last + 1 :] = frozen_n[last + 1 :]
     if load_outward_m != 0.0 and depth_motor <= cells:
         factor = factor_in if load_outward_m > 0.0 else factor_out
-        before = profile_n.copy()
-        _, _, depth_load = find_front(
-            law,
-            path,
-            frozen_n,
-            frozen_strain,
-            compliance,
-            per_s,
-            True,
-            factor,
-            load_outward_m,
-            frozen_n[cells],
-            profile_n,
-        )
-        last = min(int(depth_load), cells)
-        profile_n[: cells - last] = before[: cells - last]
+        if load_front[0] != load_outward_m:
+            load_front[0] = load_outward_m
+            _, _, load_front[1] = find_front(
+                law,
+                path,
+                frozen_n,
+                frozen_strain,
+                compliance,
+                per_s,
+                True,
+                factor,
+                load_outward_m,
+                frozen_n[cells],
+                load_profile_n,
+            )
+        depth_load = load_front[1]
+        first = cells - min(int(depth_load), cells)
+        profile_n[first:] = load_profile_n[first:]
     if depth_motor + depth_load <= cells:
         return stiffness, False
     _, stiffness, _ = find_whole(

@@ -212,22 +212,22 @@ def _scaled(
     base: _Read,
     floor: dict[str, float],
     wanted: float,
-) -> tuple[Hidden, float]:
+) -> tuple[Hidden, float, _Read]:
     """Give a drawn effect the magnitude that makes it worth `wanted` floors, within its limits."""
     make = unlisted.HIDE[name] if name in unlisted.HIDE else effects.HIDE[name]
     twist = pair.ends.load_radius_m / pair.ends.motor_radius_m
-    magnitude = abs(draw.parameters[draw.strength])
-    rounds = 1 if draw.fixed else 4
-    for _ in range(rounds):
-        hidden = make(draw.at(magnitude))
-        strength = _strength(_run(pair, signals, [hidden]), base, floor, twist)
-        if draw.fixed or abs(np.log(max(strength, 1e-9) / wanted)) < 0.1:
-            break
+    hidden = make(draw.parameters)
+    read = _run(pair, signals, [hidden])
+    strength = _strength(read, base, floor, twist)
+    for _ in range(0 if draw.fixed else 3):
+        magnitude = abs(hidden.parameters[draw.strength])
         better = float(np.clip(magnitude * wanted / max(strength, 1e-9), draw.low, draw.high))
-        if better == magnitude:
+        if abs(np.log(better / magnitude)) < 0.3:
             break
-        magnitude = better
-    return hidden, strength
+        hidden = make(draw.at(better))
+        read = _run(pair, signals, [hidden])
+        strength = _strength(read, base, floor, twist)
+    return hidden, strength, read
 
 
 def draw_case(
@@ -264,15 +264,16 @@ def draw_case(
     wanted = float(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))))
     if kind in {"pair", "unlisted"}:
         wanted = max(wanted, 8.0)
-    hidden, strength = [], 0.0
+    hidden, strength, read = [], 0.0, base
     for name in names:
         drawn = unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, rig.pair)
-        made, worth = _scaled(
+        made, worth, read = _scaled(
             name, drawn, pair=rig.pair, signals=signals, base=base, floor=floor, wanted=wanted
         )
         hidden.append(made)
         strength = worth if strength == 0.0 else min(strength, worth)
-    read = _run(rig.pair, signals, hidden)
+    if len(hidden) > 1:
+        read = _run(rig.pair, signals, hidden)
     columns = {
         "time_s": signals.time_s,
         "motor_angle_rad": _counts(read.motor_angle_rad, MOTOR_COUNTS),
