@@ -123,3 +123,21 @@ def test_what_makes_no_sense_is_one_line(
 def test_offline_the_tunnel_is_experiment_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["experiment", "tunnel", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["experiment"] == "2"
+
+
+def test_on_a_rig_of_its_own_and_in_real_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["experiment", "tunnel", "--compensation", "none", "--start-rig", "--json"]
+    arguments += ["--duration", "5.5", "--output", str(tmp_path)]
+    arguments += ["--set", "cable.friction=0.1", "--set", "cable.viscous_s_per_m=0"]
+    status = main(arguments)
+    shown = capsys.readouterr()
+    if "multicast route" in shown.err:
+        pytest.skip(shown.err.splitlines()[-1])
+    assert status == 0
+    (law,) = json.loads(shown.out)["laws"]
+    # The dry friction 2 r_load T0 mu L/R at 5 N, felt where nothing is wanted; 3 %: the inertia of
+    # the motor, which the load carries along.
+    assert law["dead_zone_friction_nm"] == pytest.approx(1.56 * 0.1 / 0.21, rel=0.03)
+    assert "ready" in (tmp_path / "rig.log").read_text()
