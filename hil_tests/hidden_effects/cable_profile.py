@@ -36,7 +36,9 @@ TRIES = 150
 SHORT_TRIES = 8
 DISPLACEMENT_TOLERANCE_M = 5e-12
 MOTION_M = 1e-11  # a smaller step of an end is kept for the next time
+MEETING = 1e-9  # share of a tension by which two profiles are still the same
 NEAR_ENOUGH_M = 1e-9
+UNLOADING_M = 5e-5  # slip over which friction with a lag unloads
 MOVING_M_PER_S = 5e-3  # from here on `lag_s` holds in full; at rest friction stays as it is
 FASTEST_M_PER_S = 3.0  # faster is a trial gone astray; friction grows no further
 
@@ -47,9 +49,10 @@ class Law(NamedTuple):
     `rate_gain`, `rate_power`: factor 1 + rate_gain |v|^rate_power; `stribeck_gain`,
     `stribeck_speed_m_per_s`: + gain exp(-(v / v_s)^2); `tension_exponent` p: times (T / T0)^-p.
     `stiffening_per_n` k: tangent EA sqrt((1 + k T) / (1 + k T0)), which is T = E e + beta e^2.
-    `slip_m`: a bristle bends by this before it slides; `lag_s`: friction follows the direction of
-    sliding with this time constant while there is sliding. These two have a memory of their own,
-    q = -1 .. 1 in dT/ds = q mu T / R, and no stuck zones.
+    `slip_m`: a bristle bends by this before it slides; `lag_s`: friction against the sliding grows
+    with this time constant, and unloads elastically when the sliding turns round (so it never
+    drives). These two have a memory of their own, q = -1 .. 1 in dT/ds = q mu T / R, and no stuck
+    zones.
     """
 
     pretension_n: float
@@ -99,8 +102,13 @@ def direction(law: Law, per_s: float, before: float, outward_m: float) -> tuple[
         if q < -1.0 or q > 1.0:
             return (-1.0 if q < 0.0 else 1.0), 0.0
         return q, -1.0 / law.slip_m
-    share = 1.0 / (per_s * law.lag_s + 1.0)
     wanted = -1.0 if outward_m > 0.0 else 1.0
+    if wanted * before < 0.0:
+        unloaded = abs(outward_m) / UNLOADING_M
+        if unloaded >= abs(before):
+            return 0.0, 0.0
+        return before + wanted * unloaded, -1.0 / UNLOADING_M
+    share = 1.0 / (per_s * law.lag_s + 1.0)
     moving = abs(outward_m) * per_s / MOVING_M_PER_S
     if moving >= 1.0:
         return before + share * (wanted - before), 0.0
@@ -175,7 +183,7 @@ def march_front(
     tension, left = end_n, outward_m
     slope, slope_left, other, other_left = 1.0, 0.0, 0.0, 1.0  # by end tension, by outward_m
     difference = strain(law, tension, compliance) - frozen_strain[node]
-    gap = direction * (tension - frozen_n[node])
+    gap = direction * (tension - frozen_n[node]) - MEETING * frozen_n[node]
     above = gap > 0.0
     profile_n[node] = tension
     for passed in range(cells):
@@ -197,7 +205,7 @@ def march_front(
             new_slope -= tension * theta * (by_speed * slope_left + by_tension * slope)
             new_other -= tension * theta * (by_speed * other_left + by_tension * other)
         node += step
-        new_gap = direction * (tension - frozen_n[node])
+        new_gap = direction * (tension - frozen_n[node]) - MEETING * frozen_n[node]
         new_difference = strain(law, tension, compliance) - frozen_strain[node]
         if above and new_gap <= 0.0:
             # The cell is counted whole: its far node stays, and the sum over nodes has to

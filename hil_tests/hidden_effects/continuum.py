@@ -42,7 +42,8 @@ TRIES = 60
 class Ends(NamedTuple):
     """Pulleys and what sits on their axes; all but the radii are off at 0.
 
-    Eccentric pulleys have the radius r (1 + e sin(theta + phase)). `bearing_nm` is dry friction of
+    Eccentric pulleys have the radius r (1 + e sin(theta + phase)); cogging adds
+    A cos(n theta + phase) to the motor's torque. `bearing_nm` is dry friction of
     the motor's axis, `play_rad` the gap between load pulley and handle, `creep_share` and
     `creep_time_s` the extra compliance of a standard linear solid.
     """
@@ -308,12 +309,12 @@ def _find_motor(
         needed = (
             arm * (work.next_n[0, 0] - work.next_n[1, 0])
             + ends.motor_inertia_kg_m2 * (angle - 2.0 * last_rad + before_rad) * per_s**2
-            - ends.cogging_nm * math.sin(turn)
+            - ends.cogging_nm * math.cos(turn)
         )
         by_angle = (
             arm * arm * (ka + kb)
             + ends.motor_inertia_kg_m2 * per_s**2
-            - ends.cogging_nm * ends.cogging_per_turn * math.cos(turn)
+            + ends.cogging_nm * ends.cogging_per_turn * math.sin(turn)
         )
         excess = needed - torque_nm
         if held:

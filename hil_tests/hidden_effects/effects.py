@@ -183,6 +183,15 @@ def _conduit(p: Values) -> Hidden:
     return Hidden("conduit_compliance", dict(p), pair=softer)
 
 
+def _stiffening(p: Values) -> Hidden:
+    # Tangent EA sqrt(1 - g + g T / T0): EA is the stiffness at the pretension.
+    def stiffer(pair: Pair) -> Pair:
+        per_n = p["gain"] / (1.0 - p["gain"]) / pair.law.pretension_n
+        return replace(pair, law=pair.law._replace(stiffening_per_n=per_n))
+
+    return Hidden("cable_stiffening", dict(p), pair=stiffer)
+
+
 def _pretension_loss(p: Values) -> Hidden:
     def histories(signals: Signals, pair: Pair) -> Histories:
         lost = p["a"] * np.log1p(signals.time_s / p["tau_s"])
@@ -286,7 +295,7 @@ HIDE: dict[str, Hide] = {
     "position_dependent_friction": _position,
     "wrap_angle_change": _wrap,
     "conduit_compliance": _conduit,
-    "cable_stiffening": lambda p: _law("cable_stiffening", p, stiffening_per_n=p["per_n"]),
+    "cable_stiffening": _stiffening,
     "pretension_loss": _pretension_loss,
     "viscoelastic_cable": lambda p: _ends(
         "viscoelastic_cable", p, creep_share=p["a"], creep_time_s=p["tau_s"]

@@ -23,6 +23,7 @@ from hil_tests.hidden_effects.hidden import Draw, Hidden, Signals, Vector, toget
 MOTOR_COUNTS = 2000
 LOAD_COUNTS = 10000
 CELL_NOISE_NM = 5e-4
+FLAT_S = 0.02
 WEAKEST, STRONGEST = 3.0, 30.0
 KINDS = ("complete", "single", "pair", "unlisted")
 
@@ -165,6 +166,21 @@ def _run(pair: Pair, signals: Signals, hidden: Sequence[Hidden]) -> _Read:
     return _Read(motor, load, cell)
 
 
+def _path(time_s: Vector, angle: Vector) -> Vector:
+    """Read an angle off its counts: through the edges, and flat where no count changes for long."""
+    counts = _counts(angle, LOAD_COUNTS)
+    at = np.flatnonzero(np.diff(counts) != 0) + 1
+    knots = [(float(time_s[0]), float(counts[0]))]
+    for i in at:
+        now, edge = float(time_s[i]) - 5e-4, 0.5 * float(counts[i] + counts[i - 1])
+        if now - knots[-1][0] > 2.0 * FLAT_S:
+            knots += [(knots[-1][0] + FLAT_S, float(counts[i - 1]))]
+            knots += [(now - FLAT_S, float(counts[i - 1]))]
+        knots.append((now, edge))
+    knots.append((max(float(time_s[-1]), knots[-1][0] + FLAT_S), float(counts[-1])))
+    return np.asarray(np.interp(time_s, *np.array(knots).T))
+
+
 def _rms(values: Vector) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
@@ -172,13 +188,9 @@ def _rms(values: Vector) -> float:
 def _floor(pair: Pair, signals: Signals, base: _Read) -> dict[str, float]:
     """Measure the noise floor: what the load encoder's counts do, and the sensors' own.
 
-    Between two changes of the count the angle is taken to be a straight line.
+    The counts are read as any lab would: `_path`.
     """
-    counts = _counts(signals.load_angle_rad, LOAD_COUNTS)
-    edges = np.flatnonzero(np.diff(counts, prepend=np.inf) != 0)
-    middles = np.concatenate([counts[:1], 0.5 * (counts[edges[1:]] + counts[edges[1:] - 1])])
-    path = np.interp(signals.time_s, signals.time_s[edges], middles)
-    counted = replace(signals, load_angle_rad=path)
+    counted = replace(signals, load_angle_rad=_path(signals.time_s, signals.load_angle_rad))
     coarse = _run(pair, counted, [])
     torque = _rms(coarse.load_torque_nm - base.load_torque_nm)
     angle = _rms(coarse.motor_angle_rad - base.motor_angle_rad)
