@@ -87,6 +87,7 @@ def test_a_path_that_does_not_close_shows_no_energy_of_its_own() -> None:
         (0.1 * np.sin(40.0 * TIME), True),  # hunts on
         (0.1 * np.sign(np.sin(40.0 * TIME)), True),
         (0.1 * np.sin(40.0 * TIME) * np.exp(-8.0 * TIME), False),  # rings down
+        (0.5 * np.sin(60.0 * TIME) * np.exp(-4.0 * TIME), False),  # slowly, a dozen swings
         (0.001 * np.random.default_rng(1).standard_normal(TICKS_PER_S), False),  # noise
         (0.5 * TIME, False),  # creeps
         (np.where(TIME < 0.5, 0.0, 1.0), False),  # moves once

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil_tests.rig import mechanics
 from hil_tests.rig import state as at
 from hil_tests.rig.cable import CREEP
 from hil_tests.rig.constants import CONTROL_PERIOD_S
@@ -145,6 +146,17 @@ def test_load_pulley_floats_in_its_play_and_then_hands_the_torque_on() -> None:
     # full width 0.02 rad: half of it to this side; the stop gives 0.26 N m / 5000 N m/rad
     assert lead[-1] == pytest.approx(0.01, abs=1e-4)
     assert plant.scalars[at.LOAD_TORQUE] == pytest.approx(5.2 * 0.05, rel=0.01)
+
+
+def test_stop_at_the_end_of_the_play_pushes_but_never_pulls() -> None:
+    c = Plant(hide(SLIPPERY, "termination_backlash", {"play_rad": 0.02})).packed_constants[0]
+    for side in (1.0, -1.0):
+        for speed in (-10.0, 0.0, 10.0):  # leaving the stop, pressed on it, hitting it
+            s = np.zeros(at.SCALARS)
+            s[at.PULLEY_ANGLE], s[at.PULLEY_SPEED] = side * 0.0101, side * speed
+            torque = side * mechanics.turn_pulley(c, s, 0.0)
+            assert torque >= 0.0
+            assert (torque == 0.0) == (speed < 0.0)  # damping alone would hold it back
 
 
 def test_presliding_slip_is_where_the_bristles_reach_their_limit() -> None:
