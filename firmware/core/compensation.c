@@ -4,6 +4,18 @@
 #define PPM 1000000
 #define TRUSTED 128 /* confidence below which ever less of the friction is compensated */
 
+/* Bounds of what adaptation may make of the model's friction. */
+#define FACTOR_LEAST_PPM 500000
+#define FACTOR_MOST_PPM 1500000
+
+/* While the load moves, this part of the friction is left to be felt: a bias to the passive side
+ * that covers what encoders and cell are late by. */
+#define FELT_PART 50
+
+static uint32_t q16(uint32_t ppm) {
+    return (uint32_t)((uint64_t)ppm * INVERSION_SHARE_ONE / PPM);
+}
+
 void compensation_configure(compensation_t *compensation, const transmission_t *transmission,
                             const compensation_settings_t *settings) {
     const transmission_settings_t *pair = &transmission->settings;
@@ -20,6 +32,8 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
         .outputs = {.friction_factor_ppm = PPM, .friction_unm = friction_unm},
         .motor_per_load_torque = ratio_reciprocal(ratio),
         .friction_unm = friction_unm,
+        .factor_q16 = INVERSION_SHARE_ONE,
+        .share_q16 = q16(settings->friction_share_ppm),
         .sliding = sliding,
         .estimator = estimator_of(
             settings->ticks_per_s, settings->load_count_nm,
@@ -34,20 +48,24 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
 }
 
 void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm) {
-    compensation->outputs.friction_factor_ppm = friction_factor_ppm;
+    const uint32_t limited =
+        friction_factor_ppm < FACTOR_LEAST_PPM
+            ? FACTOR_LEAST_PPM
+            : (friction_factor_ppm > FACTOR_MOST_PPM ? FACTOR_MOST_PPM : friction_factor_ppm);
+    compensation->outputs.friction_factor_ppm = limited;
+    compensation->factor_q16 = q16(limited);
 }
 
-/* Part of the model's friction to compensate, in ppm: with a load cell all of it, the cell sees to
+/* Part of the model's friction to compensate, in Q16: with a load cell all of it, the cell sees to
  * the rest; without one the configured share, less when the model is not to be trusted. */
-static uint32_t friction_share_ppm(const compensation_t *compensation, bool cell) {
-    const uint64_t factor = compensation->outputs.friction_factor_ppm;
+static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
+    const uint32_t factor = compensation->factor_q16;
     if (cell) {
-        return (uint32_t)factor;
+        return factor;
     }
     const uint32_t confidence = compensation->estimator.confidence;
     const uint64_t trust = confidence < TRUSTED ? confidence : TRUSTED;
-    const uint64_t share = compensation->settings.friction_share_ppm;
-    return (uint32_t)(factor * share / PPM * trust / TRUSTED);
+    return (uint32_t)(compensation->share_q16 * trust * factor / INVERSION_SHARE_ONE / TRUSTED);
 }
 
 /* What the law adds to the naive torque, or for ours the torque itself. */
@@ -74,7 +92,7 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
                 .load_torque_unm = load_torque_unm,
                 .cell = inputs->load_cell_valid,
                 .limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0,
-                .share_ppm = friction_share_ppm(compensation, inputs->load_cell_valid),
+                .share_q16 = friction_share_q16(compensation, inputs->load_cell_valid),
             });
     case COMPENSATION_NONE:
     case COMPENSATION_LAWS:
@@ -118,10 +136,13 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
         inputs->load_cell_valid ? inputs->load_cell_unm : estimator->load_torque_unm;
     const int32_t error_unm = fixed_subtract(inputs->wanted_unm, load_torque_unm, &saturations);
     const bool runs = inputs->active && inputs->law != COMPENSATION_NONE;
+    const bool ours = inputs->law == COMPENSATION_MODEL_INVERSION;
     passivity_step(&compensation->passivity, inputs->load_arc_nm, runs ? -error_unm : 0);
-    published_step(&compensation->published, estimator, inputs->load_arc_nm, error_unm,
-                   runs && inputs->law == COMPENSATION_INTEGRAL,
-                   runs && inputs->law == COMPENSATION_ADAPTIVE_HYSTERESIS);
+    if (!ours) {
+        published_step(&compensation->published, estimator, inputs->load_arc_nm, error_unm,
+                       runs && inputs->law == COMPENSATION_INTEGRAL,
+                       runs && inputs->law == COMPENSATION_ADAPTIVE_HYSTERESIS);
+    }
     int32_t torque_unm = 0;
     int32_t drag_unm = 0;
     if (inputs->active) {
@@ -134,8 +155,9 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
     }
     const int32_t limit = compensation->settings.torque_limit_unm;
     outputs->motor_torque_unm = fixed_clamp(torque_unm, -limit, limit);
-    if (!inputs->active || inputs->law != COMPENSATION_MODEL_INVERSION) {
-        inversion_follow(&compensation->inversion, outputs->motor_torque_unm);
+    if (!inputs->active || !ours) {
+        inversion_follow(&compensation->inversion, outputs->motor_torque_unm,
+                         inputs->active ? inputs->wanted_unm : 0);
     }
     outputs->load_torque_unm = estimator->load_torque_unm;
     outputs->innovation_nm = estimator->innovation_nm;

@@ -93,6 +93,8 @@ typedef struct {
     compensation_outputs_t outputs;
     ratio_t motor_per_load_torque; /* 1 / rho */
     int32_t friction_unm;          /* of the model's sliding pair, at the load */
+    uint32_t share_q16;            /* settings.friction_share_ppm */
+    uint32_t factor_q16;           /* outputs.friction_factor_ppm */
     sliding_t sliding;
     estimator_t estimator;
     passivity_t passivity;

@@ -2,9 +2,12 @@
 #include "law_inversion.h"
 
 #define DAMPING_PER_S 100 /* D / J: below what 2 ms of delay in the encoders allow */
-#define SETTLED_LAGS 4    /* a change of side has settled; at rest twice this */
+#define SETTLED_LAGS 8    /* a change of side has settled; at rest twice this */
 #define SIDE_BAND 6       /* an error above 1/6 of the friction changes the side */
-#define PATIENCE_MOST 4
+#define WAIT_LAGS 32      /* each time that a side has stayed so long halves the band */
+#define PATIENCE_MOST 3   /* 4/3 of the friction; a load that is moved back makes twice that */
+
+#define EXTRA_MOST (1 << 26) /* uN m; in Q4 that is the range of int32_t */
 
 static uint32_t square_root(uint64_t square) {
     uint64_t root = 0;
@@ -47,8 +50,12 @@ inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sl
     };
 }
 
-void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm) {
-    const int32_t limited_unm = fixed_clamp(motor_torque_unm, -(1 << 26), 1 << 26);
+void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm, int32_t wanted_unm) {
+    uint32_t saturations = 0; /* the motor's limit is far below */
+    const int32_t plain_unm =
+        fixed_scale(wanted_unm, inversion->motor_per_load_torque, &saturations);
+    const int32_t extra_unm = fixed_subtract(motor_torque_unm, plain_unm, &saturations);
+    const int32_t limited_unm = fixed_clamp(extra_unm, -EXTRA_MOST, EXTRA_MOST);
     inversion->lag_q4_unm[0] = limited_unm * 16;
     inversion->lag_q4_unm[1] = limited_unm * 16;
     inversion->side = 0;
@@ -58,34 +65,52 @@ static int32_t magnitude(int32_t value) {
     return value < 0 ? -value : value;
 }
 
-/* Chooses the side, and says whether the error is small enough to leave alone. */
-static void choose_side(inversion_t *inversion, int32_t error_unm, int32_t wanted_unm,
-                        int32_t direction) {
-    const int32_t band_unm =
-        (inversion->friction_unm / SIDE_BAND << inversion->patience) + inversion->rest_band_unm;
-    const int32_t change_unm = magnitude(wanted_unm - inversion->settled_unm);
-    if (direction != 0 || change_unm > band_unm) {
-        inversion->patience = 0;
-        inversion->settled_unm = wanted_unm;
-    }
-    const int32_t settled_ticks =
-        inversion->lag_ticks * (direction != 0 ? SETTLED_LAGS : 2 * SETTLED_LAGS);
+/* How much the error may be before the side changes: less the longer the side has stayed, twice as
+ * much for each unit of patience lost. */
+static int32_t side_band_unm(const inversion_t *inversion) {
+    const uint32_t stayed = inversion->side_ticks / (WAIT_LAGS * (uint32_t)inversion->lag_ticks);
+    const uint32_t eager = PATIENCE_MOST - inversion->patience;
+    const int32_t band_unm = inversion->friction_unm / SIDE_BAND << inversion->patience;
+    return (band_unm >> (stayed < eager ? stayed : eager)) + 2 * inversion->rest_band_unm;
+}
+
+/* Chooses the side. */
+static void choose_side(inversion_t *inversion, const estimator_t *estimator, int32_t error_unm,
+                        int32_t wanted_unm) {
+    uint32_t saturations = 0; /* far travel is far */
+    const int32_t direction = estimator->load_direction;
+    const int32_t band_unm = side_band_unm(inversion);
     if (inversion->side_ticks < UINT32_MAX) {
         inversion->side_ticks++;
     }
-    if (inversion->side == 0) {
-        inversion->side = direction != 0 ? direction : (error_unm < 0 ? -1 : 1);
+    const int32_t change_unm = fixed_subtract(wanted_unm, inversion->settled_unm, &saturations);
+    if (magnitude(change_unm) > inversion->friction_unm / SIDE_BAND) {
+        inversion->patience = 0;
+        inversion->settled_unm = wanted_unm;
+    }
+    const int32_t towards = error_unm > band_unm ? 1 : (error_unm < -band_unm ? -1 : 0);
+    if (inversion->side == 0) { /* what is there stays until it is wrong, or the load moves */
+        inversion->side = direction != 0 ? direction : towards;
         inversion->side_ticks = 0;
+        inversion->side_arc_nm = estimator->mark_nm;
         return;
     }
-    const bool wrong = inversion->side > 0 ? error_unm < -band_unm : error_unm > band_unm;
-    if (wrong && direction != inversion->side && inversion->side_ticks > (uint32_t)settled_ticks) {
-        inversion->side = -inversion->side;
-        inversion->side_ticks = 0;
-        if (direction == 0 && inversion->patience < PATIENCE_MOST) {
-            inversion->patience++;
-        }
+    const uint32_t lags = direction != 0 ? SETTLED_LAGS : 2 * SETTLED_LAGS;
+    const bool settled = inversion->side_ticks > lags * (uint32_t)inversion->lag_ticks;
+    if (towards != -inversion->side || direction == inversion->side || !settled) {
+        return;
     }
+    const int32_t travel_nm =
+        fixed_subtract(estimator->mark_nm, inversion->side_arc_nm, &saturations);
+    const bool stroke = travel_nm * inversion->side > estimator->windup_nm / 2;
+    if (stroke) {
+        inversion->patience = 0;
+    } else if (inversion->patience < PATIENCE_MOST) {
+        inversion->patience++;
+    }
+    inversion->side = -inversion->side;
+    inversion->side_ticks = 0;
+    inversion->side_arc_nm = estimator->mark_nm;
 }
 
 /* Takes the load cell's error up into the shift of this side. */
@@ -110,7 +135,7 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
     const int32_t direction = estimator->load_direction;
     const int32_t error_unm =
         fixed_subtract(inputs->wanted_unm, inputs->load_torque_unm, &saturations);
-    choose_side(inversion, error_unm, inputs->wanted_unm, direction);
+    choose_side(inversion, estimator, error_unm, inputs->wanted_unm);
     inversion->resting = direction == 0 && magnitude(error_unm) <= inversion->rest_band_unm;
     if (inputs->cell) {
         learn(inversion, error_unm, direction, inputs->limited);
@@ -122,14 +147,13 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
         fixed_scale(inputs->wanted_unm, inversion->motor_per_load_torque, &saturations);
     const int32_t full_unm = sliding_motor_torque_unm(sliding, aim_unm, side);
     const int64_t extra_unm =
-        ((int64_t)full_unm - plain_unm) * (int64_t)inputs->share_ppm / 1000000;
-    const int32_t target_unm = fixed_clamp((int32_t)(plain_unm + extra_unm), -(1 << 26), 1 << 26);
+        ((int64_t)full_unm - plain_unm) * (int64_t)inputs->share_q16 / INVERSION_SHARE_ONE;
     int32_t *lag = inversion->lag_q4_unm;
-    const int32_t ticks =
-        direction != 0 ? inversion->lag_ticks : inversion->lag_ticks + inversion->lag_ticks / 2;
-    lag[0] += (target_unm * 16 - lag[0]) / ticks;
-    lag[1] += (lag[0] - lag[1]) / ticks;
+    const int32_t target_unm =
+        side == 0 ? lag[0] / 16 : fixed_clamp((int32_t)extra_unm, -EXTRA_MOST, EXTRA_MOST);
+    lag[0] += (target_unm * 16 - lag[0]) / inversion->lag_ticks;
+    lag[1] += (lag[0] - lag[1]) / inversion->lag_ticks;
     const int32_t damping_unm =
         fixed_scale(estimator->gap_speed_nm, inversion->damping, &saturations);
-    return fixed_subtract(lag[1] / 16, damping_unm, &saturations);
+    return fixed_subtract(plain_unm + lag[1] / 16, damping_unm, &saturations);
 }

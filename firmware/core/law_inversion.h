@@ -12,8 +12,9 @@
  * model's friction is wrong by that way. It stays when the side changes, and when the cell dies.
  * Without a cell only a share of the model's friction is compensated: overcompensation would push.
  *
- * At rest, each further change of side needs twice the error, until the load moves or something
- * else is wanted: however wrong the model is, the law comes to rest.
+ * A change of side that no stroke of the load has called for costs patience: the next one needs
+ * twice the error, until the load makes a stroke or something else is wanted. So however wrong the
+ * model is, the law comes to rest.
  */
 #ifndef BOWDEN_CORE_LAW_INVERSION_H
 #define BOWDEN_CORE_LAW_INVERSION_H
@@ -25,13 +26,15 @@
 #include "fixed.h"
 #include "sliding.h"
 
+#define INVERSION_SHARE_ONE 65536
+
 /* What the law is told in a tick; torques by the cables on the load unless motor_ is said. */
 typedef struct {
     int32_t wanted_unm;
     int32_t load_torque_unm; /* the cell's, or the estimate */
     bool cell;               /* it is the cell's */
     bool limited;            /* the motor's limit cut the last answer */
-    uint32_t share_ppm;      /* of the friction to compensate; 0 .. 1000000 */
+    uint32_t share_q16;      /* of the friction to compensate */
 } inversion_inputs_t;
 
 typedef struct {
@@ -45,7 +48,8 @@ typedef struct {
     /* state */
     int32_t side;            /* 1 or -1; 0: not yet */
     uint32_t side_ticks;     /* since it changed */
-    uint32_t patience;       /* changes of side at rest since the load moved; 0 .. 4 */
+    uint32_t patience;       /* lost: changes of side without a stroke of the load; 0 .. 3 */
+    int32_t side_arc_nm;     /* where the load was then */
     int32_t settled_unm;     /* the wanted torque that the patience is for */
     int32_t shift_q8_unm[2]; /* of the wanted torque; [negative, positive side] */
     int32_t lag_q4_unm[2];   /* motor torque behind one and two lags */
@@ -57,8 +61,9 @@ inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sl
                          uint32_t ticks_per_s, uint32_t motor_inertia_gmm2, int32_t rest_band_unm,
                          uint32_t integral_gain_mhz);
 
-/* The law rests and another gives this motor torque: it will go on from there. */
-void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm);
+/* The law rests and another gives this motor torque for this wanted one: it will go on from there.
+ */
+void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm, int32_t wanted_unm);
 
 /* Motor torque of the tick. */
 int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,

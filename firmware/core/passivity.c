@@ -2,11 +2,12 @@
 #include "passivity.h"
 
 #define BANK_URAD 2000   /* motion against full friction that fills the bank */
-#define REPAY_URAD 20000 /* motion in which the drag pays a debt back */
+#define REPAY_URAD 16384 /* motion in which the drag pays a debt back */
 
 passivity_t passivity_of(uint32_t load_radius_nm, int32_t friction_unm) {
     return (passivity_t){
         .angle_per_arc = ratio_of(1000000, load_radius_nm),
+        .uj_per_1024_pj = ratio_of(1024, 1000000),
         .bank = -(int64_t)friction_unm * BANK_URAD,
         .drag_most_unm = friction_unm / 2,
     };
@@ -38,5 +39,6 @@ int32_t passivity_drag_unm(const passivity_t *passivity) {
 
 int32_t passivity_energy_uj(const passivity_t *passivity) {
     uint32_t saturations = 0;
-    return fixed_saturate(passivity->balance / 1000000, &saturations);
+    const int32_t nj = fixed_saturate(passivity->balance / 1024, &saturations); /* 1.024 nJ */
+    return fixed_scale(nj, passivity->uj_per_1024_pj, &saturations);
 }

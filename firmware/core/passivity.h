@@ -20,7 +20,8 @@
 
 typedef struct {
     ratio_t angle_per_arc; /* urad per nm */
-    int64_t bank;          /* least balance, uN m urad (pJ); <= 0 */
+    ratio_t uj_per_1024_pj;
+    int64_t bank; /* least balance, uN m urad (pJ); <= 0 */
     int32_t drag_most_unm;
     int64_t balance; /* E, pJ */
     int32_t last_arc_nm;
