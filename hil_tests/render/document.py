@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
-from hil_tests.render.table import markdown
+from hil_tests.render.laws import OURS, WITHOUT_CELL
+from hil_tests.render.rigs import LENGTH_M, draw
+from hil_tests.render.table import error_ratios, markdown
 from hil_tests.render.trial import Outcome
+from hil_tests.rig.constants import CONTROL_PERIOD_S
 
 TEXT: Final = """\
 # Compensation: the benchmark
 
-Written by `python -m hil_tests.benchmarks.render --first-seed {first} --rigs {rigs} --output \
-docs/compensation-benchmark.md`; do not edit. What the laws are and how to tune them is in
+Written by `python -m hil_tests.benchmarks.render --first-seed {first} --rigs {rigs} --chip \
+--output docs/compensation-benchmark.md`; do not edit. What the laws are and how to tune them is in
 [compensation.md](compensation.md).
 
 Every law does the same tasks on the same rigs, on the natively built drive (the same sources as the
@@ -50,7 +53,53 @@ What the columns mean; the truth is the rig's, not the load cell's:
 """
 
 
-def document(outcomes: Sequence[Outcome], first_seed: int, rigs: int) -> str:
-    """Write the page."""
+WORST: Final = 5
+
+
+def document(
+    outcomes: Sequence[Outcome], first_seed: int, rigs: int, chip: Mapping[str, float]
+) -> str:
+    """Write the page.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        Of all laws on all rigs.
+    first_seed, rigs : int
+    chip : mapping of str to float
+        What was measured on the flashed ELF, by name; may be empty.
+    """
     text = TEXT.format(first=first_seed, last=first_seed + rigs - 1, rigs=rigs)
-    return text + markdown(outcomes)
+    parts = [text + markdown(outcomes)]
+    parts += [_worst(outcomes, law) for law in (OURS, WITHOUT_CELL) if _has(outcomes, law)]
+    if chip:
+        rows = "\n".join(f"| {name} | {value:.4g} |" for name, value in chip.items())
+        parts.append(f"## On the flashed ELF\n\n| figure | |\n| --- | ---: |\n{rows}\n")
+    return "\n".join(parts)
+
+
+def _has(outcomes: Sequence[Outcome], law: str) -> bool:
+    return any(o.law == law for o in outcomes)
+
+
+def _worst(outcomes: Sequence[Outcome], law: str) -> str:
+    """Write which rigs a law does worst on, and what they are."""
+    counted = [o for o in outcomes if not o.apart]
+    ratios = error_ratios(counted, law)
+    rows = [
+        f"## Where {law} does worst\n",
+        "| seed | error ratio | wrap | pretension | friction, of the motor's limit | hand | late "
+        "| hidden |",
+        "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
+    ]
+    for seed in sorted(ratios, key=lambda seed: -ratios[seed])[:WORST]:
+        rig = draw(seed)
+        cable, hand, sensing = rig.rig.cable, rig.rig.hand, rig.rig.sensing
+        rows.append(
+            f"| {seed} | {ratios[seed]:.3f} | {LENGTH_M / cable.path[0][1]:.1f} rad "
+            f"| {cable.pretension_n:.1f} N | {rig.friction_nm / rig.motor_limit_nm:.0%} "
+            f"| {hand.stiffness_nm_per_rad:.0f} N m/rad "
+            f"| {1e3 * CONTROL_PERIOD_S * sensing.load_encoder_delay_ticks:.2g} ms "
+            f"| {', '.join(rig.hidden)} |"
+        )
+    return "\n".join(rows) + "\n"

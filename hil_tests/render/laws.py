@@ -34,6 +34,8 @@ LAWS: Final = (
     Law("model-inversion-without-cell", 5),
 )
 NAIVE: Final = LAWS[0]
+OURS: Final = "model-inversion"
+WITHOUT_CELL: Final = "model-inversion-without-cell"
 
 
 def law_named(name: str) -> Law:
