@@ -47,7 +47,9 @@ class Law(NamedTuple):
     """What friction and cable do, whatever their state; all off is Coulomb and Hooke.
 
     `rate_gain`, `rate_power`: factor 1 + rate_gain |v|^rate_power; `stribeck_gain`,
-    `stribeck_speed_m_per_s`: + gain exp(-(v / v_s)^2); `tension_exponent` p: times (T / T0)^-p.
+    `stribeck_speed_m_per_s`: factor 1 + gain exp(-(v / v_s)^2), by the local speed with a memory
+    (`continuum` brings it in: it goes with the wrap angle of the cells); `tension_exponent` p:
+    times (T / T0)^-p.
     `stiffening_per_n` k: tangent EA sqrt((1 + k T) / (1 + k T0)), which is T = E e + beta e^2.
     `slip_m`: a bristle bends by this before it slides; `lag_s`: friction against the sliding grows
     with this time constant, and unloads elastically when the sliding turns round (so it never
@@ -82,6 +84,15 @@ def strain(law: Law, tension_n: float, compliance: float) -> float:
         return tension_n * compliance
     scale = 2.0 * compliance * math.sqrt(1.0 + k * law.pretension_n) / k
     return scale * (math.sqrt(1.0 + k * tension_n) - 1.0)
+
+
+@compiled
+def tangent(law: Law, tension_n: float, compliance: float) -> float:
+    """Return the derivative of `strain` by tension, 1/N."""
+    k = law.stiffening_per_n
+    if k == 0.0:
+        return compliance
+    return compliance * math.sqrt((1.0 + k * law.pretension_n) / (1.0 + k * max(tension_n, 0.0)))
 
 
 @compiled
@@ -123,8 +134,6 @@ def friction_factor(law: Law, speed_m_per_s: float, tension_n: float) -> float:
     if law.rate_gain != 0.0:
         grown = speed_m_per_s if law.rate_power == 1.0 else speed_m_per_s**law.rate_power
         f += law.rate_gain * grown
-    if law.stribeck_gain != 0.0:
-        f += law.stribeck_gain * math.exp(-((speed_m_per_s / law.stribeck_speed_m_per_s) ** 2))
     if law.tension_exponent != 0.0:
         floor = 1e-3 * law.pretension_n
         f *= (max(tension_n, floor) / law.pretension_n) ** -law.tension_exponent
@@ -139,9 +148,6 @@ def friction_slopes(law: Law, speed_m_per_s: float, tension_n: float) -> tuple[f
     if law.rate_gain != 0.0:
         grown = 1.0 if law.rate_power == 1.0 else speed ** (law.rate_power - 1.0)
         by_speed += law.rate_gain * law.rate_power * grown
-    if law.stribeck_gain != 0.0:
-        x = speed / law.stribeck_speed_m_per_s
-        by_speed -= 2.0 * law.stribeck_gain * x * math.exp(-x * x) / law.stribeck_speed_m_per_s
     if law.tension_exponent == 0.0:
         return by_speed, 0.0
     floor = 1e-3 * law.pretension_n
@@ -176,12 +182,13 @@ def march_front(
         `profile_n` is written as far as the front reaches.
     """
     cells = path.length_m.size
-    plain = law.rate_gain == 0.0 and law.stribeck_gain == 0.0 and law.tension_exponent == 0.0
+    plain = law.rate_gain == 0.0 and law.tension_exponent == 0.0
     direction = 1.0 if outward_m > 0.0 else -1.0
     node = cells if from_load else 0
     step = -1 if from_load else 1
     tension, left = end_n, outward_m
     slope, slope_left, other, other_left = 1.0, 0.0, 0.0, 1.0  # by end tension, by outward_m
+    soft = tangent(law, tension, compliance)
     difference = strain(law, tension, compliance) - frozen_strain[node]
     gap = direction * (tension - frozen_n[node]) - MEETING * frozen_n[node]
     above = gap > 0.0
@@ -212,13 +219,15 @@ def march_front(
             # agree with the stretch that the profile shows from now on.
             share = min(gap / (gap - new_gap), 0.999999)
             left -= 0.5 * difference * length
-            slope_left -= 0.5 * slope * length * compliance
-            other_left -= 0.5 * other * length * compliance
+            slope_left -= 0.5 * slope * length * soft
+            other_left -= 0.5 * other * length * soft
             return left, slope_left, other_left, passed + share
         above = above or new_gap > 0.0
         left -= 0.5 * (difference + new_difference) * length
-        slope_left -= 0.5 * (slope + new_slope) * length * compliance
-        other_left -= 0.5 * (other + new_other) * length * compliance
+        new_soft = tangent(law, tension, compliance)
+        slope_left -= 0.5 * (slope * soft + new_slope * new_soft) * length
+        other_left -= 0.5 * (other * soft + new_other * new_soft) * length
+        soft = new_soft
         difference, gap, slope, other = new_difference, new_gap, new_slope, new_other
         profile_n[node] = tension
     return left, slope_left, other_left, float(cells + 1)
@@ -247,10 +256,11 @@ def march_whole(
         Displacement at the load end (outward as seen from the motor), its derivatives by the
         motor's tension, m/N, and by `outward_m`.
     """
-    plain = law.rate_gain == 0.0 and law.stribeck_gain == 0.0 and law.tension_exponent == 0.0
+    plain = law.rate_gain == 0.0 and law.tension_exponent == 0.0
     memory = law.slip_m > 0.0 or law.lag_s > 0.0
     tension, here = end_n, outward_m
     slope, slope_here, other, other_here = 1.0, 0.0, 0.0, 1.0  # by end tension, by outward_m
+    soft = tangent(law, tension, compliance)
     difference = strain(law, tension, compliance) - frozen_strain[0]
     profile_n[0] = tension
     side = 1.0 if here > 0.0 or (here == 0.0 and difference < 0.0) else -1.0
@@ -293,13 +303,15 @@ def march_whole(
                 ratio = math.exp(turn * (1.0 - share) - drop)
                 new_tension = tension * ratio
                 steep = new_tension * turn * side / (root * length)
-                new_slope = slope * ratio - steep * (slope_here - slope * compliance * at)
-                new_other = other * ratio - steep * (other_here - other * compliance * at)
+                new_slope = slope * ratio - steep * (slope_here - slope * soft * at)
+                new_other = other * ratio - steep * (other_here - other * soft * at)
                 new_difference = strain(law, new_tension, compliance) - frozen_strain[cell + 1]
                 side = -side
         here -= 0.5 * (difference + new_difference) * length
-        slope_here -= 0.5 * (slope + new_slope) * length * compliance
-        other_here -= 0.5 * (other + new_other) * length * compliance
+        new_soft = tangent(law, new_tension, compliance)
+        slope_here -= 0.5 * (slope * soft + new_slope * new_soft) * length
+        other_here -= 0.5 * (other * soft + new_other * new_soft) * length
+        soft = new_soft
         tension, slope, other, difference = new_tension, new_slope, new_other, new_difference
         profile_n[cell + 1] = tension
     return here, slope_here, other_here

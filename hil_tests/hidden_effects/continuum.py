@@ -33,6 +33,7 @@ from hil_tests.hidden_effects.compiled import compiled
 Vector = NDArray[np.float64]
 
 CELLS = 300
+MEMORY_S = 0.01  # of the local speed where friction falls with it: without, no unique answer
 TORQUE_TOLERANCE_NM = 5e-8
 STRETCH_TOLERANCE_M = 2e-5
 GRIDS = (1.0, 0.93, 1.07, 0.86)  # tried in turn where shooting misses a step
@@ -181,6 +182,8 @@ class _Work(NamedTuple):
     next_n: NDArray[np.float64]
     total_strain: NDArray[np.float64]
     creep: NDArray[np.float64]
+    wrap_friction: NDArray[np.float64]
+    speed_m_per_s: NDArray[np.float64]
     q: NDArray[np.float64]
     next_q: NDArray[np.float64]
     load_front: NDArray[np.float64]
@@ -239,7 +242,7 @@ def _cables_to(
         out_factor, in_factor = (plus, minus) if cable == 0 else (minus, plus)
         k, whole = advance_cable(
             law,
-            path,
+            Path(path.length_m, work.wrap_friction[cable]),
             work.frozen_n[cable],
             work.frozen_strain[cable],
             compliance,
@@ -368,6 +371,8 @@ def _run(
         np.full((2, cells + 1), strain(law, law.pretension_n, soft) * ends.creep_share),
         np.zeros((2, cells)),
         np.zeros((2, cells)),
+        np.zeros((2, cells)),
+        np.zeros((2, cells)),
         np.zeros((2, 2)),
         np.zeros((2, cells + 1)),
         np.full(3, start * length),
@@ -377,6 +382,7 @@ def _run(
         np.zeros(2),
         np.zeros(2),
     )
+    rm, em, pm = ends.motor_radius_m, ends.motor_eccentricity, ends.motor_eccentricity_phase_rad
     rl, el, pl = ends.load_radius_m, ends.load_eccentricity, ends.load_eccentricity_phase_rad
     motor, before, pulley = 0.0, 0.0, 0.0
     for i in range(time_s.size):
@@ -389,6 +395,10 @@ def _run(
         for c in range(2):
             work.slack_stretch_m[c] = 0.0
             work.load_front[c, 0] = math.nan
+            for j in range(cells):
+                x = work.speed_m_per_s[c, j] / law.stribeck_speed_m_per_s
+                f = 1.0 + law.stribeck_gain * math.exp(-x * x)
+                work.wrap_friction[c, j] = path.wrap_friction[j] * f
             for j in range(cells + 1):
                 offset = grown + work.creep[c, j] * fade
                 work.frozen_strain[c, j] = work.total_strain[c, j] - offset
@@ -447,19 +457,29 @@ def _run(
                 else:
                     floating_high = pulley
             guess = found
+        wound_m = _wound(rm, em, pm, found) - _wound(rm, em, pm, motor)
         before, motor = motor, found
         for c in range(2):
             work.stretch_m[c] = work.tried_stretch_m[c]
             work.whole[c] = work.next_whole[c]
             work.q[c, :] = work.next_q[c]
             slack = work.tried_stretch_m[c] <= work.slack_stretch_m[c]
+            here = wound_m if c == 0 else -wound_m
+            last_change = 0.0
             for j in range(cells + 1):
                 tension = work.next_n[c, j]
                 work.frozen_n[c, j] = tension
                 old_creep = work.creep[c, j]
                 elastic = strain(law, tension, soft)
                 work.creep[c, j] = old_creep * fade + elastic * beta
-                work.total_strain[c, j] = elastic + work.creep[c, j] + grown
+                change = elastic + work.creep[c, j] + grown - work.total_strain[c, j]
+                work.total_strain[c, j] += change
+                if j > 0:
+                    middle = here - 0.25 * (last_change + change) * path.length_m[j - 1]
+                    here -= 0.5 * (last_change + change) * path.length_m[j - 1]
+                    heard = abs(middle) / dt - work.speed_m_per_s[c, j - 1]
+                    work.speed_m_per_s[c, j - 1] += dt / (MEMORY_S + dt) * heard
+                last_change = change
             if slack:
                 work.next_n[c, :] = 0.0
         arm = _arm(rl, el, pl, pulley)

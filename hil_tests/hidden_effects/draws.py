@@ -42,7 +42,7 @@ def _simple(
 
 def _stribeck(rng: Rng, pair: Pair) -> Draw:
     del pair
-    return Draw({"a": 0.3, "v_s_m_per_s": _log(rng, 3e-3, 0.03)}, "a", 0.03, 1.5)
+    return Draw({"a": 0.3, "v_s_m_per_s": _log(rng, 8e-3, 0.03)}, "a", 0.03, 0.5)
 
 
 def _bearing(rng: Rng, pair: Pair) -> Draw:
@@ -124,7 +124,7 @@ def _cogging(rng: Rng, pair: Pair) -> Draw:
 
 def _gravity(rng: Rng, pair: Pair) -> Draw:
     del pair
-    return Draw({"amplitude_nm": 0.1, "phase_rad": _phase(rng)}, "amplitude_nm", 3e-3, 0.5)
+    return Draw({"amplitude_nm": 0.1, "phase_rad": _phase(rng)}, "amplitude_nm", 3e-3, 0.8)
 
 
 def _delay(rng: Rng, pair: Pair) -> Draw:
@@ -155,15 +155,15 @@ DRAWS: dict[str, Callable[[Rng, Pair], Draw]] = {
     "encoder_eccentricity": _encoder,
     "encoder_offset": _simple("offset_rad", 0.02, 0.1, signed=True),
     "load_cell_gain": _simple("g", 0.01, 0.08, signed=True),
-    "load_cell_offset": _simple("offset_nm", 2e-3, 0.15, signed=True),
-    "load_cell_drift": _simple("drift_nm_per_s", 2e-4, 0.01, signed=True),
-    "load_cell_hysteresis": _simple("width_nm", 5e-3, 0.15),
+    "load_cell_offset": _simple("offset_nm", 2e-3, 0.3, signed=True),
+    "load_cell_drift": _simple("drift_nm_per_s", 2e-4, 0.02, signed=True),
+    "load_cell_hysteresis": _simple("width_nm", 5e-3, 0.2),
     "torque_constant_error": _simple("g", 0.02, 0.2, signed=True),
     "motor_torque_offset": _simple("offset_nm", 1e-3, 0.05, signed=True),
     "cogging": _cogging,
     "motor_inertia": _simple("inertia_kg_m2", 3e-6, 6e-5),
-    "load_inertia": _simple("inertia_kg_m2", 3e-4, 0.02),
+    "load_inertia": _simple("inertia_kg_m2", 3e-4, 0.05),
     "gravity_imbalance": _gravity,
     "time_delay": _delay,
-    "amplifier_lag": _simple("lag_s", 1e-3, 0.03),
+    "amplifier_lag": _simple("lag_s", 1e-3, 0.05),
 }

@@ -18,7 +18,6 @@ from hil_tests.hidden_effects.continuum import Histories, Pair
 from hil_tests.hidden_effects.hidden import Change, Hidden, Signals, Values, Vector
 
 REFERENCE_C = 20.0
-STRIBECK_MEMORY_S = 0.01
 
 
 def late(delay_s: float) -> Change:
@@ -85,17 +84,6 @@ def _viscous(p: Values) -> Hidden:
         dict(p),
         pair=lambda pair: replace(pair, law=pair.law._replace(rate_gain=gain / pair.mu)),
     )
-
-
-def _stribeck(p: Values) -> Hidden:
-    # By the speed of the cables' ends with 10 ms of memory: a negative slope by the local speed has
-    # no unique quasi-static answer. While the pair slides, local speed and end speed are one.
-    def histories(signals: Signals, pair: Pair) -> Histories:
-        speed = np.gradient(signals.load_angle_rad, signals.time_s) * pair.ends.load_radius_m
-        speed = lagged(np.abs(speed), signals.time_s, STRIBECK_MEMORY_S)
-        return both(1.0 + p["a"] * np.exp(-((speed / p["v_s_m_per_s"]) ** 2)))
-
-    return Hidden("stribeck_friction", dict(p), histories=histories)
 
 
 def _asymmetry(p: Values) -> Hidden:
@@ -281,7 +269,9 @@ Hide = Callable[[Values], Hidden]
 
 HIDE: dict[str, Hide] = {
     "viscous_friction": _viscous,
-    "stribeck_friction": _stribeck,
+    "stribeck_friction": lambda p: _law(
+        "stribeck_friction", p, stribeck_gain=p["a"], stribeck_speed_m_per_s=p["v_s_m_per_s"]
+    ),
     "presliding_compliance": lambda p: _law("presliding_compliance", p, slip_m=p["slip_m"]),
     "frictional_lag": lambda p: _law("frictional_lag", p, lag_s=p["lag_s"]),
     "direction_asymmetry": _asymmetry,
