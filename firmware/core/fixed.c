@@ -5,42 +5,13 @@
 
 #define MANTISSA_BITS 31
 
-static int32_t saturated(bool negative, uint32_t *saturations) {
-    if (*saturations < UINT32_MAX) {
-        *saturations += 1;
-    }
-    return negative ? -INT32_MAX : INT32_MAX;
-}
-
-int32_t fixed_saturate(int64_t wide, uint32_t *saturations) {
-    if (wide > INT32_MAX || wide < -INT32_MAX) {
-        return saturated(wide < 0, saturations);
-    }
-    return (int32_t)wide;
-}
-
-int32_t fixed_add(int32_t a, int32_t b, uint32_t *saturations) {
-    int32_t sum;
-    if (__builtin_add_overflow(a, b, &sum) || sum == INT32_MIN) {
-        return saturated(a < 0, saturations); /* both have the sign of a */
-    }
-    return sum;
-}
-
-int32_t fixed_subtract(int32_t a, int32_t b, uint32_t *saturations) {
-    int32_t difference;
-    if (__builtin_sub_overflow(a, b, &difference) || difference == INT32_MIN) {
-        return saturated(a < 0, saturations);
-    }
-    return difference;
-}
-
-int32_t fixed_clamp(int32_t value, int32_t low, int32_t high) {
-    if (value < low) {
-        return low;
-    }
-    return value > high ? high : value;
-}
+/* The external copies of what fixed_inline.h defines. */
+extern inline int32_t fixed_saturated(bool negative, uint32_t *saturations);
+extern inline int32_t fixed_saturate(int64_t wide, uint32_t *saturations);
+extern inline int32_t fixed_add(int32_t a, int32_t b, uint32_t *saturations);
+extern inline int32_t fixed_subtract(int32_t a, int32_t b, uint32_t *saturations);
+extern inline int32_t fixed_scale(int32_t quantity, ratio_t ratio, uint32_t *saturations);
+extern inline int32_t fixed_clamp(int32_t value, int32_t low, int32_t high);
 
 /* value / 2^shift, rounded half away from zero. value < 2^63, any shift >= 0. */
 static uint64_t shifted_right(uint64_t value, int32_t shift) {
@@ -48,29 +19,6 @@ static uint64_t shifted_right(uint64_t value, int32_t shift) {
         return value;
     }
     return shift > 63 ? 0 : (value + (UINT64_C(1) << (shift - 1))) >> shift;
-}
-
-int32_t fixed_scale(int32_t quantity, ratio_t ratio, uint32_t *saturations) {
-    const bool negative = quantity < 0;
-    const uint32_t magnitude = negative ? 0u - (uint32_t)quantity : (uint32_t)quantity;
-    const uint64_t product = (uint64_t)magnitude * ratio.mantissa; /* < 2^62 */
-    uint32_t doubled; /* twice the result, which rounds by its last bit */
-    if (ratio.shift > 32) {
-        const int32_t rest = ratio.shift - 33;
-        doubled = rest > 31 ? 0 : (uint32_t)(product >> 32) >> rest;
-    } else if (ratio.shift > 0) {
-        const uint64_t wide = product >> (ratio.shift - 1);
-        if (wide >= UINT32_MAX) { /* also UINT32_MAX itself, which would round up to 2^31 */
-            return saturated(negative, saturations);
-        }
-        doubled = (uint32_t)wide;
-    } else if (product == 0) {
-        return 0;
-    } else { /* the ratio is 2^30 or more */
-        return saturated(negative, saturations);
-    }
-    const int32_t result = (int32_t)((doubled >> 1) + (doubled & 1u));
-    return negative ? -result : result;
 }
 
 /* The ratio value * 2^-shift, normalised and rounded. */

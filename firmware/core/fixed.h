@@ -29,17 +29,17 @@ typedef struct {
 #define FIXED_Q24_ONE (UINT32_C(1) << 24)
 
 /* `wide` limited to +-INT32_MAX; counts when it had to be. */
-int32_t fixed_saturate(int64_t wide, uint32_t *saturations);
+inline int32_t fixed_saturate(int64_t wide, uint32_t *saturations);
 
 /* a + b, a - b, saturated. */
-int32_t fixed_add(int32_t a, int32_t b, uint32_t *saturations);
-int32_t fixed_subtract(int32_t a, int32_t b, uint32_t *saturations);
+inline int32_t fixed_add(int32_t a, int32_t b, uint32_t *saturations);
+inline int32_t fixed_subtract(int32_t a, int32_t b, uint32_t *saturations);
 
 /* quantity * ratio, rounded, saturated. A ratio of 2^30 or more saturates whatever is not 0. */
-int32_t fixed_scale(int32_t quantity, ratio_t ratio, uint32_t *saturations);
+inline int32_t fixed_scale(int32_t quantity, ratio_t ratio, uint32_t *saturations);
 
 /* `value` limited to [low, high]; does not count. low <= high. */
-int32_t fixed_clamp(int32_t value, int32_t low, int32_t high);
+inline int32_t fixed_clamp(int32_t value, int32_t low, int32_t high);
 
 /* numerator / denominator to 31 significant bits, relative error at most 1.5 * 2^-31.
  * denominator > 0. */
@@ -58,5 +58,9 @@ uint32_t fixed_exp_minus(uint32_t x_q24);
 /* The mean of exp(-y) over 0 <= y <= x, (1 - exp(-x)) / x, in Q31; exactly one at 0. Absolute
  * error <= 4 units. */
 uint32_t fixed_exp_minus_mean(uint32_t x_q24);
+
+#ifndef DECLARATIONS_ONLY /* for readers of the interface that know no function bodies */
+#include "fixed_inline.h"
+#endif
 
 #endif

@@ -108,7 +108,8 @@ static int32_t force_un(transmission_t *transmission, const cable_piece_t *a,
 /* Winds the motor until the pair carries `force`. In the direction in which it must wind,
  * T_motor_a - T_motor_b changes monotonically, linear piece after piece (at a breakaway it may fall
  * back, never forth). So: walk from limit to limit until the piece that holds the answer, then
- * divide once. Each round passes one piece of one cable, hence the bound. */
+ * divide once. Each round passes one piece of one cable, hence the bound; where the settings have a
+ * lower one, the motor stays at the end of the last piece, and the next step goes on from there. */
 static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign) {
     cable_t *a = &transmission->a;
     cable_t *b = &transmission->b;
@@ -120,7 +121,10 @@ static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign
     cable_piece_t piece_b = cable_piece(b, path, CABLE_PROXIMAL);
     int32_t arc_nm = transmission->motor.arc_nm;
     int32_t end_nm = arc_nm; /* of the piece, as far as both cables allow */
-    for (uint32_t pieces = 0; pieces < 2 * CABLE_PIECES_MAX; pieces++) {
+    const uint32_t wished = transmission->settings.pieces_per_step;
+    const uint32_t most =
+        wished > 0 && wished < 2 * CABLE_PIECES_MAX ? wished : 2 * CABLE_PIECES_MAX;
+    for (uint32_t pieces = 0; pieces < most; pieces++) {
         const int32_t limit_a_nm = -piece_a.limit_nm;
         const int32_t limit_b_nm = piece_b.limit_nm;
         const bool a_first = sign > 0 ? limit_a_nm < limit_b_nm : limit_a_nm > limit_b_nm;

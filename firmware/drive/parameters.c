@@ -11,6 +11,9 @@
 /* An encoder at rest between two counts dithers by one. */
 #define DEAD_BAND_COUNTS 1
 
+/* What a control tick has time for besides everything else, see docs/compensation.md. */
+#define PIECES_PER_TICK 24
+
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
 parameters_t parameters_of(const dictionary_t *dictionary) {
@@ -62,6 +65,7 @@ transmission_settings_t parameters_transmission(const dictionary_t *dictionary) 
                 .friction_static_ppm = dictionary->friction_static_ppm,
                 .stiction_length_um = dictionary->stiction_length_um,
             },
+        .pieces_per_step = PIECES_PER_TICK,
         .motor_dead_band_unm = MOTOR_DEAD_BAND_UNM,
         /* one nanometre more, for the rounding of two positions a count apart */
         .motor_dead_band_nm = arc_nm(DEAD_BAND_COUNTS, dictionary->motor_pulley_radius_nm,

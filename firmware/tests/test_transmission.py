@@ -337,3 +337,31 @@ def test_impossible_settings_are_refused() -> None:
     assert not lib.transmission_configure(ffi.new("transmission_t *"), found)
     with pytest.raises(ValueError, match="refused"):
         Pair(settings(mu_d=0.3, mu_s=0.2))
+
+
+@given(
+    torques=st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=6),
+    angles=st.lists(st.floats(-0.3, 0.3), min_size=6, max_size=6),
+)
+@hypothesis_settings(max_examples=60, deadline=None)
+def test_a_step_that_may_not_go_all_the_way_arrives_with_the_next_ones(
+    torques: list[float], angles: list[float]
+) -> None:
+    """A control tick has time for so many pieces of the cables only; nothing is lost by that."""
+    whole, parts = Pair(settings()), Pair(settings(pieces_per_step=5))
+    for torque, angle in zip(torques, angles, strict=False):
+        expected = whole.run_torque(np.array([torque]), np.array([angle]))
+        found = parts.run_torque(np.full(20, torque), np.full(20, angle))
+        for name in ("first", "load_torque_nm", "motor_tension_a_n", "load_tension_b_n"):
+            # 2e-6: whole micronewton and nanometres, rounded a few times more often
+            assert getattr(found, name)[-1] == pytest.approx(
+                getattr(expected, name)[-1], rel=1e-5, abs=1e-5
+            )
+
+
+def test_a_step_goes_no_further_than_it_may() -> None:
+    whole, parts = Pair(settings()), Pair(settings(pieces_per_step=5))
+    for pair in (whole, parts):
+        pair.run_torque(np.array([0.9]), np.array([0.0]))  # all the way through
+    far, near = (p.run_torque(np.array([-0.9]), np.array([0.0])).first[0] for p in (whole, parts))
+    assert far < near < parts.run_torque(np.array([0.9]), np.array([0.0])).first[0]
