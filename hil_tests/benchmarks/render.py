@@ -29,7 +29,7 @@ from hil_tests.render.trial import Outcome, judge, run
 from hil_tests.targets.emulated import ELF, EmulatedTarget
 
 REPORTED: Final = 100_000
-RIGS: Final = 120  # of which at least 100 have a motor that can do it
+RIGS: Final = 100
 EMULATED_RIGS: Final = 10
 EMULATED_TASKS: Final = ("tunnel", "rest-in-wall")
 TICK_INTERRUPT: Final = 14
