@@ -228,21 +228,32 @@ static bool reached(const cable_end_t *end, int32_t inward_nm, int32_t limit_nm)
     return end->direction == CABLE_PULL ? inward_nm <= limit_nm : inward_nm >= limit_nm;
 }
 
-void cable_move(cable_t *cable, const cable_path_t *path, cable_side_t side, int32_t inward_nm) {
+uint32_t cable_move_through(cable_t *cable, const cable_path_t *path, cable_side_t side,
+                            int32_t inward_nm, uint32_t most) {
     cable_end_t *end = &cable->end[side];
     if (inward_nm == end->inward_nm) {
-        return;
+        return 0;
     }
     cable_turn(cable, path, side, inward_nm < end->inward_nm ? CABLE_PULL : CABLE_RELEASE);
-    for (uint32_t pieces = 0; pieces < CABLE_PIECES_MAX; pieces++) {
+    int32_t place_nm = end->inward_nm; /* never back: a piece may have been passed before */
+    for (uint32_t pieces = 0; pieces < most; pieces++) {
         const cable_piece_t piece = cable_piece(cable, path, side);
         const bool unlimited = piece.limit_nm == INT32_MAX || piece.limit_nm == -INT32_MAX;
         if (unlimited || !reached(end, inward_nm, piece.limit_nm)) {
-            break;
+            cable_place(cable, path, side, inward_nm);
+            return pieces;
+        }
+        if (reached(end, piece.limit_nm, place_nm)) {
+            place_nm = piece.limit_nm;
         }
         cable_pass(cable, path, side);
     }
-    cable_place(cable, path, side, inward_nm);
+    cable_place(cable, path, side, most < CABLE_PIECES_MAX ? place_nm : inward_nm);
+    return most;
+}
+
+void cable_move(cable_t *cable, const cable_path_t *path, cable_side_t side, int32_t inward_nm) {
+    (void)cable_move_through(cable, path, side, inward_nm, CABLE_PIECES_MAX);
 }
 
 bool cable_is_slack(const cable_t *cable) {

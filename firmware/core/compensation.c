@@ -57,10 +57,13 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
 }
 
 /* Part of the model's friction to compensate, in Q16: with a load cell all of it, the cell sees to
- * the rest; without one the configured share, less when the model is not to be trusted. */
+ * the rest; without one the configured share while the load moves, less when the model is not to be
+ * trusted. At rest no energy flows, and all of it may be compensated. */
 static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
-    const uint32_t factor = compensation->factor_q16;
-    if (cell) {
+    const uint32_t left = INVERSION_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
+    const uint32_t factor =
+        (uint32_t)((uint64_t)compensation->factor_q16 * left / INVERSION_SHARE_ONE);
+    if (cell || compensation->estimator.load_direction == 0) {
         return factor;
     }
     const uint32_t confidence = compensation->estimator.confidence;
@@ -116,6 +119,9 @@ static uint8_t flags_of(const compensation_t *compensation, const compensation_i
     if (inputs->law == COMPENSATION_MODEL_INVERSION && compensation->inversion.resting) {
         flags |= COMPENSATION_RESTING;
     }
+    if (inputs->law == COMPENSATION_MODEL_INVERSION && compensation->inversion.held_taut) {
+        flags |= COMPENSATION_HELD_TAUT;
+    }
     return flags;
 }
 
@@ -144,13 +150,10 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
                        runs && inputs->law == COMPENSATION_ADAPTIVE_HYSTERESIS);
     }
     int32_t torque_unm = 0;
-    int32_t drag_unm = 0;
     if (inputs->active) {
-        drag_unm = inputs->law == COMPENSATION_MODEL_INVERSION
-                       ? passivity_drag_unm(&compensation->passivity)
-                       : 0;
+        const int32_t felt_unm = ours ? compensation->friction_unm / FELT_PART : 0;
         const int32_t wanted_unm =
-            fixed_subtract(inputs->wanted_unm, estimator->load_direction * drag_unm, &saturations);
+            fixed_subtract(inputs->wanted_unm, estimator->load_direction * felt_unm, &saturations);
         torque_unm = law_torque_unm(compensation, inputs, wanted_unm, load_torque_unm);
     }
     const int32_t limit = compensation->settings.torque_limit_unm;
@@ -163,7 +166,7 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
     outputs->innovation_nm = estimator->innovation_nm;
     outputs->slip = estimator->slip;
     outputs->confidence = estimator->confidence;
-    outputs->flags =
-        flags_of(compensation, inputs, outputs->motor_torque_unm != torque_unm, drag_unm > 0);
+    outputs->flags = flags_of(compensation, inputs, outputs->motor_torque_unm != torque_unm,
+                              passivity_back_off_q16(&compensation->passivity) > 0);
     outputs->energy_uj = passivity_energy_uj(&compensation->passivity);
 }

@@ -4,6 +4,7 @@
 #define DAMPING_PER_S 100 /* D / J: below what 2 ms of delay in the encoders allow */
 #define SETTLED_LAGS 8    /* a change of side has settled; at rest twice this */
 #define SIDE_BAND 6       /* an error above 1/6 of the friction changes the side */
+#define STROKES_PER_S 6   /* no hand turns around faster */
 #define WAIT_LAGS 32      /* each time that a side has stayed so long halves the band */
 #define PATIENCE_MOST 3   /* 4/3 of the friction; a load that is moved back makes twice that */
 
@@ -84,14 +85,15 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator, in
         inversion->side_ticks++;
     }
     const int32_t change_unm = fixed_subtract(wanted_unm, inversion->settled_unm, &saturations);
-    if (magnitude(change_unm) > inversion->friction_unm / SIDE_BAND) {
+    const bool calm = inversion->side_ticks > estimator->ticks_per_s / STROKES_PER_S;
+    if (calm && magnitude(change_unm) > inversion->friction_unm / SIDE_BAND) {
         inversion->patience = 0;
         inversion->settled_unm = wanted_unm;
     }
     const int32_t towards = error_unm > band_unm ? 1 : (error_unm < -band_unm ? -1 : 0);
     if (inversion->side == 0) { /* what is there stays until it is wrong, or the load moves */
         inversion->side = direction != 0 ? direction : towards;
-        inversion->side_ticks = 0;
+        inversion->side_ticks = inversion->side == 0 ? inversion->side_ticks : 0;
         inversion->side_arc_nm = estimator->mark_nm;
         return;
     }
@@ -103,7 +105,7 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator, in
     const int32_t travel_nm =
         fixed_subtract(estimator->mark_nm, inversion->side_arc_nm, &saturations);
     const bool stroke = travel_nm * inversion->side > estimator->windup_nm / 2;
-    if (stroke) {
+    if (calm && stroke) {
         inversion->patience = 0;
     } else if (inversion->patience < PATIENCE_MOST) {
         inversion->patience++;
@@ -146,6 +148,7 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
     const int32_t plain_unm =
         fixed_scale(inputs->wanted_unm, inversion->motor_per_load_torque, &saturations);
     const int32_t full_unm = sliding_motor_torque_unm(sliding, aim_unm, side);
+    inversion->held_taut = sliding_holds_taut(sliding, full_unm, side);
     const int64_t extra_unm =
         ((int64_t)full_unm - plain_unm) * (int64_t)inputs->share_q16 / INVERSION_SHARE_ONE;
     int32_t *lag = inversion->lag_q4_unm;

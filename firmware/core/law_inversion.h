@@ -54,6 +54,7 @@ typedef struct {
     int32_t shift_q8_unm[2]; /* of the wanted torque; [negative, positive side] */
     int32_t lag_q4_unm[2];   /* motor torque behind one and two lags */
     bool resting;
+    bool held_taut;
 } inversion_t;
 
 /* Constants and a start with nothing learned. `motor_inertia_gmm2`: 0 is taken for 1. */

@@ -1,15 +1,18 @@
 /* passivity.c: see passivity.h. */
 #include "passivity.h"
 
-#define BANK_URAD 2000   /* motion against full friction that fills the bank */
-#define REPAY_URAD 16384 /* motion in which the drag pays a debt back */
+#define BANK_URAD 2000 /* motion against full friction that fills the bank */
+#define DEBT_URAD                                                                                  \
+    20000 /* motion with full friction that makes the debt at which nothing is left                \
+           */
+#define BACK_OFF_MOST_Q16 49152 /* three quarters */
 
 passivity_t passivity_of(uint32_t load_radius_nm, int32_t friction_unm) {
     return (passivity_t){
         .angle_per_arc = ratio_of(1000000, load_radius_nm),
         .uj_per_1024_pj = ratio_of(1024, 1000000),
         .bank = -(int64_t)friction_unm * BANK_URAD,
-        .drag_most_unm = friction_unm / 2,
+        .debt_per_q16 = (int64_t)friction_unm * DEBT_URAD / 65536 + 1,
     };
 }
 
@@ -29,12 +32,12 @@ void passivity_step(passivity_t *passivity, int32_t load_arc_nm, int32_t excess_
     passivity->balance = limited < passivity->bank ? passivity->bank : limited;
 }
 
-int32_t passivity_drag_unm(const passivity_t *passivity) {
+uint32_t passivity_back_off_q16(const passivity_t *passivity) {
     if (passivity->balance <= 0) {
         return 0;
     }
-    const int64_t drag = passivity->balance / REPAY_URAD;
-    return drag > passivity->drag_most_unm ? passivity->drag_most_unm : (int32_t)drag;
+    const int64_t q16 = passivity->balance / passivity->debt_per_q16;
+    return q16 > BACK_OFF_MOST_Q16 ? BACK_OFF_MOST_Q16 : (uint32_t)q16;
 }
 
 int32_t passivity_energy_uj(const passivity_t *passivity) {

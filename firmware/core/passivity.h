@@ -3,9 +3,10 @@
  * A tunnel stores energy and gives it back: over a closed path the wanted torque does no work. So
  * what counts is the work of the *error*, rendered minus wanted torque, on the load's motion:
  *   (E1)  E = sum of (tau - wanted) d theta
- * Friction makes it negative. When it is positive the drive has been active by that much, and
- * passivity_drag_unm() asks for a torque against the motion until it is paid back. Credit is kept
- * only up to a small bank, or an hour of friction could be given back at once.
+ * Friction makes it negative. When it is positive the drive has been active by that much, and less
+ * of the friction is compensated until friction has taken it back. (A torque of its own against the
+ * motion would be late like every measurement, and feed an oscillation that it is to stop.) Credit
+ * is kept only up to a small bank, or an hour of friction could be given back at once.
  *
  * A load cell makes this an observation; with the estimate alone it cannot see what the model is
  * wrong by. Pure.
@@ -22,7 +23,7 @@ typedef struct {
     ratio_t angle_per_arc; /* urad per nm */
     ratio_t uj_per_1024_pj;
     int64_t bank; /* least balance, uN m urad (pJ); <= 0 */
-    int32_t drag_most_unm;
+    int64_t debt_per_q16;
     int64_t balance; /* E, pJ */
     int32_t last_arc_nm;
     bool started;
@@ -34,8 +35,8 @@ passivity_t passivity_of(uint32_t load_radius_nm, int32_t friction_unm);
 /* One tick. */
 void passivity_step(passivity_t *passivity, int32_t load_arc_nm, int32_t excess_unm);
 
-/* Torque, >= 0, by which the wanted one is to be less in the direction of motion. */
-int32_t passivity_drag_unm(const passivity_t *passivity);
+/* By how much less of the friction is to be compensated: 0 .. 0.75 in Q16. */
+uint32_t passivity_back_off_q16(const passivity_t *passivity);
 
 /* E in uJ, limited to the range of int32_t. */
 int32_t passivity_energy_uj(const passivity_t *passivity);

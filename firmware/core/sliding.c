@@ -13,8 +13,10 @@ static void keep_taut(sliding_t *sliding, const cable_front_t *pull, const cable
     const int32_t spare_a_nm = fixed_subtract(twice_stretch_nm, a_nm, &saturations);
     const int32_t most_un = fixed_scale(spare_b_nm, pull->stiffness, &saturations);
     const int32_t least_un = -fixed_scale(spare_a_nm, release->stiffness, &saturations);
-    sliding->taut_most_un = most_un > 0 ? most_un : 0;
-    sliding->taut_least_un = least_un < 0 ? least_un : 0;
+    sliding->taut_most_unm =
+        fixed_scale(most_un > 0 ? most_un : 0, sliding->motor_torque_per_force, &saturations);
+    sliding->taut_least_unm =
+        fixed_scale(least_un < 0 ? least_un : 0, sliding->motor_torque_per_force, &saturations);
 }
 
 sliding_t sliding_of(const transmission_t *transmission, int32_t slack_floor_un) {
@@ -45,8 +47,8 @@ sliding_t sliding_of(const transmission_t *transmission, int32_t slack_floor_un)
             fixed_scale(twice_nm, ratio_multiply(pull->stiffness, pull->tension), &saturations),
         .slack_a_below_un = -fixed_scale(
             twice_nm, ratio_multiply(release->stiffness, release->tension), &saturations),
-        .taut_most_un = INT32_MAX,
-        .taut_least_un = -INT32_MAX,
+        .taut_most_unm = INT32_MAX,
+        .taut_least_unm = -INT32_MAX,
         .motor_unm_per_rad = fixed_scale((int32_t)transmission->settings.motor_pulley_radius_nm,
                                          unm_per_nm, &saturations),
     };
@@ -69,6 +71,11 @@ int32_t sliding_motor_torque_unm(const sliding_t *sliding, int32_t load_torque_u
         motor_un = fixed_add(fixed_scale(load_un, sliding->inverse_alpha, &saturations),
                              sliding->friction_un, &saturations);
     }
-    motor_un = fixed_clamp(motor_un, sliding->taut_least_un, sliding->taut_most_un);
-    return sign * fixed_scale(motor_un, sliding->motor_torque_per_force, &saturations);
+    const int32_t motor_unm = fixed_scale(motor_un, sliding->motor_torque_per_force, &saturations);
+    return sign * fixed_clamp(motor_unm, sliding->taut_least_unm, sliding->taut_most_unm);
+}
+
+bool sliding_holds_taut(const sliding_t *sliding, int32_t motor_torque_unm, int32_t sign) {
+    const int32_t mirrored_unm = sign * motor_torque_unm;
+    return mirrored_unm == sliding->taut_most_unm || mirrored_unm == sliding->taut_least_unm;
 }

@@ -19,6 +19,7 @@
 #ifndef BOWDEN_CORE_SLIDING_H
 #define BOWDEN_CORE_SLIDING_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "fixed.h"
@@ -27,13 +28,13 @@
 typedef struct {
     ratio_t force_per_load_torque; /* uN per uN m */
     ratio_t motor_torque_per_force;
-    ratio_t fall, rise;       /* exp(-m), exp(m) */
-    ratio_t inverse_alpha;    /* of (S1) */
-    int32_t friction_un;      /* beta / alpha */
-    int32_t slack_b_above_un; /* load force at which (S1) meets (S2); >= 0 */
-    int32_t slack_a_below_un; /* load force at which (S1) meets (S3); <= 0 */
-    int32_t taut_most_un;     /* motor force that leaves b the floor tension; INT32_MAX: no floor */
-    int32_t taut_least_un;    /* motor force that leaves a the floor tension */
+    ratio_t fall, rise;        /* exp(-m), exp(m) */
+    ratio_t inverse_alpha;     /* of (S1) */
+    int32_t friction_un;       /* beta / alpha */
+    int32_t slack_b_above_un;  /* load force at which (S1) meets (S2); >= 0 */
+    int32_t slack_a_below_un;  /* load force at which (S1) meets (S3); <= 0 */
+    int32_t taut_most_unm;     /* motor torque that leaves b the floor tension */
+    int32_t taut_least_unm;    /* motor torque that leaves a the floor tension */
     int32_t motor_unm_per_rad; /* stiffness that the motor feels, load at rest */
 } sliding_t;
 
@@ -44,5 +45,8 @@ sliding_t sliding_of(const transmission_t *transmission, int32_t slack_floor_un)
 /* The motor torque at which `load_torque_unm` arrives while the pair slides; `sign` 1 or -1: for
  * positive or negative angles. Odd: (-load, -sign) gives exactly minus. */
 int32_t sliding_motor_torque_unm(const sliding_t *sliding, int32_t load_torque_unm, int32_t sign);
+
+/* Is this motor torque one that the slack floor has cut? */
+bool sliding_holds_taut(const sliding_t *sliding, int32_t motor_torque_unm, int32_t sign);
 
 #endif

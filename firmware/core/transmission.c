@@ -1,6 +1,9 @@
 /* transmission.c: see transmission.h. */
 #include "transmission.h"
 
+/* Of both cables. */
+#define MOST_PIECES (2u * CABLE_PIECES_MAX)
+
 bool transmission_configure(transmission_t *transmission, const transmission_settings_t *settings) {
     transmission->settings = *settings;
     const ratio_t motor_radius_m = ratio_of(settings->motor_pulley_radius_nm, 1000000000);
@@ -60,17 +63,17 @@ static bool pulley_follow(pulley_t *pulley, int32_t arc_nm, int32_t dead_band_nm
     return true;
 }
 
-static void follow_load(transmission_t *transmission, int32_t load_arc_nm) {
-    if (!pulley_follow(&transmission->load, load_arc_nm,
-                       transmission->settings.load_dead_band_nm)) {
-        return;
-    }
+/* Moves the cables' load ends to where the load pulley is, through `most` pieces of each. The
+ * number of pieces that they have passed. */
+static uint32_t follow_load(transmission_t *transmission, int32_t load_arc_nm, uint32_t most) {
+    (void)pulley_follow(&transmission->load, load_arc_nm, transmission->settings.load_dead_band_nm);
     uint32_t *saturations = &transmission->saturations;
     const int32_t start_nm = -transmission->path.pretension_stretch_nm;
-    cable_move(&transmission->a, &transmission->path, CABLE_DISTAL,
-               fixed_add(start_nm, load_arc_nm, saturations));
-    cable_move(&transmission->b, &transmission->path, CABLE_DISTAL,
-               fixed_subtract(start_nm, load_arc_nm, saturations));
+    const int32_t arc_nm = transmission->load.arc_nm;
+    return cable_move_through(&transmission->a, &transmission->path, CABLE_DISTAL,
+                              fixed_add(start_nm, arc_nm, saturations), most) +
+           cable_move_through(&transmission->b, &transmission->path, CABLE_DISTAL,
+                              fixed_subtract(start_nm, arc_nm, saturations), most);
 }
 
 static void collect(transmission_t *transmission) {
@@ -88,7 +91,7 @@ void transmission_step_position(transmission_t *transmission, int32_t motor_arc_
                                 int32_t load_arc_nm) {
     motor_arc_nm = fixed_clamp(motor_arc_nm, -INT32_MAX, INT32_MAX);
     load_arc_nm = fixed_clamp(load_arc_nm, -INT32_MAX, INT32_MAX);
-    follow_load(transmission, load_arc_nm);
+    (void)follow_load(transmission, load_arc_nm, CABLE_PIECES_MAX);
     if (pulley_follow(&transmission->motor, motor_arc_nm,
                       transmission->settings.motor_dead_band_nm)) {
         cable_move(&transmission->a, &transmission->path, CABLE_PROXIMAL, -motor_arc_nm);
@@ -108,9 +111,9 @@ static int32_t force_un(transmission_t *transmission, const cable_piece_t *a,
 /* Winds the motor until the pair carries `force`. In the direction in which it must wind,
  * T_motor_a - T_motor_b changes monotonically, linear piece after piece (at a breakaway it may fall
  * back, never forth). So: walk from limit to limit until the piece that holds the answer, then
- * divide once. Each round passes one piece of one cable, hence the bound; where the settings have a
- * lower one, the motor stays at the end of the last piece, and the next step goes on from there. */
-static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign) {
+ * divide once. Each round passes one piece of one cable, hence the bound; with a lower one, `most`,
+ * the motor stays at the end of the last piece, and the next step goes on from there. */
+static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign, uint32_t most) {
     cable_t *a = &transmission->a;
     cable_t *b = &transmission->b;
     const cable_path_t *path = &transmission->path;
@@ -121,9 +124,6 @@ static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign
     cable_piece_t piece_b = cable_piece(b, path, CABLE_PROXIMAL);
     int32_t arc_nm = transmission->motor.arc_nm;
     int32_t end_nm = arc_nm; /* of the piece, as far as both cables allow */
-    const uint32_t wished = transmission->settings.pieces_per_step;
-    const uint32_t most =
-        wished > 0 && wished < 2 * CABLE_PIECES_MAX ? wished : 2 * CABLE_PIECES_MAX;
     for (uint32_t pieces = 0; pieces < most; pieces++) {
         const int32_t limit_a_nm = -piece_a.limit_nm;
         const int32_t limit_b_nm = piece_b.limit_nm;
@@ -163,7 +163,9 @@ static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign
 void transmission_step_torque(transmission_t *transmission, int32_t motor_torque_unm,
                               int32_t load_arc_nm) {
     load_arc_nm = fixed_clamp(load_arc_nm, -INT32_MAX, INT32_MAX);
-    follow_load(transmission, load_arc_nm);
+    const uint32_t wished = transmission->settings.pieces_per_step;
+    const uint32_t most = wished > 0 && wished < MOST_PIECES ? wished : MOST_PIECES;
+    const uint32_t passed = follow_load(transmission, load_arc_nm, most / 2);
     uint32_t *saturations = &transmission->saturations;
     const int32_t force =
         fixed_scale(motor_torque_unm, transmission->force_per_motor_torque, saturations);
@@ -175,7 +177,7 @@ void transmission_step_torque(transmission_t *transmission, int32_t motor_torque
     const bool shaking =
         sign == -transmission->motor.sign && missing * sign <= transmission->dead_band_un;
     if (missing != 0 && !shaking) {
-        wind_motor(transmission, force, sign);
+        wind_motor(transmission, force, sign, most - passed);
     }
     collect(transmission);
 }

@@ -30,9 +30,9 @@ typedef struct {
     int32_t motor_dead_band_nm;  /* position-position mode */
     int32_t motor_dead_band_unm; /* torque-position mode */
     int32_t load_dead_band_nm;
-    /* Torque-position mode: a step winds the motor through no more pieces of the cables than this,
-     * and the next step goes on; 0: through all. A whole profile that turns over at once then takes
-     * two steps, and no step takes longer than it may. */
+    /* Torque-position mode: a step moves the ends through no more pieces of the cables than this,
+     * and the next step goes on; 0: through all. Profiles that turn over at once then take a few
+     * steps, and no step takes longer than it may. */
     uint32_t pieces_per_step;
 } transmission_settings_t;
 
