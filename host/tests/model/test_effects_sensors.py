@@ -195,7 +195,6 @@ def test_a_late_load_encoder_loses_no_corner_between_samples() -> None:
         ("pulley_eccentricity", {"e": 0.03, "phase_rad": 2.0}),
         ("pulley_eccentricity", {"load_e": 0.03, "load_phase_rad": 2.0}),
         ("cogging", {"amplitude_nm": 0.02, "harmonic": 7, "phase_rad": np.pi / 2}),
-        ("motor_inertia", {"inertia_kg_m2": 5e-5}),
         ("load_inertia", {"inertia_kg_m2": 5e-3}),
         ("gravity_imbalance", {"amplitude_nm": 0.3, "phase_rad": 1.0}),
     ],

@@ -20,6 +20,7 @@ import numpy as np
 from bowden.model import mesh_events, mesh_implicit
 from bowden.model.description import Model
 from bowden.model.errors import ModelError
+from bowden.model.layers import refuse_layers
 from bowden.model.mesh import rest_state, tables
 from bowden.model.mesh_solver import (
     chain_state,
@@ -161,6 +162,7 @@ def simulate_closed_loop(
     """
     given = Inputs(time_s, motor_torque_nm=np.zeros_like(time_s), load_angle_rad=load_angle_rad)
     time_s, _, load = given.for_mode(Mode.TORQUE_POSITION)
+    refuse_layers(model.effects, "a closed loop")
     pair = model.transmission
     r_motor, r_load = pair.motor_pulley_radius_m, pair.load_pulley_radius_m
     ratio = r_load / r_motor

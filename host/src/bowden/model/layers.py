@@ -109,8 +109,8 @@ class Layers:
         Returns
         -------
         ndarray of shape (n,), s
-            The recording's times, and others before them by each channel's delay: there a late
-            channel has its corners.
+            The recording's times, and others before them by each channel's delay, where a late
+            channel has its corners, and in between, where an effect needs shorter steps.
         """
         delays = [
             one.values[channel.late_by]
@@ -119,7 +119,8 @@ class Layers:
             if channel.late_by is not None
         ]
         time_s = np.asarray(inputs.time_s, dtype=np.float64)
-        times = _with_earlier(time_s, delays)
+        longest = min((one.variant.longest_step_s for one in self._layers), default=np.inf)
+        times = _cut(_with_earlier(time_s, delays), longest)
         series: dict[str, FloatArray] = {"time_s": times}
         for name in (*self._given, "conduit_temperature_c"):
             values = getattr(inputs, name)
@@ -190,6 +191,18 @@ def _depth(one: InForce) -> tuple[int, int, int]:
 
 def _channel(one: InForce, name: str) -> Channel | None:
     return next((channel for channel in one.variant.channels if channel.name == name), None)
+
+
+def _cut(time_s: FloatArray, longest_s: float) -> FloatArray:
+    """Return the times with others evenly between those that lie further apart."""
+    steps = np.diff(time_s)
+    parts = np.maximum(np.ceil(steps / longest_s - 1e-6), 1).astype(int)
+    if not np.any(parts > 1):
+        return time_s
+    which = np.repeat(np.arange(steps.size), parts)
+    share = (np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[which]
+    cut: FloatArray = np.append(time_s[which] + share * steps[which], time_s[-1])
+    return cut
 
 
 def _with_earlier(time_s: FloatArray, delays: Sequence[float]) -> FloatArray:

@@ -170,6 +170,17 @@ def step(
 
 
 @compiled_in_place
+def pull_of_mass(mass_kg: float, speed: float, dt: float, dt_before: float) -> tuple[float, float]:
+    """Return the pull of the motor's inertia on the cables and its fall with the motor's motion.
+
+    Backward Euler: pull = -mass (x/dt - speed) / step for a displacement x in this sample, N, and
+    its fall with x, N/m. Its damping only touches what rings.
+    """
+    step = 0.5 * (dt + dt_before) if dt_before > 0.0 else dt
+    return mass_kg * speed / step, mass_kg / (dt * step)
+
+
+@compiled_in_place
 def stick_at_rest(
     t: Tables, s: State, motor: float, load: float, dt: float, dead_band: float, rest_s: float
 ) -> None:
@@ -195,6 +206,7 @@ def run(
     time: FloatArray,
     motor: FloatArray,
     load: FloatArray,
+    mass_kg: float,
     dead_band: float,
     rest_s: float,
     out: FloatArray,
@@ -204,8 +216,9 @@ def run(
     `motor` and `load` are forces (difference of tensions, N) at the free pulley and displacements
     (of cable a's end, outward, m) at the other. Row of `out`: free pulley's displacement, T1a, TLa,
     T1b, TLb, flags. Returns the number of samples in which a step did not end (always 0).
+    `mass_kg` is the motor's inertia over its radius squared; it counts where the motor is free.
     """
-    failed, place = 0, 0.0
+    failed, place, speed, dt_before = 0, 0.0, 0.0, 0.0
     force_before, x_before, y_before = 0.0, motor[0], load[0]
     for i in range(time.size):
         dt = time[i] - time[i - 1] if i > 0 else 0.0
@@ -215,7 +228,13 @@ def run(
             force, x = motor[i], 0.0
         elif free == 1:
             force, y = load[i], 0.0
-        moved, flags = step(t, s, free, force_before if i > 0 else force, force, 0.0, x, y)
+        before, spring = force_before if i > 0 else force, 0.0
+        if free == 0 and mass_kg > 0.0 and i > 0:
+            before = s.end_n[0, 0] - s.end_n[1, 0]
+            pull, spring = pull_of_mass(mass_kg, speed, dt, dt_before)
+            force += pull
+        moved, flags = step(t, s, free, before, force, spring, x, y)
+        speed, dt_before = moved / dt if i > 0 else 0.0, dt
         place += moved
         if free == 0:
             x = moved
@@ -223,7 +242,7 @@ def run(
             y = moved
         if t.sticks:
             stick_at_rest(t, s, x, y, dt, dead_band, rest_s)
-        force_before, x_before, y_before = force, motor[i], load[i]
+        force_before, x_before, y_before = motor[i] if free == 0 else force, motor[i], load[i]
         failed += flags >> 3
         out[i, 0] = place
         out[i, 1] = s.end_n[0, 0]

@@ -34,6 +34,7 @@ from bowden.model.mesh_chain import (
     set_tensions,
     solve,
 )
+from bowden.model.mesh_events import pull_of_mass
 from bowden.model.trajectory import NOT_CARRIED, FloatArray
 
 FRONTS_RUN = 6  # rounds in which fronts run ahead, see `mesh_chain.sweep`
@@ -404,6 +405,7 @@ def run(
     time: FloatArray,
     motor: FloatArray,
     load: FloatArray,
+    mass_kg: float,
     factor: FloatArray,
     longer: FloatArray,
     out: FloatArray,
@@ -413,6 +415,7 @@ def run(
     `factor` and `longer` are those of `Histories`, of one sample where nothing changes.
     """
     failed, place, n, force_before, speed = 0, 0.0, t.wrap.shape[2], 0.0, 0.0
+    dt_before = 0.0
     for i in range(time.size):
         # The first sample applies the first torque; it has no duration, so it takes the next one's.
         dt = time[i] - time[i - 1] if i > 0 else time[1] - time[0]
@@ -424,12 +427,18 @@ def run(
         elif free == 1:
             y = speed * dt
         extra = longer[i] - longer[i - 1] if 0 < i < longer.size else longer[0] if i == 0 else 0.0
+        spring = 0.0
+        if free == 0 and mass_kg > 0.0 and i > 0:
+            force_before = s.tension[0, 0] - s.tension[1, 0]
+            pull, spring = pull_of_mass(mass_kg, speed, dt, dt_before)
+            force += pull
         moved, flags = sample(
-            t, s, p, free, force_before, force, 0.0, x, y, factor[i % factor.size], extra, dt
+            t, s, p, free, force_before, force, spring, x, y, factor[i % factor.size], extra, dt
         )
         force_before = force
+        dt_before = dt
         place += moved
-        speed = moved / dt
+        speed = moved / dt if i > 0 else 0.0
         failed += flags >> 3
         out[i, 0] = place
         out[i, 1] = max(s.tension[0, 0], 0.0)

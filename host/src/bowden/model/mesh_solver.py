@@ -66,6 +66,7 @@ def simulate_mesh(  # noqa: PLR0917
     motor_end = motor / r_motor if free == 0 else motor * r_motor
     load_end = load / r_load if free == 1 else load * -r_load
     out = np.zeros((time_s.size, 6))
+    mass_kg = transmission.motor_inertia_kg_m2 / r_motor**2
     factor, longer = _series(histories or Histories(), time_s.size)
     changing = bool(np.any(factor != 1.0) or np.any(longer != 0.0))
     if needs_implicit_steps(transmission) or changing:
@@ -77,6 +78,7 @@ def simulate_mesh(  # noqa: PLR0917
             time_s,
             motor_end,
             load_end,
+            mass_kg,
             factor,
             longer,
             out,
@@ -89,6 +91,7 @@ def simulate_mesh(  # noqa: PLR0917
             time_s,
             motor_end,
             load_end,
+            mass_kg,
             transmission.velocity_dead_band_m_per_s,
             transmission.rest_time_s,
             out,

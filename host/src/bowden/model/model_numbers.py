@@ -104,7 +104,8 @@ def _mesh_only(pair: Transmission, effects: Sequence[InForce]) -> str:
     for one in effects:
         if one.variant.histories is not None:
             return one.effect.name
-    return "" if pair.is_plain else "an effect of cables or pulleys"
+    plain = pair.is_plain and pair.motor_inertia_kg_m2 == 0.0
+    return "" if plain else "an effect of cables or pulleys"
 
 
 def _plain_friction(pair: Transmission) -> bool:

@@ -113,6 +113,8 @@ class Transmission:
         Compliance that follows with a delay, over the one that follows at once.
     creep_time_s : float, s, > 0
         Time constant of that delay, at constant tension.
+    motor_inertia_kg_m2 : float, kg m2, >= 0
+        Of the motor and its pulley; counts with the motor's torque given.
     motor_bearing_nm, load_bearing_nm : float, N m, >= 0
         Dry friction between a torque that is given and its pulley.
     load_play_rad : float, rad, >= 0
@@ -135,6 +137,7 @@ class Transmission:
     stiffening: float = 0.0
     creep_share: float = 0.0
     creep_time_s: float = 1.0
+    motor_inertia_kg_m2: float = 0.0
     motor_bearing_nm: float = 0.0
     load_bearing_nm: float = 0.0
     load_play_rad: float = 0.0
@@ -191,6 +194,12 @@ class Transmission:
             ("memory_s", law.memory_s, 0 <= law.memory_s < np.inf, ">= 0"),
             ("presliding_m", law.presliding_m, 0 <= law.presliding_m < np.inf, ">= 0"),
             ("lag_s", law.lag_s, 0 <= law.lag_s < np.inf, ">= 0"),
+            (
+                "motor_inertia_kg_m2",
+                self.motor_inertia_kg_m2,
+                0 <= self.motor_inertia_kg_m2 < np.inf,
+                ">= 0",
+            ),
             ("stiffening", self.stiffening, 0 <= self.stiffening < 1, "0 .. 1"),
             ("creep_share", self.creep_share, 0 <= self.creep_share < np.inf, ">= 0"),
             ("creep_time_s", self.creep_time_s, _positive(self.creep_time_s), "> 0"),

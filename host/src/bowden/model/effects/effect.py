@@ -153,6 +153,8 @@ class Variant:
     sees : tuple of str
         Which channels `histories` looks at.
     channels : tuple of Channel
+    longest_step_s : float
+        Between samples: where a recording has longer ones, straight lines are cut into shorter.
     """
 
     where: str
@@ -161,6 +163,7 @@ class Variant:
     histories: Callable[[Signals, Transmission, Values], Histories] | None = None
     sees: tuple[str, ...] = ()
     channels: tuple[Channel, ...] = ()
+    longest_step_s: float = math.inf
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,22 +1,37 @@
 """Mass of the motor's rotor and of the handle: torque in proportion to acceleration.
 
-Motor: what reaches the cables is the motor's torque less J times its acceleration. Load: the cell
-sits behind the handle's inertia and reads the cables' torque less J times the acceleration.
+Motor: what reaches the cables is the motor's torque less J times its acceleration. With its torque
+given, the mesh solves for the acceleration as it goes along (backward Euler in steps of `STEP_S`),
+so that a motor on a soft cable rings as it does. With its angle given, the acceleration is that of
+`derivative`.
+
+Load: the cell sits behind the handle's inertia and reads the cables' torque less J times the
+acceleration.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from bowden.model.effects.derivative import acceleration
 from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
 from bowden.model.trajectory import FloatArray
+from bowden.model.transmission import Transmission
+
+STEP_S = 5e-4  # a tenth of the period of a light motor on a stiff cable
 
 
 def _torque(around: Signals, angle: str, p: Values) -> FloatArray:
     return p["inertia_kg_m2"] * acceleration(around["time_s"], around[angle])
 
 
+def _motor_pair(pair: Transmission, p: Values) -> Transmission:
+    return replace(pair, motor_inertia_kg_m2=pair.motor_inertia_kg_m2 + p["inertia_kg_m2"])
+
+
 def _motor_undone(values: FloatArray, around: Signals, p: Values) -> FloatArray:
-    return values - _torque(around, "motor_angle_rad", p)
+    del around, p  # the mesh does it
+    return values
 
 
 def _motor_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
@@ -42,12 +57,10 @@ MOTOR = Effect(
     variants=(
         Variant(
             "",
-            (_size(1e-4, 2e-5, "of rotor and pulley"),),
-            channels=(
-                Channel(
-                    "motor_torque_nm", _motor_undone, _motor_applied, sees=("motor_angle_rad",)
-                ),
-            ),
+            (_size(3e-4, 2e-5, "of rotor and pulley"),),
+            pair=_motor_pair,
+            channels=(Channel("motor_torque_nm", _motor_undone, _motor_applied),),
+            longest_step_s=STEP_S,
         ),
     ),
     law="torque on the cables = motor torque - J theta_m''",
