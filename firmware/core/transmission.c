@@ -164,8 +164,9 @@ void transmission_step_torque(transmission_t *transmission, int32_t motor_torque
                               int32_t load_arc_nm) {
     load_arc_nm = fixed_clamp(load_arc_nm, -INT32_MAX, INT32_MAX);
     const uint32_t wished = transmission->settings.pieces_per_step;
-    const uint32_t most = wished > 0 && wished < MOST_PIECES ? wished : MOST_PIECES;
-    const uint32_t passed = follow_load(transmission, load_arc_nm, most / 2);
+    const uint32_t most = wished > 0 && wished < MOST_PIECES ? wished : 2u * MOST_PIECES;
+    const uint32_t passed = follow_load(
+        transmission, load_arc_nm, most / 2 < CABLE_PIECES_MAX ? most / 2 : CABLE_PIECES_MAX);
     uint32_t *saturations = &transmission->saturations;
     const int32_t force =
         fixed_scale(motor_torque_unm, transmission->force_per_motor_torque, saturations);

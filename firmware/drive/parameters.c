@@ -12,7 +12,7 @@
 #define DEAD_BAND_COUNTS 1
 
 /* What a control tick has time for besides everything else, see docs/compensation.md. */
-#define PIECES_PER_TICK 24
+#define PIECES_PER_TICK 20
 
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
