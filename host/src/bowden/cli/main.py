@@ -32,6 +32,7 @@ COMMANDS = {
     "simulate": "run the offline model on a recording's inputs",
     "compare": "compare recordings with the offline model",
     "calibrate": "fit named parameters of a model to recordings",
+    "diagnose": "name the effect that a model lacks, or say that nothing is missing",
     "experiment": "run one of the paper's experiments on the offline model",
     "estimate": "stiffness, friction or pretension from recordings, with intervals",
     "sweep": "run an experiment over a grid or random draws of parameters",

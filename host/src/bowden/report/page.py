@@ -35,6 +35,14 @@ td { text-align: right; border-bottom: 1px solid var(--line); padding: 6px 0 6px
 th:first-child, td:first-child { text-align: left; padding-left: 0; white-space: normal;
   overflow-wrap: anywhere; }
 figure { margin: 6px 0 0; }
+.tiles { display: flex; flex-wrap: wrap; gap: 12px; margin: 0 0 8px; }
+.tiles div { flex: 1 1 150px; border: 1px solid var(--line); border-radius: 8px;
+  padding: 12px 16px; }
+.tiles b { display: block; font-size: 21px; font-weight: 620; line-height: 1.3;
+  font-variant-numeric: tabular-nums; white-space: nowrap; }
+.tiles span { color: var(--soft); font-size: 13px; line-height: 1.35; display: block; }
+ul { margin: 6px 0 12px; padding-left: 1.3em; max-width: 46em; }
+.command { white-space: pre-wrap; border-left: 3px solid var(--blue); }
 details { margin: 12px 0; }
 summary { cursor: pointer; color: var(--soft); }
 pre { background: #f7f8f9; padding: 14px 18px; font-size: 13px; line-height: 1.45;
@@ -59,8 +67,9 @@ class Section:
     Parameters
     ----------
     title : str
+        Empty: no heading.
     body : sequence of str
-        HTML from `paragraph`, `table`, `listing` and `figure`, in order.
+        HTML from `paragraph`, `table`, `listing`, `figure` and the like, in order.
     level : int, default 2
         2 or 3, the heading's rank.
     """
@@ -84,9 +93,32 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
+def folded(summary: str, html: str) -> str:
+    """Return HTML that is folded away under its summary."""
+    return f"<details><summary>{escape(summary)}</summary>{html}</details>"
+
+
 def listing(summary: str, text: str) -> str:
     """Return text in fixed pitch, folded away under its summary."""
-    return f"<details><summary>{escape(summary)}</summary><pre>{escape(text)}</pre></details>"
+    return folded(summary, f"<pre>{escape(text)}</pre>")
+
+
+def tiles(figures: Sequence[tuple[str, str]]) -> str:
+    """Return a row of large figures, each (figure, label)."""
+    cells = "".join(
+        f"<div><b>{escape(value)}</b><span>{escape(label)}</span></div>" for value, label in figures
+    )
+    return f'<div class="tiles">{cells}</div>'
+
+
+def items(texts: Sequence[str]) -> str:
+    """Return texts as a list of points."""
+    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
+
+
+def command(line: str) -> str:
+    """Return a command line to copy."""
+    return f'<pre class="command">{escape(line)}</pre>'
 
 
 def figure(plot: go.Figure, name: str) -> str:
@@ -117,10 +149,7 @@ def page(
     facts : mapping of str to str
         Files, versions, hashes: the small print at the end.
     """
-    body = "".join(
-        f"<section><h{part.level}>{escape(part.title)}</h{part.level}>{''.join(part.body)}</section>"
-        for part in sections
-    )
+    body = "".join(f"<section>{_heading(part)}{''.join(part.body)}</section>" for part in sections)
     small_print = "".join(
         f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()
     )
@@ -133,3 +162,7 @@ def page(
         f'<p class="verdict">{escape(verdict)}</p>{body}'
         f"<footer><dl>{small_print}</dl></footer></main></body></html>\n"
     )
+
+
+def _heading(part: Section) -> str:
+    return f"<h{part.level}>{escape(part.title)}</h{part.level}>" if part.title else ""

@@ -1,0 +1,135 @@
+"""Name the effect that a model lacks to explain recordings, or say that nothing is missing.
+
+Known numbers move first, within the tolerances of the model file; then every effect of the
+catalogue is tried inside the simulator and judged on data that were held back. The verdict is
+named, complete, unlisted (something that no catalogue entry explains), ambiguous, or
+insufficient_excitation. The same seed gives the same answer.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.cli.model_arguments import (
+    add_mode_argument,
+    add_model_argument,
+    mode_of,
+    read_model,
+)
+from bowden.cli.output import add_json_argument, console, print_json, progress
+
+if TYPE_CHECKING:
+    from bowden.diagnosis.diagnose import Diagnosis
+
+EXAMPLES = """examples:
+  bowden diagnose rig.yaml run.csv --report diagnosis.html
+  bowden diagnose rig.yaml one.blf two.blf --write-model extended.yaml --json > diagnosis.json
+"""
+
+_RANKED = 6
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    add_model_argument(parser)
+    parser.add_argument(
+        "recordings", metavar="REC", type=Path, nargs="+", help="recording (.csv or .blf)"
+    )
+    add_mode_argument(parser)
+    parser.add_argument(
+        "--report", metavar="OUT.html", type=Path, help="write a report that opens anywhere"
+    )
+    parser.add_argument(
+        "--write-model", metavar="OUT.yaml", type=Path, help="write the model with its effects"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="0 or more (default: 0)")
+    add_json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose, write model and report, print the verdict."""
+    from bowden.diagnosis.diagnose import diagnose  # noqa: PLC0415  (keeps --help fast)
+    from bowden.errors import BadInput  # noqa: PLC0415
+    from bowden.recording.read import read_recording  # noqa: PLC0415
+
+    if args.seed < 0:
+        raise BadInput("--seed", str(args.seed), "0 or more")
+    model = read_model(args.model)
+    recordings = [read_recording(path) for path in args.recordings]
+    with progress() as bar:
+        task = bar.add_task("diagnosing", total=1.0)
+        diagnosis = diagnose(
+            model,
+            recordings,
+            mode_of(args),
+            seed=args.seed,
+            progress=lambda stage, share: bar.update(task, description=stage, completed=share),
+        )
+    if args.write_model:
+        _write_model(diagnosis, args.write_model, [path.name for path in args.recordings])
+    if args.report:
+        _write_report(diagnosis, args.report, str(args.model))
+    _show(diagnosis)
+    for name, path in (("model", args.write_model), ("report", args.report)):
+        if path:
+            console().print(f"{name}: {path}", soft_wrap=True)
+    if args.json:
+        written = str(args.write_model) if args.write_model else None
+        print_json(diagnosis.to_document() | {"model": written})
+    return 0
+
+
+def _write_model(diagnosis: Diagnosis, path: Path, recordings: list[str]) -> None:
+    """Write the calibrated model with its effects, and where they come from."""
+    from bowden.model import format_model  # noqa: PLC0415
+    from bowden.recording.atomic import replace_whole  # noqa: PLC0415
+
+    gap = diagnosis.gap
+    provenance = (
+        f"# bowden diagnose: {diagnosis.verdict}; recordings {', '.join(recordings)}; "
+        f"seed {diagnosis.seed}\n"
+        f"# {gap.quantity}, {gap.metric}: {gap.before:.4g} before, {gap.after:.4g} after, "
+        f"noise floor {gap.noise_floor:.4g}\n"
+    )
+    with replace_whole(path) as temporary:
+        temporary.write_text(provenance + format_model(diagnosis.model), encoding="utf-8")
+
+
+def _write_report(diagnosis: Diagnosis, path: Path, model: str) -> None:
+    from bowden.recording.atomic import replace_whole  # noqa: PLC0415
+    from bowden.report.diagnosis import diagnosis_report  # noqa: PLC0415
+
+    html = diagnosis_report(diagnosis, {"model file": model})
+    with replace_whole(path) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+
+
+def _show(diagnosis: Diagnosis) -> None:
+    """Tell people, on stderr, what came out."""
+    from rich import box  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    out = console()
+    out.print(f"[bold]{diagnosis.verdict.replace('_', ' ')}[/]: {diagnosis.sentence}")
+    for one in diagnosis.effects:
+        for name, value in one.parameters.items():
+            out.print(
+                f"  {one.name}.{name} = {value.value:.4g} {value.unit} "
+                f"({value.low:.3g} .. {value.high:.3g}), confidence {one.confidence:.2f}"
+            )
+    for finding in diagnosis.quality:
+        out.print(f"{finding.severity}: {finding.text}")
+    if diagnosis.ranking:
+        table = Table("candidate", box=box.SIMPLE_HEAD, pad_edge=False)
+        for name in ("score", "held-out gap"):
+            table.add_column(name, justify="right", no_wrap=True)
+        for ranked in diagnosis.ranking[:_RANKED]:
+            place = f" ({ranked.variant})" if ranked.variant else ""
+            table.add_row(
+                f"{ranked.name}{place}", f"{ranked.score:.1f}", f"{ranked.held_out_gap:.3g}"
+            )
+        out.print(table)
+    if diagnosis.next_experiment:
+        out.print(f"next: {diagnosis.next_experiment}")

@@ -1,0 +1,300 @@
+"""Effects of the catalogue as numbers that a search can move, and a first look at what each gains.
+
+An `Effect` of the model's catalogue becomes `Candidate`s, one a variant. `screen` simulates a
+candidate at a finite strength, from a few starting shapes, and asks how much of the weighted
+residual that change would take away together with the numbers that move already: a hundred
+simulations instead of thousands. `select` fits the promising ones.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from bowden.diagnosis.fit import Fit, Fitted
+from bowden.model import Model, ModelError
+from bowden.model.effects import CATALOGUE
+from bowden.model.effects.effect import Effect, Parameter, Variant
+
+_Floats = NDArray[np.float64]
+
+BELOW = 100.0  # a weak effect may be that much weaker than the weakest that is usual
+OVERSHOOT = 3.0  # how far beyond its first guess a strength may be taken on one secant
+MOST_SHAPES = 24
+
+
+@dataclass(frozen=True)
+class EffectNumber:
+    """A parameter of an effect in a model, on the search's scale; a `fit.Movable`.
+
+    Parameters
+    ----------
+    path : str
+        ``effects[0].mu_v_s_per_m``.
+    parameter : Parameter
+    """
+
+    path: str
+    parameter: Parameter
+
+    @property
+    def low(self) -> float:
+        """Lower bound on the search's scale; phases go round."""
+        one = self.parameter
+        if one.period is not None:
+            return -2.0 * one.period
+        if one.scale == "reciprocal":
+            return 1.0 / (one.high * BELOW)
+        if one.scale == "log":
+            return math.log(max(one.low / (BELOW if one.off is not None else 1.0), 1e-12))
+        return min(one.low, one.off) if one.off is not None else one.low
+
+    @property
+    def high(self) -> float:
+        """Upper bound on the search's scale."""
+        one = self.parameter
+        if one.period is not None:
+            return 3.0 * one.period
+        return 1.0 / one.low if one.scale == "reciprocal" else self.at(one.high)
+
+    @property
+    def scale(self) -> float:
+        """What counts as one step."""
+        one = self.parameter
+        if one.period is not None:
+            return 1.0
+        if one.scale == "log":
+            return 1.0
+        return abs(self.at(one.typical)) or (self.high - self.low) / 2.0
+
+    def value_at(self, x: float) -> float:
+        """Return the value at a point of the search."""
+        one = self.parameter
+        if one.period is not None:
+            return x % one.period
+        if one.scale == "log":
+            return math.exp(x)
+        return 1.0 / x if one.scale == "reciprocal" else x
+
+    def at(self, value: float) -> float:
+        """Return the point of the search for a value."""
+        one = self.parameter
+        if one.period is None and one.scale == "log":
+            return math.log(max(value, 1e-12))
+        return 1.0 / value if one.scale == "reciprocal" else value
+
+    def sigmas_at(self, x: float) -> float:
+        """Nothing is known of an effect beforehand but its bounds."""
+        return 0.0 * x
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at one place."""
+
+    effect: Effect
+    variant: Variant
+
+    @property
+    def name(self) -> str:
+        """The effect's name."""
+        return self.effect.name
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Name and place."""
+        return self.effect.name, self.variant.where
+
+    def numbers(self, index: int) -> tuple[EffectNumber, ...]:
+        """Return what moves of it when it is the model's effect number `index`."""
+        return tuple(
+            EffectNumber(f"effects[{index}].{one.name}", one)
+            for one in self.variant.parameters
+            if not _is_whole(one)
+        )
+
+    def shapes(self) -> Iterator[dict[str, float]]:
+        """Yield starting values of the shape parameters: low, middle, high; phases at 0."""
+        choices = []
+        for one in self.variant.parameters:
+            if one.off is not None:
+                continue
+            if one.period is not None:
+                values = [0.0]
+            elif _is_whole(one):
+                values = [float(k) for k in range(math.ceil(one.low), math.floor(one.high) + 1)]
+            elif one.low > 0.0:
+                values = list(np.geomspace(one.low, one.high, 7)[1:6:2])
+            else:
+                values = list(np.linspace(one.low, one.high, 7)[1:6:2])
+            choices.append([(one.name, float(value)) for value in values])
+        for chosen in itertools.islice(itertools.product(*choices), MOST_SHAPES):
+            yield dict(chosen)
+
+
+def candidates(names: Sequence[str] | None = None) -> list[Candidate]:
+    """Return every variant that the model can compute, of all effects or of the named ones."""
+    return [
+        Candidate(effect, variant)
+        for effect in CATALOGUE.values()
+        if names is None or effect.name in names
+        for variant in effect.variants
+        if variant.is_computed
+    ]
+
+
+def _is_whole(parameter: Parameter) -> bool:
+    """Whether only whole numbers make sense: a count per turn."""
+    return parameter.off is None and parameter.name.startswith(("harmonic", "count"))
+
+
+@dataclass(frozen=True)
+class Screened:
+    """What one candidate from one starting shape promises.
+
+    Parameters
+    ----------
+    candidate : Candidate
+    values : dict of str to float
+        Where a fit should start.
+    gain : float
+        Drop of half the chi-square that the secant promises.
+    step : ndarray of shape (p,)
+        How far the numbers that move already would go, on the search's scale.
+    column : ndarray of shape (m,)
+        Change of the weighted residual from nothing to `values`.
+    secants : ndarray of shape (m, k)
+        Change of the weighted residual by each of its strengths at its usual size.
+    """
+
+    candidate: Candidate
+    values: dict[str, float]
+    gain: float
+    step: _Floats
+    column: _Floats
+    secants: _Floats
+
+
+def screen(fit: Fit, base: Fitted, candidate: Candidate) -> list[Screened]:
+    """Return what a candidate promises, best starting shape first; empty when nothing.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of the model without the candidate.
+    base : Fitted
+        Its optimum.
+    candidate : Candidate
+    """
+    found = (_screen_shape(fit, base, candidate, shape) for shape in candidate.shapes())
+    return sorted((one for one in found if one is not None), key=lambda one: -one.gain)
+
+
+def _screen_shape(
+    fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float]
+) -> Screened | None:
+    strengths = [one for one in candidate.variant.parameters if one.off is not None]
+    phases = [one.name for one in candidate.variant.parameters if one.period is not None]
+    off = {**{one.name: _off(one) for one in strengths}, **shape}
+    probes: list[tuple[dict[str, float], float, bool]] = []  # values, strength, signed
+    for one in strengths:
+        size = _strength(one, one.typical)
+        signed = one.low < 0.0 or bool(phases)
+        probes.append(({**off, one.name: one.typical}, size, signed))
+    if len(strengths) == 1 and len(phases) == 1:
+        quarter = {strengths[0].name: strengths[0].typical, phases[0]: math.pi / 2}
+        probes.append(({**off, **quarter}, probes[0][1], True))
+    columns = []
+    for values, size, _ in probes:
+        change = _change(fit, base, candidate, values)
+        if change is None:
+            return None
+        columns.append(change / size)
+    low = np.array([-np.inf if signed else 0.0 for _, _, signed in probes])
+    secants = np.stack(columns, axis=1)
+    step, amounts, gain = _project(fit, base, secants, low)
+    usual = secants * np.array([size for _, size, _ in probes])
+    if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
+        return Screened(candidate, off, 0.0, step, 0.0 * base.residual, usual)
+    values = dict(off)
+    if len(probes) > len(strengths):
+        size = min(float(np.hypot(*amounts)), _strength(strengths[0], strengths[0].high))
+        values[strengths[0].name] = size
+        values[phases[0]] = float(np.arctan2(amounts[1], amounts[0])) % (2.0 * math.pi)
+    else:
+        for one, amount in zip(strengths, amounts, strict=True):
+            values[one.name] = _value(one, float(amount))
+    # Once more from there: the secant to where the effect would be, not to where it is usual.
+    change = _change(fit, base, candidate, values)
+    if change is None:
+        return None
+    step, share, gain = _project(fit, base, change[:, None], np.zeros(1), OVERSHOOT)
+    for one in strengths:
+        values[one.name] = _value(one, float(share[0]) * _strength(one, values[one.name]))
+    return Screened(candidate, values, gain, step, float(share[0]) * change, usual)
+
+
+def _change(
+    fit: Fit, base: Fitted, candidate: Candidate, values: Mapping[str, float]
+) -> _Floats | None:
+    """Simulate the candidate and return what it does to the weighted residual."""
+    try:
+        model = with_candidate(base.model, candidate, values)
+        fitted = fit.problem.misfit(model).fitted
+    except ModelError:
+        return None
+    change = np.zeros(base.residual.size)
+    change[: fitted.size] = fitted - base.residual[: fitted.size]
+    return change
+
+
+def with_candidate(model: Model, candidate: Candidate, values: Mapping[str, float]) -> Model:
+    """Return the model with the candidate appended to its effects."""
+    return model.with_effect(candidate.name, dict(values))
+
+
+def _project(
+    fit: Fit, base: Fitted, columns: _Floats, low: _Floats, high: float = np.inf
+) -> tuple[_Floats, _Floats, float]:
+    """Return steps of the moving numbers, amounts of the columns, and the gain of both together.
+
+    The gain is that beyond what the moving numbers gain alone, which at an optimum is nothing.
+    """
+    moving = base.at.size
+    q, r = np.linalg.qr(np.hstack([base.jacobian, columns]))
+    target = -(q.T @ base.residual)
+    reach = np.maximum(fit.high - base.at, 1e-9), np.minimum(fit.low - base.at, -1e-9)
+    solution = lsq_linear(
+        r,
+        target,
+        bounds=(
+            np.concatenate([reach[1], low]),
+            np.concatenate([reach[0], np.full(columns.shape[1], high)]),
+        ),
+    ).x
+    left = target - r @ solution
+    gain = 0.5 * float(target @ target - left @ left)
+    return solution[:moving], solution[moving:], gain
+
+
+def _off(one: Parameter) -> float:
+    return one.high * 1e6 if one.scale == "reciprocal" else float(one.off or 0.0)
+
+
+def _strength(one: Parameter, value: float) -> float:
+    """How strong an effect is at a value: linear from nothing."""
+    return 1.0 / value if one.scale == "reciprocal" else value - float(one.off or 0.0)
+
+
+def _value(one: Parameter, strength: float) -> float:
+    """Return the value of a strength, within what is plausible."""
+    if one.scale == "reciprocal":
+        return float(np.clip(1.0 / max(strength, 1e-15), one.low, one.high * BELOW))
+    low = min(one.low, float(one.off or 0.0))
+    return float(np.clip(float(one.off or 0.0) + strength, low, one.high))

@@ -1,0 +1,264 @@
+"""From what was tried to what is said: the verdict, how sure it is, and what cannot be told apart.
+
+Takes `select.Selection`, returns frozen results; simulates nothing. `diagnose` puts them together
+with the figures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.calibrate import Estimate
+from bowden.diagnosis.candidates import EffectNumber
+from bowden.diagnosis.fit import Fitted
+from bowden.diagnosis.free_parameters import Free
+from bowden.diagnosis.select import Hypothesis, Selection
+
+_Floats = NDArray[np.float64]
+
+Verdict = Literal["named", "complete", "unlisted", "ambiguous", "insufficient_excitation"]
+
+TIE = 3.0  # of score: odds of 20 to 1
+MOST_TIED = 3
+UNLISTED = 1.35  # of the noise floor: what the best model may leave
+SIGNIFICANT = 4.0  # standard errors by which that must be exceeded
+LOOK_ALIKE = 0.98  # cosine between what two effects do to the data, calibration taken out
+VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
+
+
+@dataclass(frozen=True)
+class Value:
+    """An effect's parameter with its 95 % interval, in SI units."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect of the verdict.
+
+    Parameters
+    ----------
+    name, title, variant : str
+        As in the catalogue.
+    parameters : dict of str to Value
+    confidence : float
+        Probability that this effect is there, 0..1, given that the data are of this rig.
+    """
+
+    name: str
+    title: str
+    variant: str
+    parameters: dict[str, Value]
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What is said.
+
+    Parameters
+    ----------
+    verdict : str
+    effects : tuple of NamedEffect
+    model : Hypothesis
+        That the figures are given for: the chosen one.
+    """
+
+    verdict: Verdict
+    effects: tuple[NamedEffect, ...]
+    model: Hypothesis
+
+
+def decide(selection: Selection, *, rest: float, samples: float) -> Decision:
+    """Word the verdict.
+
+    Parameters
+    ----------
+    selection : Selection
+    rest : float
+        What the chosen model leaves on held-out data, in units of the noise floor.
+    samples : float
+        Independent samples of that.
+    """
+    chosen = selection.chosen
+    # The relative standard error of an RMS is 1 / sqrt(2 n).
+    limit = UNLISTED + SIGNIFICANT / math.sqrt(2.0 * max(samples, 1.0))
+    tie = tied(selection)
+    if rest > limit:
+        return Decision("unlisted", (), chosen)
+    if not chosen.effects:
+        return Decision("complete", (), chosen)
+    names = {frozenset(one.names) for one in tie}
+    verdict: Verdict = "ambiguous" if len(names) > 1 else "named"
+    return Decision(verdict, _named(selection, tie), chosen)
+
+
+def tied(selection: Selection) -> list[Hypothesis]:
+    """Return the chosen hypothesis and those of other names that explain the data as well."""
+    chosen = selection.chosen
+    found = [chosen]
+    seen = {frozenset(chosen.names)}
+    for one in selection.rivals:
+        names = frozenset(one.names)
+        if len(one.effects) == len(chosen.effects) and names not in seen:
+            if chosen.score - one.score < TIE and len(found) < MOST_TIED:
+                found.append(one)
+            seen.add(names)
+    return found if chosen.effects else [chosen]
+
+
+def _named(selection: Selection, tie: Sequence[Hypothesis]) -> tuple[NamedEffect, ...]:
+    sure = confidences(selection)
+    found: dict[str, NamedEffect] = {}
+    for hypothesis in tie:
+        values = intervals(hypothesis)
+        for index, one in enumerate(hypothesis.effects):
+            found.setdefault(
+                one.name,
+                NamedEffect(
+                    one.name,
+                    one.effect.title,
+                    one.variant.where,
+                    values[index],
+                    sure.get(one.name, 0.0),
+                ),
+            )
+    return tuple(found.values())
+
+
+def confidences(selection: Selection) -> dict[str, float]:
+    """Return the probability of each effect's name over all that was fitted.
+
+    Scores are logarithms of evidence; every hypothesis, the calibrated model alone included, is
+    taken for equally likely beforehand.
+    """
+    every = [selection.base, selection.chosen, *selection.rivals]
+    distinct = {one.key: one for one in reversed(every)}
+    best = max(one.score for one in distinct.values())
+    weights = {key: math.exp(one.score - best) for key, one in distinct.items()}
+    total = sum(weights.values())
+    names = {name for one in distinct.values() for name in one.names}
+    return {
+        name: sum(weights[key] for key, one in distinct.items() if name in one.names) / total
+        for name in names
+    }
+
+
+def covariance(fitted: Fitted) -> _Floats:
+    """Return the covariance of what moved, on the search's scale."""
+    return np.asarray(np.linalg.pinv(fitted.jacobian.T @ fitted.jacobian), np.float64)
+
+
+def intervals(hypothesis: Hypothesis) -> list[dict[str, Value]]:
+    """Return each effect's parameters with their 95 % intervals, effect by effect."""
+    fit, fitted = hypothesis.fit, hypothesis.fitted
+    sigma = np.sqrt(np.maximum(np.diag(covariance(fitted)), 0.0)) if fitted.at.size else np.zeros(0)
+    found = []
+    for index, candidate in enumerate(hypothesis.effects):
+        values = {}
+        for parameter in candidate.variant.parameters:
+            path = f"effects[{index}].{parameter.name}"
+            place = [i for i, one in enumerate(fit.parameters) if one.path == path]
+            if not place:
+                value = fitted.model.value(path)
+                values[parameter.name] = Value(value, value, value, parameter.unit)
+                continue
+            number, x, spread = (
+                fit.parameters[place[0]],
+                fitted.at[place[0]],
+                1.96 * sigma[place[0]],
+            )
+            assert isinstance(number, EffectNumber)
+            value = number.value_at(float(x))
+            if parameter.period is not None:
+                ends = [float(value - spread), float(value + spread)]
+            else:
+                ends = [
+                    number.value_at(float(np.clip(x + sign * spread, number.low, number.high)))
+                    for sign in (-1.0, 1.0)
+                ]
+            values[parameter.name] = Value(value, min(ends), max(ends), parameter.unit)
+        found.append(values)
+    return found
+
+
+def calibration(hypothesis: Hypothesis) -> tuple[Estimate, ...]:
+    """Return the numbers of the file that moved, with their 95 % intervals."""
+    fit, fitted = hypothesis.fit, hypothesis.fitted
+    sigma = np.sqrt(np.maximum(np.diag(covariance(fitted)), 0.0)) if fitted.at.size else np.zeros(0)
+    found = []
+    for one, x, spread in zip(fit.parameters, fitted.at, 1.96 * sigma, strict=True):
+        if not isinstance(one, Free):
+            continue
+        value, edge = one.value_at(float(x)), 1e-3 * one.scale
+        found.append(
+            Estimate(
+                path=one.path,
+                before=one.before,
+                value=value,
+                low=one.value_at(max(float(x - spread), one.low)),
+                high=one.value_at(min(float(x + spread), one.high)),
+                tolerance=one.tolerance,
+                change_in_sigmas=one.sigmas_at(float(x)) if one.tolerance else None,
+                at_bound=bool(x < one.low + edge or x > one.high - edge),
+            )
+        )
+    return tuple(found)
+
+
+def look_alikes(selection: Selection) -> tuple[tuple[str, str], ...]:
+    """Return pairs of effects that these recordings cannot separate.
+
+    Two effects look alike where the smallest principal angle between what their strengths do to
+    the weighted data, with what calibration can do taken out, is near zero; pairs that the fits
+    left tied are among them.
+    """
+    base = selection.looked_from
+    seen: dict[str, list[_Floats]] = {}
+    for look in selection.looks:
+        rest = _without(base.jacobian, look.secants)
+        if float(np.linalg.norm(rest, axis=0).max()) > VISIBLE:
+            seen.setdefault(look.candidate.name, []).append(np.linalg.qr(rest)[0])
+    names = list(seen)
+    pairs = {
+        (one, other)
+        for i, one in enumerate(names)
+        for other in names[i + 1 :]
+        if max(float(np.linalg.norm(a.T @ b, 2)) for a in seen[one] for b in seen[other])
+        > LOOK_ALIKE
+    }
+    if selection.chosen.effects:
+        first, *others = tied(selection)
+        for rival in others:
+            a, b = set(first.names) - set(rival.names), set(rival.names) - set(first.names)
+            pairs |= {(x, y) for x in a for y in b if (y, x) not in pairs}
+    return tuple(sorted(pairs))
+
+
+def invisible(selection: Selection) -> tuple[str, ...]:
+    """Return the effects that would not show in these recordings at their usual size."""
+    base = selection.looked_from
+    shown = {
+        look.candidate.name
+        for look in selection.looks
+        if float(np.linalg.norm(_without(base.jacobian, look.secants), axis=0).max()) > VISIBLE
+    }
+    return tuple(sorted({look.candidate.name for look in selection.looks} - shown))
+
+
+def _without(jacobian: _Floats, columns: _Floats) -> _Floats:
+    """Take out of columns what the numbers that move can do."""
+    if not jacobian.shape[1]:
+        return columns
+    q = np.linalg.qr(jacobian)[0]
+    return np.asarray(columns - q @ (q.T @ columns))

@@ -1,0 +1,481 @@
+"""`diagnose`: a model and recordings in, the missing effect with all that is known about it out.
+
+The stages in order: `quality` and `excitation` look at the data, `prepare` makes them ready,
+`select` (with `candidates`, `fit`, `problem`) tries the catalogue, `decide` finds the verdict,
+`localise` and `next_experiment` say where the gap sits and what would tell more. Touches no file;
+`report.diagnosis` draws the result, `cli.diagnose` prints it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.calibrate import Estimate
+from bowden.diagnosis.candidates import candidates
+from bowden.diagnosis.compare import PREDICTED, simulate_recording
+from bowden.diagnosis.decide import (
+    NamedEffect,
+    Verdict,
+    calibration,
+    decide,
+    invisible,
+    look_alikes,
+)
+from bowden.diagnosis.excitation import Excitation, excitation
+from bowden.diagnosis.free_parameters import free_parameters
+from bowden.diagnosis.localise import Place, ResidualMap, Where, localise
+from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
+from bowden.diagnosis.prepare import Prepared, prepare
+from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.quality import Finding, check_quality
+from bowden.diagnosis.select import Progress, Selection, select, silent
+from bowden.model import Mode, Model
+from bowden.model.experiments.variants import with_segments
+from bowden.recording.recording import Recording
+
+_Floats = NDArray[np.float64]
+_Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap in one channel on held-out data; RMS, N m or rad.
+
+    Parameters
+    ----------
+    quantity : str
+        The channel.
+    before : float
+        Of the calibrated model.
+    after : float
+        Of the model with the effects.
+    noise_floor : float
+        What noise, counts and the simulator's own error leave of a model that is right.
+    """
+
+    quantity: str
+    before: float
+    after: float
+    noise_floor: float
+
+    @property
+    def metric(self) -> str:
+        """How it is measured."""
+        return "RMS, held out"
+
+
+@dataclass(frozen=True)
+class Series:
+    """One channel of one recording, for plots, at the recording's own samples.
+
+    Parameters
+    ----------
+    source, quantity : str
+    time_s, measured, before, after, sigma : ndarray of shape (n,)
+    held_out : ndarray of shape (n,), bool
+    zero_sigma : float
+        How well the channel's zero is known, same unit.
+    """
+
+    source: str
+    quantity: str
+    time_s: _Floats
+    measured: _Floats
+    before: _Floats
+    after: _Floats
+    sigma: _Floats
+    held_out: _Flags
+    zero_sigma: float = 0.0
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A candidate that was tried: best of its name and place."""
+
+    name: str
+    variant: str
+    score: float
+    held_out_gap: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict and everything behind it; `to_document` gives the JSON of CONTRACTS.
+
+    Parameters
+    ----------
+    verdict : str
+    sentence : str
+    effects : tuple of NamedEffect
+    ranking : tuple of Ranked
+    cannot_tell_apart : tuple of tuple of str
+    where : tuple of Place
+        Conditions with their share of the calibrated model's gap.
+    where_map : ResidualMap or None
+        That gap over angle and velocity; None where nothing was simulated.
+    gap : Gap
+        In the channel that the verdict is about.
+    gaps : tuple of Gap
+        In every channel that the mode predicts.
+    calibration : tuple of Estimate
+    quality : tuple of Finding
+    excitation : tuple of Excitation
+    next_experiment, next_command : str
+    model : Model
+        Calibrated, with the effects.
+    mode : Mode
+    series : tuple of Series
+    notes : tuple of str
+    seed : int
+    """
+
+    verdict: Verdict
+    sentence: str
+    effects: tuple[NamedEffect, ...]
+    ranking: tuple[Ranked, ...]
+    cannot_tell_apart: tuple[tuple[str, ...], ...]
+    where: tuple[Place, ...]
+    where_map: ResidualMap | None
+    gap: Gap
+    gaps: tuple[Gap, ...]
+    calibration: tuple[Estimate, ...]
+    quality: tuple[Finding, ...]
+    excitation: tuple[Excitation, ...]
+    next_experiment: str
+    next_command: str
+    model: Model
+    mode: Mode
+    series: tuple[Series, ...]
+    notes: tuple[str, ...]
+    seed: int
+
+    def to_document(self) -> dict[str, object]:
+        """Return what ``bowden diagnose --json`` prints; the keys of CONTRACTS and more."""
+        return {
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "effects": [
+                {
+                    "name": one.name,
+                    "variant": one.variant,
+                    "parameters": {name: asdict(value) for name, value in one.parameters.items()},
+                    "confidence": one.confidence,
+                }
+                for one in self.effects
+            ],
+            "ranking": [asdict(one) for one in self.ranking],
+            "cannot_tell_apart": [list(group) for group in self.cannot_tell_apart],
+            "where": [asdict(one) for one in self.where[:PLACES]],
+            "gap": asdict(self.gap) | {"metric": self.gap.metric},
+            "gaps": [asdict(one) | {"metric": one.metric} for one in self.gaps],
+            "calibration": {
+                one.path: {k: v for k, v in asdict(one).items() if k != "path"}
+                for one in self.calibration
+            },
+            "quality": [asdict(one) for one in self.quality],
+            "excitation": [asdict(one) for one in self.excitation],
+            "next_experiment": self.next_experiment,
+            "next_command": self.next_command,
+            "notes": list(self.notes),
+            "mode": self.mode.value,
+            "seed": self.seed,
+            "model": None,
+        }
+
+
+PLACES = 12  # conditions in the JSON
+SEGMENTS = 50  # of a cable, while fitting; what that costs in accuracy is part of sigma
+
+
+def diagnose(
+    model: Model,
+    recordings: Sequence[Recording],
+    mode: Mode = Mode.TORQUE_POSITION,
+    *,
+    seed: int = 0,
+    names: Sequence[str] | None = None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Find what a model lacks to explain recordings.
+
+    Parameters
+    ----------
+    model : Model
+        Numbers with a tolerance may move by about that; effects that it has stay.
+    recordings : sequence of Recording
+        Of one rig. With up to three, blocks of half-cycles are held back for the verdict; with
+        more, every third recording is.
+    mode : Mode, default torque-position
+        Both channels that it predicts count.
+    seed : int, default 0
+        The result depends on nothing else.
+    names : sequence of str, optional
+        Candidates; the whole catalogue when absent.
+    progress : callable (stage, share of the whole), optional
+
+    Raises
+    ------
+    ModelError
+        A recording that the model cannot run at all.
+    """
+    progress("looking at the data", 0.0)
+    quality = check_quality(model, recordings, mode)
+    contents = excitation(model, recordings, mode)
+    if any(one.severity == "stop" for one in quality):
+        return _stopped(model, mode, quality, contents, seed)
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        coarse = _coarse(model)
+        ready = prepare(coarse, mode, recordings, seed, pool)
+        problem = Problem(mode, [one.thin for one in ready])
+        moving = free_parameters(model) if model.free_parameters() else []
+        selection = select(coarse, moving, candidates(names), problem, pool=pool, progress=progress)
+        progress("judging", 0.9)
+        series = _series(selection, mode, ready, pool)
+    gaps = tuple(_gap(name, series) for name in PREDICTED[mode])
+    whole = Problem(mode, [one.whole for one in ready])
+    rest, samples = _rest(selection.problem, whole, series)
+    decision = decide(selection, rest=rest, samples=samples)
+    hidden = invisible(selection)
+    verdict = decision.verdict
+    if verdict == "complete" and len({x.candidate.name for x in selection.looks}) <= len(hidden):
+        verdict = "insufficient_excitation"
+    where = _where(selection, mode, ready, series, seed)
+    advice = _advice(selection, mode, series)
+    gap = max(gaps, key=lambda one: one.before / one.noise_floor if one.noise_floor else 0.0)
+    if gaps[0].before > 1.1 * gaps[0].noise_floor:
+        gap = gaps[0]
+    notes = [f"Held-out data leave {rest:.2f} of the noise ({samples:.0f} independent samples)."]
+    if not moving:
+        notes.append("The model file states no tolerances, so nothing was calibrated.")
+    if hidden:
+        notes.append(f"Would not show here at their usual size: {', '.join(hidden)}.")
+    return Diagnosis(
+        verdict=verdict,
+        sentence=_sentence(verdict, decision.effects, gap, where),
+        effects=decision.effects,
+        ranking=_ranking(selection),
+        cannot_tell_apart=look_alikes(selection),
+        where=where.places,
+        where_map=where.map,
+        gap=gap,
+        gaps=gaps,
+        calibration=calibration(decision.model),
+        quality=quality,
+        excitation=contents,
+        next_experiment=advice.text if advice else "",
+        next_command=advice.command if advice else "",
+        model=_as_solved_before(decision.model.fitted.model, model),
+        mode=mode,
+        series=series,
+        notes=tuple(notes),
+        seed=seed,
+    )
+
+
+def _stopped(
+    model: Model,
+    mode: Mode,
+    quality: tuple[Finding, ...],
+    contents: tuple[Excitation, ...],
+    seed: int,
+) -> Diagnosis:
+    """Return what is said where the data allow no verdict."""
+    gaps = tuple(Gap(name, float("nan"), float("nan"), float("nan")) for name in PREDICTED[mode])
+    return Diagnosis(
+        verdict="insufficient_excitation",
+        sentence=f"No verdict: {quality[0].text}",
+        effects=(),
+        ranking=(),
+        cannot_tell_apart=(),
+        where=(),
+        where_map=None,
+        gap=gaps[0],
+        gaps=gaps,
+        calibration=(),
+        quality=quality,
+        excitation=contents,
+        next_experiment=f"Record again, without this: {quality[0].text}",
+        next_command="",
+        model=model,
+        mode=mode,
+        series=(),
+        notes=("Nothing was fitted.",),
+        seed=seed,
+    )
+
+
+def _sentence(verdict: Verdict, effects: Sequence[NamedEffect], gap: Gap, where: Where) -> str:
+    """Say the verdict in one sentence or two."""
+    scale, unit = (1e3, "mrad") if gap.quantity.endswith("_rad") else (1e3, "mN m")
+    channel = gap.quantity.rpartition("_")[0].replace("_", " ")
+    before, after, floor = (
+        f"{scale * value:.3g} {unit}" for value in (gap.before, gap.after, gap.noise_floor)
+    )
+    titles = [_title(one) for one in effects]
+    if verdict == "named":
+        return (
+            f"The model lacks {' and '.join(titles)}: with it, the held-out gap in {channel} "
+            f"falls from {before} to {after}; the noise floor is {floor}."
+        )
+    if verdict == "ambiguous":
+        return (
+            f"The model lacks {' or '.join(titles)}; these recordings cannot say which. Either "
+            f"brings the held-out gap in {channel} from {before} to about {after}."
+        )
+    if verdict == "unlisted":
+        place = next((f" It sits at: {one.condition}." for one in where.places[:1]), "")
+        return (
+            f"Something is missing that no effect of the catalogue explains: the best leaves "
+            f"{after} in {channel}, the noise floor is {floor}.{place}"
+        )
+    if verdict == "complete":
+        return (
+            f"Nothing is missing beyond what calibration within the tolerances explains: the "
+            f"held-out gap in {channel} is {before}, the noise floor {floor}."
+        )
+    return "These recordings would show no effect of the catalogue at its usual size."
+
+
+def _title(one: NamedEffect) -> str:
+    return one.title[0].lower() + one.title[1:] + (f" ({one.variant})" if one.variant else "")
+
+
+def _where(
+    selection: Selection,
+    mode: Mode,
+    ready: Sequence[Prepared],
+    series: Sequence[Series],
+    seed: int,
+) -> Where:
+    """Find where the calibrated model alone is wrong, in the channel where that is clearest."""
+
+    def size(name: str) -> float:
+        of = [_in_sigmas(one, one.before) for one in series if one.quantity == name]
+        return float(np.mean(np.concatenate(of) ** 2))
+
+    name = max(PREDICTED[mode], key=size)
+    recordings = [one.whole.recording for one in ready]
+    model = selection.base.fitted.model
+    return localise(
+        [_in_sigmas(one, one.before) for one in series if one.quantity == name],
+        recordings,
+        [simulate_recording(model, mode, one) for one in recordings],
+        seed=seed,
+    )
+
+
+def _advice(selection: Selection, mode: Mode, series: Sequence[Series]) -> NextExperiment | None:
+    """Choose what would tell the best hypotheses apart."""
+    order = [selection.chosen, *selection.rivals, selection.base]
+    named: dict[str, Model] = {}
+    for one in order:
+        named.setdefault(" and ".join(one.names) or "no effect", one.fitted.model)
+    sigma = {
+        name: float(np.median(np.concatenate([x.sigma for x in series if x.quantity == name])))
+        for name in PREDICTED[mode]
+    }
+    return next_experiment(list(named.items())[:2], mode, sigma)
+
+
+def _as_solved_before(fitted: Model, file: Model) -> Model:
+    """Return the fitted model with the numerics of the file."""
+    document = fitted.document.model_copy(update={"numerics": file.document.numerics})
+    return replace(fitted, document=document)
+
+
+def _coarse(model: Model) -> Model:
+    """Return the model on the mesh that fits are made on: the same for every candidate."""
+    if model.solver == "lumped":
+        return model
+    segments = model.transmission.segments or SEGMENTS
+    return with_segments(model, min(segments, SEGMENTS))
+
+
+def _series(
+    selection: Selection, mode: Mode, ready: Sequence[Prepared], pool: ThreadPoolExecutor
+) -> tuple[Series, ...]:
+    """Simulate the calibrated and the chosen model on all samples."""
+    models = (selection.base.fitted.model, selection.chosen.fitted.model)
+    problem = Problem(mode, [one.whole for one in ready])
+    jobs = [(model, part) for part in problem.parts for model in models]
+    gaps = list(pool.map(lambda job: problem.gaps(*job), jobs))
+    found = []
+    for number, part in enumerate(problem.parts):
+        before, after = gaps[2 * number], gaps[2 * number + 1]
+        for name, one in part.channels.items():
+            found.append(
+                Series(
+                    source=part.recording.source,
+                    quantity=name,
+                    time_s=part.recording.time_s,
+                    measured=one.measured,
+                    before=one.measured - before[name],
+                    after=one.measured - after[name],
+                    sigma=one.sigma,
+                    held_out=~part.counts,
+                    zero_sigma=one.zero_sigma,
+                )
+            )
+    return tuple(found)
+
+
+def _gap(name: str, series: Sequence[Series]) -> Gap:
+    of = [one for one in series if one.quantity == name]
+
+    def rms(values: list[_Floats]) -> float:
+        return float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
+
+    return Gap(
+        name,
+        rms([(one.measured - one.before)[one.held_out] for one in of]),
+        rms([(one.measured - one.after)[one.held_out] for one in of]),
+        rms([one.sigma[one.held_out] for one in of]),
+    )
+
+
+def _rest(problem: Problem, whole: Problem, series: Sequence[Series]) -> tuple[float, float]:
+    """Return what the chosen model leaves on held-out data, in sigmas, and independent samples.
+
+    In the channel where it is more; each sample counts by what it is worth.
+    """
+    worst, samples = 0.0, 1.0
+    for name in PREDICTED[problem.mode]:
+        share = np.concatenate([part.channels[name].share[~part.counts] for part in whole.parts])
+        of = [one for one in series if one.quantity == name]
+        z = np.concatenate([_in_sigmas(one, one.after)[one.held_out] for one in of])
+        rest = float(np.sqrt(np.sum(share * z**2) / np.sum(share)))
+        if rest > worst:
+            common = min(part.channels[name].common for part in problem.parts)
+            worst, samples = rest, common * float(share.sum())
+    return worst, samples
+
+
+def _in_sigmas(one: Series, simulated: _Floats) -> _Floats:
+    """Return what a model leaves; an angle's zero may be off by a count."""
+    gap = one.measured - simulated
+    if one.quantity.endswith("_rad"):
+        gap = gap - np.clip(np.median(gap), -one.zero_sigma, one.zero_sigma)
+    return np.asarray(gap / one.sigma)
+
+
+def _ranking(selection: Selection) -> tuple[Ranked, ...]:
+    """Every candidate: the fitted ones by their score, then the others by what they promised."""
+    base = selection.base
+    found = []
+    seen: set[tuple[str, str]] = set()
+    for one in selection.rivals:
+        key = one.effects[-1].key
+        if key not in seen:
+            seen.add(key)
+            found.append(Ranked(*key, one.score - base.score, one.fitted.judged_gap))
+    for look in selection.looks:
+        if look.candidate.key not in seen:
+            seen.add(look.candidate.key)
+            found.append(Ranked(*look.candidate.key, 0.0, base.fitted.judged_gap))
+    return tuple(found)

@@ -1,0 +1,242 @@
+"""Bounded least squares with the simulator inside: a `Problem` and what may move go in.
+
+Gauss-Newton on the weighted residuals and the tolerances together. Derivatives are finite
+differences at first and are then corrected from what each step really brought (Broyden), since a
+simulation costs as much as a column. Used by `candidates` and `select`; touches no file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from bowden.diagnosis.problem import Problem
+from bowden.model import Model, ModelError
+
+_Floats = NDArray[np.float64]
+
+STEP = 0.02  # of a parameter's scale: far above the simulator's roughness, far below its bends
+ENOUGH = 0.02  # of chi-square / 2: a step that promises less decides nothing
+ROUNDS = 12
+
+Spread = Callable[
+    [Callable[[_Floats], _Floats | None], Sequence[_Floats]], Iterable[_Floats | None]
+]
+"""How points are simulated: `map` one after the other, or a pool's map side by side."""
+
+
+class Movable(Protocol):
+    """A number of the model as the search sees it; see `free_parameters.Free`."""
+
+    @property
+    def path(self) -> str:
+        """Where it stands in the model file."""
+
+    @property
+    def low(self) -> float:
+        """Lower bound on the search's scale."""
+
+    @property
+    def high(self) -> float:
+        """Upper bound on the search's scale."""
+
+    @property
+    def scale(self) -> float:
+        """What counts as one step."""
+
+    def value_at(self, x: float) -> float:
+        """Return the value at a point of the search."""
+
+    def sigmas_at(self, x: float) -> float:
+        """Return the distance from what is known of it, in tolerances."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Where a search ended.
+
+    Parameters
+    ----------
+    at : ndarray of shape (p,)
+        On the search's scale.
+    model : Model
+    misfit : float
+        Half the chi-square of what was fitted.
+    prior : float
+        Half the sum of squared distances from the stated values, in tolerances.
+    judged : float
+        Half the chi-square of what was not fitted.
+    judged_gap : float
+        RMS of that in the mode's first channel, N m.
+    residual : ndarray of shape (m,)
+        Weighted residuals, then distances in tolerances.
+    jacobian : ndarray of shape (m, p)
+        Of `residual`.
+    """
+
+    at: _Floats
+    model: Model
+    misfit: float
+    prior: float
+    judged: float
+    judged_gap: float
+    residual: _Floats
+    jacobian: _Floats
+
+    @property
+    def cost(self) -> float:
+        """What the search made small."""
+        return self.misfit + self.prior
+
+
+class Fit:
+    """Residuals and derivatives of one set of movable numbers.
+
+    Parameters
+    ----------
+    model : Model
+        Holds every path of `parameters`.
+    parameters : sequence of Movable
+    problem : Problem
+    spread : callable, default map
+        A pool's map to simulate side by side.
+    """
+
+    def __init__(
+        self, model: Model, parameters: Sequence[Movable], problem: Problem, spread: Spread = map
+    ) -> None:
+        self.model, self.parameters, self.problem = model, tuple(parameters), problem
+        self.low = np.array([one.low for one in parameters], dtype=np.float64)
+        self.high = np.array([one.high for one in parameters], dtype=np.float64)
+        self.scale = np.array([one.scale for one in parameters], dtype=np.float64)
+        self._spread = spread
+
+    def model_at(self, at: _Floats) -> Model:
+        """Return the model with its numbers at a point of the search."""
+        pairs = zip(self.parameters, at, strict=True)
+        return self.model.with_values({one.path: one.value_at(float(x)) for one, x in pairs})
+
+    def residual(self, at: _Floats) -> _Floats | None:
+        """Return what is made small at a point; None where the point describes no rig."""
+        try:
+            fitted = self.problem.misfit(self.model_at(at)).fitted
+        except ModelError:
+            return None
+        return np.concatenate([fitted, self.distances(at)])
+
+    def distances(self, at: _Floats) -> _Floats:
+        """Return each number's distance from what the file says, in its tolerances."""
+        pairs = zip(self.parameters, at, strict=True)
+        return np.array([one.sigmas_at(float(x)) for one, x in pairs], dtype=np.float64)
+
+    def jacobian(self, at: _Floats, residual: _Floats, only: Sequence[int] = ()) -> _Floats:
+        """One-sided differences, towards the middle of the bounds; a point that fails gives zero.
+
+        Parameters
+        ----------
+        at : ndarray of shape (p,)
+        residual : ndarray of shape (m,)
+            There.
+        only : sequence of int, optional
+            Columns to compute; all when empty. The others are zero.
+        """
+        columns = list(only) or list(range(at.size))
+        steps = np.where(at + STEP * self.scale <= self.high, 1.0, -1.0) * STEP * self.scale
+        points = [at + steps[i] * np.eye(at.size)[i] for i in columns]
+        result = np.zeros((residual.size, at.size))
+        for i, there in zip(columns, self._spread(self.residual, points), strict=True):
+            if there is not None:
+                result[:, i] = (there - residual) / steps[i]
+        return result
+
+    def fitted_at(self, at: _Floats, residual: _Floats, jacobian: _Floats) -> Fitted:
+        """Gather what is known at a point."""
+        model = self.model_at(at)
+        prior = 0.5 * float(np.sum(self.distances(at) ** 2))
+        misfit = self.problem.misfit(model)
+        return Fitted(
+            at=at,
+            model=model,
+            misfit=0.5 * float(residual @ residual) - prior,
+            prior=prior,
+            judged=0.5 * float(np.sum(misfit.judged**2)),
+            judged_gap=misfit.judged_gap,
+            residual=residual,
+            jacobian=jacobian,
+        )
+
+
+def solve(fit: Fit, start: _Floats, jacobian: _Floats | None = None) -> Fitted:
+    """Search from a point.
+
+    Parameters
+    ----------
+    fit : Fit
+    start : ndarray of shape (p,)
+    jacobian : ndarray of shape (m, p), optional
+        A guess of the derivatives at `start`; taken there when absent.
+
+    Raises
+    ------
+    ModelError
+        The start describes no rig.
+    """
+    at = np.clip(start, fit.low, fit.high)
+    residual = fit.residual(at)
+    if residual is None:
+        fit.problem.misfit(fit.model_at(at))  # says why
+        raise ModelError("the search cannot start here")
+    fresh = jacobian is None
+    matrix = fit.jacobian(at, residual) if jacobian is None else jacobian.copy()
+    damping = 1e-3
+    for _ in range(ROUNDS if at.size else 0):
+        step, promised = _step(fit, at, residual, matrix, damping)
+        if promised < ENOUGH:
+            if fresh:
+                break
+            matrix, fresh = fit.jacobian(at, residual), True
+            continue
+        there = fit.residual(at + step)
+        gained = -np.inf
+        if there is not None:
+            gained = 0.5 * float(residual @ residual - there @ there)
+            # Broyden: the smallest change of the matrix that explains what the step brought.
+            scaled = step / fit.scale**2
+            change = there - residual - matrix @ step
+            if gained > 0.0 or not fresh:
+                matrix = matrix + np.outer(change, scaled) / float(step @ scaled)
+        if there is not None and gained > 0.0:
+            at, residual, fresh = at + step, there, False
+            damping = max(damping / 10.0, 1e-6)
+            if gained < ENOUGH:
+                break
+        elif fresh:
+            damping *= 30.0
+            if damping > 1e5:
+                break
+        else:
+            matrix, fresh = fit.jacobian(at, residual), True
+    return fit.fitted_at(at, residual, matrix)
+
+
+def _step(
+    fit: Fit, at: _Floats, residual: _Floats, matrix: _Floats, damping: float
+) -> tuple[_Floats, float]:
+    """Return the damped Gauss-Newton step within the bounds, and the gain that it promises."""
+    # R of the QR decomposition stands for the thousands of rows.
+    q, r = np.linalg.qr(matrix)
+    target = -(q.T @ residual)
+    ridge = np.sqrt(damping) * np.maximum(np.linalg.norm(r, axis=0), 1e-9)
+    solution = lsq_linear(
+        np.vstack([r, np.diag(ridge)]),
+        np.concatenate([target, np.zeros(at.size)]),
+        bounds=(fit.low - at - 1e-12 * fit.scale, fit.high - at + 1e-12 * fit.scale),
+    )
+    step: _Floats = np.clip(at + solution.x, fit.low, fit.high) - at
+    left = target - r @ step
+    return step, 0.5 * float(target @ target - left @ left)

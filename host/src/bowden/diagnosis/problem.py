@@ -1,0 +1,197 @@
+"""The question that every fit answers: how far from these recordings a model is, in sigmas.
+
+`Part`s (recordings made ready, each channel with its weights) in; weighted residuals and costs of
+any model out. `fit` moves parameters to make the cost small, `select` compares models by it.
+Runs simulations; touches no file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.compare import PREDICTED, simulate_recording
+from bowden.diagnosis.noise import effective_samples
+from bowden.model import Mode, Model, ModelError
+from bowden.recording.recording import Recording
+
+_Floats = NDArray[np.float64]
+_Flags = NDArray[np.bool_]
+
+WHITE = 0.5  # effective samples a sample that white noise is given at least: the sum ends by chance
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured channel that the mode predicts, and how much each sample of it weighs.
+
+    Parameters
+    ----------
+    measured : ndarray of shape (n,)
+        N m or rad.
+    sigma : ndarray of shape (n,)
+        Local standard deviation of measured minus simulated when the model is right; > 0.
+    share : ndarray of shape (n,)
+        Independent samples that each sample is worth, 0..1: `propagate` knows how long errors last.
+    common : float
+        What all are worth beyond that, 0..1, seen in what the best model known leaves.
+    zero_sigma : float
+        How well the channel's zero is known, same unit; 0: exactly. An encoder's zero is known to
+        a fraction of a count.
+    inflation : float
+        By how much the rest of the best model known exceeds `sigma`; >= 1.
+    """
+
+    measured: _Floats
+    sigma: _Floats
+    share: _Floats
+    common: float = 1.0
+    zero_sigma: float = 0.0
+    inflation: float = 1.0
+
+    @property
+    def weight(self) -> _Floats:
+        """What a gap is multiplied with: its square is then that of independent unit normals."""
+        return np.asarray(np.sqrt(self.common * self.share) / (self.inflation * self.sigma))
+
+
+@dataclass(frozen=True)
+class Part:
+    """A recording ready for fits.
+
+    Parameters
+    ----------
+    recording : Recording
+        What the simulator is given; thinned.
+    channels : dict of str to Channel
+    counts : ndarray of shape (n,), bool
+        Samples that are fitted; the others judge.
+    """
+
+    recording: Recording
+    channels: Mapping[str, Channel]
+    counts: _Flags
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far a model is from all parts.
+
+    Parameters
+    ----------
+    fitted, judged : ndarray
+        Residuals in sigmas times the root of their channel's share: their squares add up to the
+        chi-square of as many independent samples as there are. `fitted` ends with what the zeros
+        of the angles cost.
+    judged_gap : float
+        RMS of the mode's first channel over the samples that judge, N m.
+    """
+
+    fitted: _Floats
+    judged: _Floats
+    judged_gap: float
+
+
+class Problem:
+    """A mode and parts, against which models are measured.
+
+    Parameters
+    ----------
+    mode : Mode
+    parts : sequence of Part
+    """
+
+    def __init__(self, mode: Mode, parts: Sequence[Part]) -> None:
+        self.mode, self.parts = mode, tuple(parts)
+
+    def misfit(self, model: Model) -> Misfit:
+        """Simulate every part and weigh what is left.
+
+        Raises
+        ------
+        ModelError
+            The model cannot run a part.
+        """
+        fitted, judged, zeros, raw = [], [], [], []
+        for part in self.parts:
+            for name, gap in self.gaps(model, part).items():
+                channel = part.channels[name]
+                weight = channel.weight
+                z = weight * gap
+                if channel.zero_sigma > 0.0:
+                    # The best shift of the zero under its prior, in closed form.
+                    w = weight[part.counts]
+                    shift = float(w @ z[part.counts]) / float(w @ w + channel.zero_sigma**-2)
+                    z = z - weight * shift
+                    zeros.append(shift / channel.zero_sigma)
+                fitted.append(z[part.counts])
+                judged.append(z[~part.counts])
+                if name == PREDICTED[self.mode][0]:
+                    raw.append(gap[~part.counts])
+        return Misfit(
+            np.concatenate([*fitted, np.array(zeros)]),
+            np.concatenate(judged),
+            float(np.sqrt(np.mean(np.concatenate(raw) ** 2))),
+        )
+
+    def gaps(self, model: Model, part: Part) -> dict[str, _Floats]:
+        """Return measured minus simulated for each channel of a part, in its own unit."""
+        trajectory = simulate_recording(model, self.mode, part.recording)
+        found = {}
+        for name, channel in part.channels.items():
+            gap: _Floats = channel.measured - getattr(trajectory, name)
+            if not np.all(np.isfinite(gap)):
+                raise ModelError(f"{name}: the simulation has no finite answer")
+            found[name] = gap
+        return found
+
+    @property
+    def inflation(self) -> float:
+        """By how much the rest of the best model known exceeds the noise, in the worst channel."""
+        return max(one.inflation for part in self.parts for one in part.channels.values())
+
+    @property
+    def fitted_samples(self) -> float:
+        """Independent samples that are fitted."""
+        return self._samples(fitted=True)
+
+    @property
+    def judged_samples(self) -> float:
+        """Independent samples that judge."""
+        return self._samples(fitted=False)
+
+    def _samples(self, *, fitted: bool) -> float:
+        return float(
+            sum(
+                channel.common * channel.share[part.counts == fitted].sum()
+                for part in self.parts
+                for channel in part.channels.values()
+            )
+        )
+
+    def with_noise_of(self, model: Model) -> Problem:
+        """Return the problem with each channel's noise read off what this model leaves.
+
+        Where the model is right, what it leaves is the noise: its correlation gives the share of
+        independent samples. Where it is not, the slow rest makes the share small and a rest above
+        the stated sigma makes each sigma larger, so that every judgement becomes careful.
+        """
+        parts = []
+        for part in self.parts:
+            channels = {}
+            for name, gap in self.gaps(model, part).items():
+                channel = part.channels[name]
+                z = gap / channel.sigma
+                if channel.zero_sigma > 0.0:
+                    z = z - np.mean(z)
+                w = np.sqrt(channel.share) * z
+                channels[name] = replace(
+                    channel,
+                    common=min(1.0, float(effective_samples(w) / w.size) / WHITE),
+                    inflation=max(1.0, float(np.sqrt(np.sum(w**2) / np.sum(channel.share)))),
+                )
+            parts.append(replace(part, channels=channels))
+        return Problem(self.mode, parts)

@@ -1,0 +1,229 @@
+"""Forward selection: which effects, one after the other, the recordings ask for.
+
+Calibrate; screen every candidate on top of what is there; fit the promising ones together with all
+that moves; take the best if it is worth its price; again, until nothing is. Then look whether an
+earlier one has become idle. Hypotheses in order of their score out; `decide` words the verdict.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.candidates import Candidate, Screened, screen, with_candidate
+from bowden.diagnosis.fit import Fit, Fitted, Movable, solve
+from bowden.diagnosis.problem import Problem
+from bowden.model import Model, ModelError
+
+_Floats = NDArray[np.float64]
+
+FITTED = 8  # candidates that are fitted after the first look
+CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
+MOST_FITTED = 14
+STARTS = 2
+MOST_EFFECTS = 3
+WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
+WITHIN = 50.0  # of score: hypotheses that are fitted again under a better noise model
+AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
+ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """The calibrated model with some effects, fitted.
+
+    Parameters
+    ----------
+    effects : tuple of Candidate
+    fit : Fit
+    fitted : Fitted
+    """
+
+    effects: tuple[Candidate, ...]
+    fit: Fit
+    fitted: Fitted
+
+    @property
+    def key(self) -> frozenset[tuple[str, str]]:
+        """The effects, whatever their order."""
+        return frozenset(one.key for one in self.effects)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(one.name for one in self.effects)
+
+    @property
+    def score(self) -> float:
+        """Logarithm of how well the recordings speak for it, less the price of its numbers.
+
+        What was fitted counts as it was fitted, at the price of half a logarithm of the number of
+        independent samples a number (Schwarz 1978); what was held out counts as it was foretold.
+        """
+        numbers = sum(len(one.variant.parameters) for one in self.effects)
+        price = 0.5 * math.log(max(self.fit.problem.fitted_samples, 2.0))
+        return -(self.fitted.cost + self.fitted.judged + price * numbers)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """All that was tried, and what was chosen.
+
+    Parameters
+    ----------
+    base : Hypothesis
+        The calibrated model without effects.
+    chosen : Hypothesis
+    rivals : list of Hypothesis
+        Every fitted hypothesis with as many effects as the chosen one (or one, when none was
+        chosen), under the final noise model, best first.
+    looks : list of Screened
+        First look at every candidate on top of the calibrated model, best first.
+    looked_from : Fitted
+        The calibrated model of that first look, under the noise model it had then.
+    problem : Problem
+        With the final noise model.
+    """
+
+    base: Hypothesis
+    chosen: Hypothesis
+    rivals: list[Hypothesis]
+    looks: list[Screened]
+    looked_from: Fitted
+    problem: Problem
+
+
+Progress = Callable[[str, float], None]
+
+
+def silent(_stage: str, _share: float) -> None:
+    """Tell nobody of the progress."""
+
+
+def select(
+    model: Model,
+    calibration: Sequence[Movable],
+    candidates: Sequence[Candidate],
+    problem: Problem,
+    *,
+    pool: ThreadPoolExecutor,
+    progress: Progress = silent,
+) -> Selection:
+    """Choose the effects.
+
+    Parameters
+    ----------
+    model : Model
+    calibration : sequence of Movable
+        Numbers of the model that may move within their tolerances.
+    candidates : sequence of Candidate
+    problem : Problem
+    pool : ThreadPoolExecutor
+    progress : callable (stage, share of the whole)
+    """
+    fit = Fit(model, calibration, problem, pool.map)
+    base = Hypothesis((), fit, solve(fit, np.zeros(len(calibration))))
+    chosen, frontier, first_base = base, [base], base.fitted
+    rivals: list[Hypothesis] = []
+    first: list[Screened] = []
+    for count in range(1, MOST_EFFECTS + 1):
+        progress(f"looking for effect {count}", 0.1 + 0.8 * (count - 1) / MOST_EFFECTS)
+        tried = []
+        for parent in frontier:
+            looks = _look(parent, candidates, pool)
+            if count == 1:
+                first = [look[0] for look in looks]
+            tried += _fit_all(parent, looks, pool)
+        if not tried:
+            break
+        tried = _distinct(tried)
+        # What the better model leaves is the better estimate of the noise: judge both by it.
+        best = min(tried, key=lambda one: one.fitted.cost + one.fitted.judged)
+        problem = problem.with_noise_of(best.fitted.model)
+        tried = _judged_again(tried, problem, pool)
+        chosen = _again(chosen, problem)
+        worth = tried[0].score - chosen.score >= WORTH * (count - len(chosen.effects))
+        if count == 1 or worth:
+            rivals = tried
+        if worth:
+            chosen = tried[0]
+        at_floor = problem.inflation < AT_FLOOR
+        if not worth and (at_floor or count > 1):
+            break
+        # Two effects that need each other: neither need be the best alone.
+        frontier = tried[:1] if at_floor else tried[:ABREAST]
+    return Selection(_again(base, problem), chosen, rivals, first, first_base, problem)
+
+
+def _look(
+    parent: Hypothesis, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
+) -> list[list[Screened]]:
+    """Screen what the parent does not hold, best first."""
+    new = [one for one in candidates if one.key not in parent.key]
+    looks = pool.map(lambda one: screen(parent.fit, parent.fitted, one), new)
+    return sorted((look for look in looks if look), key=lambda look: -look[0].gain)
+
+
+def _fit_all(
+    parent: Hypothesis, looks: Sequence[Sequence[Screened]], pool: ThreadPoolExecutor
+) -> list[Hypothesis]:
+    """Fit the promising ones."""
+    if not looks:
+        return []
+    close = sum(look[0].gain > CLOSE * looks[0][0].gain for look in looks)
+    count = min(max(FITTED, close), MOST_FITTED, len(looks))
+    starts = [one for look in looks[:count] for one in look[:STARTS] if one.gain > 0.0]
+    fitted = pool.map(lambda one: _fit_one(parent, one), starts)
+    return [one for one in fitted if one is not None]
+
+
+def _fit_one(parent: Hypothesis, look: Screened) -> Hypothesis | None:
+    model = with_candidate(parent.fitted.model, look.candidate, look.values)
+    numbers = look.candidate.numbers(len(model.document.effects) - 1)
+    fit = Fit(model, [*parent.fit.parameters, *numbers], parent.fit.problem)
+    own = np.array([one.at(look.values[one.parameter.name]) for one in numbers])
+    start = np.concatenate([parent.fitted.at + look.step, own])
+    try:
+        return Hypothesis((*parent.effects, look.candidate), fit, solve(fit, start))
+    except ModelError:
+        return None
+
+
+def _again(one: Hypothesis, problem: Problem) -> Hypothesis:
+    """Fit a hypothesis once more, from where it is, under another noise model."""
+    fit = Fit(one.fit.model, one.fit.parameters, problem)
+    return replace(one, fit=fit, fitted=solve(fit, one.fitted.at))
+
+
+def _judged_again(
+    tried: Sequence[Hypothesis], problem: Problem, pool: ThreadPoolExecutor
+) -> list[Hypothesis]:
+    """Fit the best once more under another noise model; weigh the others by it as they are."""
+    best = max(one.score for one in tried)
+    near = [one for one in tried if best - one.score < WITHIN]
+    far = [one for one in tried if best - one.score >= WITHIN]
+    again = [
+        *pool.map(lambda one: _again(one, problem), near),
+        *pool.map(lambda one: _weighed(one, problem), far),
+    ]
+    return _distinct(again)
+
+
+def _weighed(one: Hypothesis, problem: Problem) -> Hypothesis:
+    fit = Fit(one.fit.model, one.fit.parameters, problem)
+    residual = fit.residual(one.fitted.at)
+    assert residual is not None  # it ran before
+    return replace(one, fit=fit, fitted=fit.fitted_at(one.fitted.at, residual, one.fitted.jacobian))
+
+
+def _distinct(tried: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Keep the best of those with the same effects, best first."""
+    best: dict[frozenset[tuple[str, str]], Hypothesis] = {}
+    for one in sorted(tried, key=lambda one: -one.score):
+        best.setdefault(one.key, one)
+    return list(best.values())

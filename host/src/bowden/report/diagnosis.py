@@ -1,0 +1,342 @@
+"""The diagnosis page: what is missing, how that is known, and what to do next.
+
+Takes a `Diagnosis`, returns HTML text; who calls it writes the file. Plots come from
+`diagnosis_plots`, the frame from `page`. In the order in which a reader asks: is something missing,
+what, where does it show, how much smaller is the gap, what else was tried, can the data be trusted.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+
+from bowden.diagnosis.decide import NamedEffect, Value
+from bowden.diagnosis.diagnose import Diagnosis, Gap, Series
+from bowden.model import format_model
+from bowden.model.effects import CATALOGUE
+from bowden.report import diagnosis_plots as plots
+from bowden.report.page import (
+    Section,
+    command,
+    figure,
+    folded,
+    items,
+    listing,
+    page,
+    paragraph,
+    table,
+    tiles,
+)
+from bowden.report.words import NAMES, percent, quantity_with_unit
+
+POINTS_A_TRACE = 5000
+DETAILED = 4  # recordings that get plots
+PLACES = 8
+TITLES = {
+    "named": "What the model lacks",
+    "complete": "Nothing is missing",
+    "unlisted": "Something unknown is missing",
+    "ambiguous": "More than one explanation",
+    "insufficient_excitation": "These recordings cannot tell",
+}
+
+
+def diagnosis_report(diagnosis: Diagnosis, facts: Mapping[str, str] | None = None) -> str:
+    """Make the page.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    facts : mapping of str to str, optional
+        More lines for the small print: model file, hashes, what else the caller knows.
+
+    Returns
+    -------
+    str
+        A self-contained HTML document of less than 8 MB.
+    """
+    sections = [
+        Section("", [tiles(_tiles(diagnosis))]),
+        *_stops(diagnosis),
+        *_effects(diagnosis),
+        *_before_and_after(diagnosis),
+        *_where(diagnosis),
+        *_ranking(diagnosis),
+        *_calibration(diagnosis),
+        *_next(diagnosis),
+        *_data(diagnosis),
+        Section(
+            "The model",
+            [listing("model file, calibrated, with its effects", format_model(diagnosis.model))],
+        ),
+    ]
+    return page(
+        title=TITLES[diagnosis.verdict],
+        subtitle=_subtitle(diagnosis),
+        verdict=diagnosis.sentence,
+        sections=sections,
+        facts={**_facts(diagnosis), **(facts or {})},
+    )
+
+
+def _subtitle(diagnosis: Diagnosis) -> str:
+    of = _quantity_series(diagnosis, diagnosis.gap.quantity)
+    duration = sum(float(one.time_s[-1] - one.time_s[0]) for one in of)
+    noun = "recording" if len(of) == 1 else "recordings"
+    names = " and ".join(NAMES[gap.quantity] for gap in diagnosis.gaps)
+    return (
+        f"{len(of)} {noun}, {duration:.0f} s in all · {diagnosis.mode.value} mode: {names} judged"
+    )
+
+
+def _quantity_series(diagnosis: Diagnosis, quantity: str) -> list[Series]:
+    return [one for one in diagnosis.series if one.quantity == quantity]
+
+
+def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return the figures that one looks for first, with their labels."""
+    gap = diagnosis.gap
+    name = NAMES[gap.quantity]
+    found = [(_amount(gap, gap.before), f"{name} gap, calibrated model")]
+    if diagnosis.effects:
+        found.append((_amount(gap, gap.after), "with the effect" + _plural(diagnosis.effects)))
+    found.append((_amount(gap, gap.noise_floor), "noise floor of these data"))
+    if gap.noise_floor > 0.0:
+        found.append((f"{gap.after / gap.noise_floor:.2f} ×", "what is left, in floors"))
+    if diagnosis.verdict == "named":
+        found.append((percent(min(one.confidence for one in diagnosis.effects)), "confidence"))
+    return found
+
+
+def _amount(gap: Gap, value: float) -> str:
+    return quantity_with_unit(gap.quantity, value)
+
+
+def _plural(things: tuple[object, ...]) -> str:
+    return "s" if len(things) > 1 else ""
+
+
+def _stops(diagnosis: Diagnosis) -> list[Section]:
+    """Put first what makes everything else doubtful."""
+    stops = [one.text for one in diagnosis.quality if one.severity == "stop"]
+    return [Section("Before anything else", [items(stops)])] if stops else []
+
+
+def _effects(diagnosis: Diagnosis) -> list[Section]:
+    found = []
+    tie = diagnosis.verdict == "ambiguous"
+    for one in diagnosis.effects:
+        effect = CATALOGUE[one.name]
+        place = f", at the {one.variant}" if one.variant else ""
+        body = [
+            paragraph(f"Law: {effect.law}. It shows as: {effect.signature}."),
+            table(
+                ["parameter", "value", "95 % interval", "unit", "plausible"],
+                [_parameter_row(one, name, value) for name, value in one.parameters.items()],
+            ),
+        ]
+        alike = _confused(diagnosis, one.name)
+        if alike:
+            body.append(paragraph(alike))
+        share = f" ({percent(one.confidence)})" if tie else ""
+        found.append(Section(f"{effect.title}{place}{share}", body, 3 if tie else 2))
+    if tie:
+        text = "Each of these explains the recordings as well as the others."
+        return [Section("The explanations", [paragraph(text)]), *found]
+    return found
+
+
+def _parameter_row(one: NamedEffect, name: str, value: Value) -> list[str]:
+    known = {p.name: p for p in CATALOGUE[one.name].parameters}
+    plausible = f"{known[name].low:.3g} .. {known[name].high:.3g}" if name in known else ""
+    meaning = f"{known[name].meaning} ({name})" if name in known else name
+    return [
+        meaning,
+        f"{value.value:.4g}",
+        f"{value.low:.3g} .. {value.high:.3g}",
+        value.unit,
+        plausible,
+    ]
+
+
+def _confused(diagnosis: Diagnosis, name: str) -> str:
+    """Say what these data cannot tell it from, and what it is taken for in general."""
+    here = sorted(
+        {_title(x) for group in diagnosis.cannot_tell_apart if name in group for x in group}
+        - {_title(name)}
+    )
+    usual = [_title(x) for x in CATALOGUE[name].confused_with if x in CATALOGUE]
+    separated = [x for x in usual if x not in here]
+    text = ""
+    if here:
+        text += f"These recordings cannot tell it from {_series_of(here)}. "
+    if separated:
+        text += f"Often taken for {_series_of(separated)}, which these recordings do tell from it."
+    return text.strip()
+
+
+def _title(name: str) -> str:
+    title = CATALOGUE[name].title if name in CATALOGUE else name.replace("_", " ")
+    return title[0].lower() + title[1:]
+
+
+def _series_of(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def _before_and_after(diagnosis: Diagnosis) -> list[Section]:
+    rows = [
+        [
+            NAMES[gap.quantity],
+            _amount(gap, gap.before),
+            _amount(gap, gap.after),
+            _amount(gap, gap.noise_floor),
+            f"{gap.after / gap.noise_floor:.2f}" if gap.noise_floor > 0.0 else "–",
+        ]
+        for gap in diagnosis.gaps
+    ]
+    body = [
+        paragraph(
+            "Held-out data only: parts that no parameter was fitted to. The noise floor is what "
+            "counts, sensor noise and the simulator's own error leave of a model that is right."
+        ),
+        table(["", "calibrated", "with the effect", "noise floor", "left, in floors"], rows),
+    ]
+    if not diagnosis.effects:
+        body[1] = table(
+            ["", "calibrated", "noise floor", "in floors"],
+            [[row[0], row[1], row[3], row[4]] for row in rows],
+        )
+    for number, one in enumerate(_quantity_series(diagnosis, diagnosis.gap.quantity)[:DETAILED], 1):
+        plot = plots.before_and_after(one, POINTS_A_TRACE, improved=bool(diagnosis.effects))
+        if len(diagnosis.series) > len(diagnosis.gaps):
+            body.append(paragraph(Path(one.source).name))
+        body.append(figure(plot, f"series-{number}"))
+    return [Section("Before and after", body)] if diagnosis.series else []
+
+
+def _where(diagnosis: Diagnosis) -> list[Section]:
+    body = []
+    if diagnosis.where_map is not None:
+        body += [
+            paragraph(
+                "The calibrated model's disagreement, in units of the noise, wherever the rig has "
+                "been. Blue: more was measured than simulated; red: less."
+            ),
+            figure(plots.residual_map(diagnosis.where_map), "map"),
+        ]
+    places = [one for one in diagnosis.where if one.significant][:PLACES]
+    if places:
+        body += [
+            paragraph(
+                "Conditions that hold more of the disagreement than chance would put there (tested "
+                "on blocks longer than the disagreement's memory)."
+            ),
+            figure(plots.places(places), "places"),
+        ]
+    elif diagnosis.where:
+        body.append(paragraph("No condition holds more of it than chance would put there."))
+    return [Section("Where it shows", body)] if body else []
+
+
+def _ranking(diagnosis: Diagnosis) -> list[Section]:
+    if not diagnosis.ranking:
+        return []
+    rows = [
+        [
+            _title(one.name) + (f" ({one.variant})" if one.variant else ""),
+            f"{one.score:.1f}",
+            _amount(diagnosis.gap, one.held_out_gap),
+        ]
+        for one in diagnosis.ranking
+    ]
+    groups = [" = ".join(map(_title, group)) for group in diagnosis.cannot_tell_apart]
+    alike = (
+        [paragraph("What these recordings cannot separate:"), items(groups[:12])] if groups else []
+    )
+    named = {one.name for one in diagnosis.effects}
+    return [
+        Section(
+            "What was tried",
+            [
+                paragraph(
+                    "Every effect of the catalogue, fitted together with the calibration. The "
+                    "score is how much more likely it makes the recordings than the calibrated "
+                    "model alone (natural logarithm, after the price of its parameters); 3 is "
+                    "20 to 1."
+                ),
+                figure(plots.ranking(diagnosis.ranking, named), "ranking"),
+                *alike,
+                folded("all candidates", table(["", "score", "held-out gap"], rows)),
+            ],
+        )
+    ]
+
+
+def _calibration(diagnosis: Diagnosis) -> list[Section]:
+    if not diagnosis.calibration:
+        return []
+    rows = [
+        [
+            one.path,
+            f"{one.before:.4g}",
+            f"{one.value:.4g}",
+            f"{one.low:.3g} .. {one.high:.3g}",
+            "to its bound"
+            if one.at_bound
+            else (f"{one.change_in_sigmas:+.1f} σ" if one.change_in_sigmas is not None else "–"),
+        ]
+        for one in diagnosis.calibration
+    ]
+    return [
+        Section(
+            "Calibration",
+            [
+                paragraph(
+                    "What the model file gives a tolerance was moved first, held back by it, so "
+                    "that a miscalibration is not called a missing effect. More than 3 σ would be "
+                    "a finding of its own."
+                ),
+                figure(plots.calibration(diagnosis.calibration), "calibration"),
+                table(["", "file", "now", "95 % interval", "moved"], rows),
+            ],
+        )
+    ]
+
+
+def _next(diagnosis: Diagnosis) -> list[Section]:
+    if not diagnosis.next_experiment:
+        return []
+    body = [paragraph(diagnosis.next_experiment)]
+    if diagnosis.next_command:
+        body.append(command(diagnosis.next_command))
+    return [Section("Next experiment", body)]
+
+
+def _data(diagnosis: Diagnosis) -> list[Section]:
+    warnings = [one.text for one in diagnosis.quality if one.severity != "stop"]
+    body = [items(warnings)] if warnings else [paragraph("No fault was found in the recordings.")]
+    if diagnosis.excitation:
+        rows = [
+            [one.meaning, f"{one.value:.3g} {one.unit}", f"{one.needed:.3g}", _mark(one.present)]
+            for one in diagnosis.excitation
+        ]
+        body.append(table(["what the recordings contain", "", "needed", ""], rows))
+    if diagnosis.notes:
+        body.append(items(list(diagnosis.notes)))
+    return [Section("The data", body)]
+
+
+def _mark(present: bool) -> str:
+    return "✓" if present else "too little"
+
+
+def _facts(diagnosis: Diagnosis) -> dict[str, str]:
+    names = dict.fromkeys(one.source for one in diagnosis.series)
+    return {
+        "recordings": ", ".join(Path(name).name for name in names),
+        "seed": str(diagnosis.seed),
+        "made with": f"bowden {version('bowden')}, Python {platform.python_version()}",
+    }

@@ -1,0 +1,118 @@
+"""From recordings to a verdict: named, complete, or honestly nothing."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from bowden.diagnosis.diagnose import Diagnosis, diagnose
+from bowden.model import Inputs, Mode, Model, parse_model, simulate
+from bowden.recording.recording import Recording
+
+from .rigs import TABLE_1
+
+# The truth has another mesh and other numbers, within their tolerances: 0.6 and -0.33 sigma off.
+MODEL = parse_model(TABLE_1.replace("segments: 50", "segments: 30"))
+TRUTH = parse_model(TABLE_1.replace("segments: 50", "segments: 47")).with_values(
+    {"rig.cable.pretension_n": 10.6, "friction.mu_d": 0.203}
+)
+NAMES = ("load_cell_offset", "gravity_imbalance", "direction_asymmetry", "load_cell_gain")
+HIDDEN = {
+    "gravity_imbalance": {"amplitude_nm": 0.03, "phase_rad": 0.8},
+    "direction_asymmetry": {"a": 0.03},
+    "load_cell_offset": {"offset_nm": -0.02},
+}
+
+
+def measured(model: Model) -> Recording:
+    time_s = np.arange(12_000) * 1e-3
+    load = 0.6 * np.sin(2 * np.pi * 0.4 * time_s)
+    torque = 0.12 * np.sin(2 * np.pi * 0.31 * time_s)
+    inputs = Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load)
+    run = simulate(model, Mode.TORQUE_POSITION, inputs)
+    motor_count, load_count = 2 * np.pi / 2000, 2 * np.pi / 10_000
+    return Recording(
+        time_s,
+        np.round(run.motor_angle_rad / motor_count) * motor_count,
+        np.round(load / load_count) * load_count,
+        torque,
+        run.load_torque_nm + np.random.default_rng(1).normal(0.0, 5e-4, time_s.size),
+        source="run.csv",
+    )
+
+
+@cache
+def diagnosed(name: str) -> Diagnosis:
+    truth = TRUTH.with_effect(name, HIDDEN[name]) if name else TRUTH
+    return diagnose(MODEL, [measured(truth)], names=NAMES, seed=1)
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_hidden_effect_is_named_with_its_size(name: str) -> None:
+    found = diagnosed(name)
+    assert found.verdict == "named"
+    (effect,) = found.effects
+    assert effect.name == name
+    assert effect.confidence > 0.9
+    for parameter, value in HIDDEN[name].items():
+        interval = effect.parameters[parameter]
+        slack = 0.5 * (interval.high - interval.low)  # 95 % intervals miss once in twenty
+        assert interval.low - slack <= value <= interval.high + slack
+    assert found.gap.after <= 1.1 * found.gap.noise_floor
+    assert found.ranking[0].name == name
+
+
+def test_nothing_is_invented_for_a_complete_model() -> None:
+    found = diagnosed("")
+    assert found.verdict == "complete"
+    assert found.effects == ()
+    assert "Nothing is missing" in found.sentence
+
+
+def test_calibration_finds_the_numbers_that_were_off() -> None:
+    moved = {one.path: one for one in diagnosed("").calibration}
+    assert moved["rig.cable.pretension_n"].value == pytest.approx(10.6, rel=0.01)
+    assert moved["friction.mu_d"].value == pytest.approx(0.203, rel=0.01)
+
+
+def test_the_document_is_the_contract() -> None:
+    document = json.loads(json.dumps(diagnosed("gravity_imbalance").to_document(), default=float))
+    assert document["verdict"] == "named"
+    (effect,) = document["effects"]
+    assert set(effect) >= {"name", "parameters", "confidence"}
+    for value in effect["parameters"].values():
+        assert value["low"] <= value["value"] <= value["high"]
+    assert set(document["ranking"][0]) >= {"name", "score", "held_out_gap"}
+    assert set(document["where"][0]) >= {"condition", "share_of_gap"}
+    assert set(document["gap"]) >= {"quantity", "metric", "before", "after", "noise_floor"}
+    assert document["gap"]["metric"] == "RMS, held out"
+    assert isinstance(document["next_experiment"], str)
+    assert isinstance(document["cannot_tell_apart"], list)
+
+
+def test_the_same_seed_gives_the_same_answer() -> None:
+    again = diagnose(
+        MODEL,
+        [measured(TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"]))],
+        names=NAMES,
+        seed=1,
+    )
+    assert again.to_document() == diagnosed("load_cell_offset").to_document()
+
+
+def test_the_extended_model_is_a_model_file_with_the_effect() -> None:
+    model = diagnosed("direction_asymmetry").model
+    assert [effect["name"] for effect in model.document.effects] == ["direction_asymmetry"]
+    assert model.document.numerics == MODEL.document.numerics
+
+
+def test_a_bad_recording_gets_no_verdict_but_words() -> None:
+    run = measured(TRUTH)
+    found = diagnose(MODEL, [replace(run, load_torque_nm=1e3 * run.load_torque_nm)], names=NAMES)
+    assert found.verdict == "insufficient_excitation"
+    assert found.effects == ()
+    assert "1000 times too large" in found.sentence
+    assert found.to_document()["quality"]
