@@ -14,7 +14,8 @@ estimator_t estimator_of(uint32_t ticks_per_s, int32_t load_count_nm, int32_t wi
         .ticks_per_s = ticks_per_s,
         .load_count_nm = load_count_nm,
         .windup_nm = windup_nm > 0 ? windup_nm : 1,
-        .tolerance_unm = tolerance_unm > 0 ? tolerance_unm : 1,
+        .doubt_per_nm = ratio_of(128, windup_nm > 0 ? (uint32_t)windup_nm : 1u),
+        .doubt_per_unm = ratio_of(128, tolerance_unm > 0 ? (uint32_t)tolerance_unm : 1u),
         .confidence = 255,
     };
 }
@@ -62,10 +63,10 @@ static slip_state_t slip_of(const transmission_t *transmission) {
     return a_would == CABLE_PULL ? SLIP_POSITIVE : SLIP_NEGATIVE;
 }
 
-/* A disagreement as large as `half` takes half of the confidence. */
-static int32_t doubt(int32_t disagreement, int32_t half) {
-    const int64_t scaled = (int64_t)magnitude(disagreement) * 128 / half;
-    return scaled > 255 ? 255 : (int32_t)scaled;
+static int32_t doubt(int32_t disagreement, ratio_t doubt_per_unit) {
+    uint32_t saturations = 0; /* beyond the range there is no confidence left */
+    const int32_t size = fixed_clamp(disagreement, -INT32_MAX, INT32_MAX);
+    return fixed_clamp(fixed_scale(magnitude(size), doubt_per_unit, &saturations), 0, 255);
 }
 
 void estimator_step(estimator_t *estimator, transmission_t *transmission,
@@ -85,13 +86,13 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
     estimator->innovation_nm =
         fixed_subtract(inputs->motor_arc_nm, transmission->motor.arc_nm, &ignored);
     const int32_t model_unm = transmission_load_torque_unm(transmission);
-    int32_t doubted = doubt(estimator->innovation_nm, estimator->windup_nm);
+    int32_t doubted = doubt(estimator->innovation_nm, estimator->doubt_per_nm);
     if (inputs->load_cell_valid) {
         const int32_t error_unm = fixed_subtract(inputs->load_cell_unm, model_unm, saturations);
         const int32_t limited_unm = fixed_clamp(error_unm, -(1 << 22), 1 << 22);
         estimator->correction_q8_unm +=
             (limited_unm * 256 - estimator->correction_q8_unm) / CORRECTION_TICKS;
-        const int32_t by_cell = doubt(error_unm, estimator->tolerance_unm);
+        const int32_t by_cell = doubt(error_unm, estimator->doubt_per_unm);
         doubted = by_cell > doubted ? by_cell : doubted;
     } else {
         estimator->correction_q8_unm -= estimator->correction_q8_unm / DOUBT_TICKS;

@@ -40,8 +40,9 @@ typedef struct {
     /* constants */
     uint32_t ticks_per_s;
     int32_t load_count_nm;
-    int32_t windup_nm;     /* motor travel in which the friction of the pair turns over */
-    int32_t tolerance_unm; /* an error of the load torque that halves the confidence */
+    int32_t windup_nm; /* motor travel in which the friction of the pair turns over */
+    /* what a disagreement takes of the confidence: half of it at `windup_nm` and `tolerance_unm` */
+    ratio_t doubt_per_nm, doubt_per_unm;
     /* result */
     int32_t load_torque_unm; /* by the cables on the load */
     int32_t innovation_nm;

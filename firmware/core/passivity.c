@@ -1,10 +1,8 @@
 /* passivity.c: see passivity.h. */
 #include "passivity.h"
 
-#define BANK_URAD 2000 /* motion against full friction that fills the bank */
-#define DEBT_URAD                                                                                  \
-    20000 /* motion with full friction that makes the debt at which nothing is left                \
-           */
+#define BANK_URAD 2000          /* motion against full friction that fills the bank */
+#define DEBT_URAD 80000         /* motion with full friction: the debt at which nothing is left */
 #define BACK_OFF_MOST_Q16 49152 /* three quarters */
 
 passivity_t passivity_of(uint32_t load_radius_nm, int32_t friction_unm) {
@@ -12,7 +10,8 @@ passivity_t passivity_of(uint32_t load_radius_nm, int32_t friction_unm) {
         .angle_per_arc = ratio_of(1000000, load_radius_nm),
         .uj_per_1024_pj = ratio_of(1024, 1000000),
         .bank = -(int64_t)friction_unm * BANK_URAD,
-        .debt_per_q16 = (int64_t)friction_unm * DEBT_URAD / 65536 + 1,
+        .q16_per_1024_pj =
+            ratio_of(UINT64_C(65536) * 1024u, (uint64_t)(uint32_t)friction_unm * DEBT_URAD + 1u),
     };
 }
 
@@ -33,11 +32,10 @@ void passivity_step(passivity_t *passivity, int32_t load_arc_nm, int32_t excess_
 }
 
 uint32_t passivity_back_off_q16(const passivity_t *passivity) {
-    if (passivity->balance <= 0) {
-        return 0;
-    }
-    const int64_t q16 = passivity->balance / passivity->debt_per_q16;
-    return q16 > BACK_OFF_MOST_Q16 ? BACK_OFF_MOST_Q16 : (uint32_t)q16;
+    uint32_t saturations = 0; /* beyond the range is beyond the most */
+    const int32_t debt = fixed_saturate(passivity->balance / 1024, &saturations);
+    const int32_t q16 = fixed_scale(debt, passivity->q16_per_1024_pj, &saturations);
+    return (uint32_t)fixed_clamp(q16, 0, BACK_OFF_MOST_Q16);
 }
 
 int32_t passivity_energy_uj(const passivity_t *passivity) {

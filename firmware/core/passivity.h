@@ -23,7 +23,7 @@ typedef struct {
     ratio_t angle_per_arc; /* urad per nm */
     ratio_t uj_per_1024_pj;
     int64_t bank; /* least balance, uN m urad (pJ); <= 0 */
-    int64_t debt_per_q16;
+    ratio_t q16_per_1024_pj;
     int64_t balance; /* E, pJ */
     int32_t last_arc_nm;
     bool started;
