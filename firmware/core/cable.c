@@ -228,11 +228,11 @@ static bool reached(const cable_end_t *end, int32_t inward_nm, int32_t limit_nm)
     return end->direction == CABLE_PULL ? inward_nm <= limit_nm : inward_nm >= limit_nm;
 }
 
-uint32_t cable_move_through(cable_t *cable, const cable_path_t *path, cable_side_t side,
-                            int32_t inward_nm, uint32_t most) {
+bool cable_move_through(cable_t *cable, const cable_path_t *path, cable_side_t side,
+                        int32_t inward_nm, uint32_t most) {
     cable_end_t *end = &cable->end[side];
     if (inward_nm == end->inward_nm) {
-        return 0;
+        return true;
     }
     cable_turn(cable, path, side, inward_nm < end->inward_nm ? CABLE_PULL : CABLE_RELEASE);
     int32_t place_nm = end->inward_nm; /* never back: a piece may have been passed before */
@@ -241,15 +241,16 @@ uint32_t cable_move_through(cable_t *cable, const cable_path_t *path, cable_side
         const bool unlimited = piece.limit_nm == INT32_MAX || piece.limit_nm == -INT32_MAX;
         if (unlimited || !reached(end, inward_nm, piece.limit_nm)) {
             cable_place(cable, path, side, inward_nm);
-            return pieces;
+            return true;
         }
         if (reached(end, piece.limit_nm, place_nm)) {
             place_nm = piece.limit_nm;
         }
         cable_pass(cable, path, side);
     }
-    cable_place(cable, path, side, most < CABLE_PIECES_MAX ? place_nm : inward_nm);
-    return most;
+    const bool all = most >= CABLE_PIECES_MAX;
+    cable_place(cable, path, side, all ? inward_nm : place_nm);
+    return all;
 }
 
 void cable_move(cable_t *cable, const cable_path_t *path, cable_side_t side, int32_t inward_nm) {

@@ -59,9 +59,9 @@ void cable_start(cable_t *cable, const cable_path_t *path);
 void cable_move(cable_t *cable, const cable_path_t *path, cable_side_t side, int32_t inward_nm);
 
 /* The same, but through `most` pieces only, >= 1; where they are not enough, the end stays at the
- * end of the last one. The number of pieces that it has passed. */
-uint32_t cable_move_through(cable_t *cable, const cable_path_t *path, cable_side_t side,
-                            int32_t inward_nm, uint32_t most);
+ * end of the last one. True: it has arrived. */
+bool cable_move_through(cable_t *cable, const cable_path_t *path, cable_side_t side,
+                        int32_t inward_nm, uint32_t most);
 
 /* ---- The same step in pieces, for a motor end whose torque is given and position sought ---- */
 

@@ -1,9 +1,6 @@
 /* transmission.c: see transmission.h. */
 #include "transmission.h"
 
-/* Of both cables. */
-#define MOST_PIECES (2u * CABLE_PIECES_MAX)
-
 bool transmission_configure(transmission_t *transmission, const transmission_settings_t *settings) {
     transmission->settings = *settings;
     const ratio_t motor_radius_m = ratio_of(settings->motor_pulley_radius_nm, 1000000000);
@@ -63,17 +60,18 @@ static bool pulley_follow(pulley_t *pulley, int32_t arc_nm, int32_t dead_band_nm
     return true;
 }
 
-/* Moves the cables' load ends to where the load pulley is, through `most` pieces of each. The
- * number of pieces that they have passed. */
-static uint32_t follow_load(transmission_t *transmission, int32_t load_arc_nm, uint32_t most) {
+/* Moves the cables' load ends to where the load pulley is, through `most` pieces of each. True:
+ * they have arrived. */
+static bool follow_load(transmission_t *transmission, int32_t load_arc_nm, uint32_t most) {
     (void)pulley_follow(&transmission->load, load_arc_nm, transmission->settings.load_dead_band_nm);
     uint32_t *saturations = &transmission->saturations;
     const int32_t start_nm = -transmission->path.pretension_stretch_nm;
     const int32_t arc_nm = transmission->load.arc_nm;
-    return cable_move_through(&transmission->a, &transmission->path, CABLE_DISTAL,
-                              fixed_add(start_nm, arc_nm, saturations), most) +
-           cable_move_through(&transmission->b, &transmission->path, CABLE_DISTAL,
-                              fixed_subtract(start_nm, arc_nm, saturations), most);
+    const bool a = cable_move_through(&transmission->a, &transmission->path, CABLE_DISTAL,
+                                      fixed_add(start_nm, arc_nm, saturations), most);
+    const bool b = cable_move_through(&transmission->b, &transmission->path, CABLE_DISTAL,
+                                      fixed_subtract(start_nm, arc_nm, saturations), most);
+    return a && b;
 }
 
 static void collect(transmission_t *transmission) {
@@ -164,9 +162,13 @@ void transmission_step_torque(transmission_t *transmission, int32_t motor_torque
                               int32_t load_arc_nm) {
     load_arc_nm = fixed_clamp(load_arc_nm, -INT32_MAX, INT32_MAX);
     const uint32_t wished = transmission->settings.pieces_per_step;
-    const uint32_t most = wished > 0 && wished < MOST_PIECES ? wished : 2u * MOST_PIECES;
-    const uint32_t passed = follow_load(
-        transmission, load_arc_nm, most / 2 < CABLE_PIECES_MAX ? most / 2 : CABLE_PIECES_MAX);
+    const uint32_t most = wished > 0 && wished < CABLE_PIECES_MAX ? wished : 2 * CABLE_PIECES_MAX;
+    /* The motor waits for a load that is still on its way: were it to turn now, it would undo that.
+     */
+    if (!follow_load(transmission, load_arc_nm, most / 2)) {
+        collect(transmission);
+        return;
+    }
     uint32_t *saturations = &transmission->saturations;
     const int32_t force =
         fixed_scale(motor_torque_unm, transmission->force_per_motor_torque, saturations);
@@ -178,7 +180,7 @@ void transmission_step_torque(transmission_t *transmission, int32_t motor_torque
     const bool shaking =
         sign == -transmission->motor.sign && missing * sign <= transmission->dead_band_un;
     if (missing != 0 && !shaking) {
-        wind_motor(transmission, force, sign, most - passed);
+        wind_motor(transmission, force, sign, most);
     }
     collect(transmission);
 }
