@@ -4,7 +4,7 @@ The functions stay plain Python: with ``NUMBA_DISABLE_JIT=1`` the same equations
 a test holds the two equal.
 
 numba renews a cached function when its own file changes, not when a file does that it calls into.
-So the cache has a folder for each state of this package's sources.
+So the cache has a folder for each state of those of this package's sources that have any.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ def _cache_folder() -> Path:
     """Return the folder for the present sources, in the tree or, if that is read-only, at home."""
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(_HERE.rglob("*.py")):
-        digest.update(source.read_bytes())
+        text = source.read_bytes()
+        if b"compiled" in text:
+            digest.update(text)
     name = _PREFIX + digest.hexdigest()[:16]
     base = _HERE / "__pycache__"
     try:

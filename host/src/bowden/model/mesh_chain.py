@@ -42,7 +42,7 @@ from bowden.model.friction.tension_dependent import tension_factor
 from bowden.model.trajectory import FloatArray
 
 MOST_WRAP = 50.0  # mu ds/R of one segment: beyond any cable, but exp of it is still a number
-HELD = 1e-10  # share of the tensions by which a segment at rest may seem overloaded
+HELD = 2e-9  # share of the tensions by which a segment at rest may seem overloaded
 
 
 class ChainTables(NamedTuple):
@@ -78,7 +78,7 @@ class ChainState(NamedTuple):
     tension: FloatArray
     creep_n: FloatArray  # tau that the slow part of the stretch has followed so far
     speed: FloatArray  # filtered, m/s
-    rate: FloatArray  # slip over time in the last sample, m/s
+    went_m: FloatArray  # slip of the last sample
     slides: NDArray[np.int64]  # -1 towards the motor, 0 at rest, +1 towards the load
     rested: NDArray[np.int64]  # 1 where a segment was at rest at the last sample
     held: FloatArray  # E, where the law asks for it
@@ -123,7 +123,7 @@ def has_friction(t: ChainTables, cable: int, j: int) -> bool:
 
 
 @compiled_in_place
-def prepare(t: ChainTables, s: ChainState, cable: int, factor: float, dt: float) -> None:
+def prepare(t: ChainTables, s: ChainState, cable: int, factor: float) -> None:
     """Set the limits of friction for a sample, and start from the slips of the last one."""
     n = t.wrap.shape[2]
     for j in range(n):
@@ -134,7 +134,7 @@ def prepare(t: ChainTables, s: ChainState, cable: int, factor: float, dt: float)
             if limit != s.limit[cable, d, j]:
                 s.limit[cable, d, j] = limit
                 s.grip[cable, d, j] = half_tanh(limit)
-        s.slip[cable, j] = s.rate[cable, j] * dt if s.slides[cable, j] != 0 else 0.0
+        s.slip[cable, j] = s.went_m[cable, j] if s.slides[cable, j] != 0 else 0.0
 
 
 @inlined
@@ -183,6 +183,33 @@ def gives_way(
 
 
 @inlined
+def bent(t: ChainTables, s: ChainState, cable: int, j: int, slip: float) -> tuple[float, float]:
+    """Return E of a bristle that has not given way, and its derivative by the slip, 1/m."""
+    side = 1 if s.held[cable, j] + slip >= 0 else 0
+    slope = s.limit[cable, side, j] / t.presliding_m
+    return s.held[cable, j] + slope * slip, slope
+
+
+@inlined
+def slides_over(t: ChainTables, s: ChainState, cable: int, j: int, slip: float, dt: float) -> int:
+    """Direction in which a slip bends a bristle until it gives way; 0: it does not.
+
+    One that slides already does so until it is clearly unbent.
+    """
+    e, _ = bent(t, s, cable, j, slip)
+    high, _, _ = bound(t, s, cable, j, 1, dt)
+    low, _, _ = bound(t, s, cable, j, -1, dt)
+    towards = s.slides[cable, j]
+    return (
+        1
+        if e > high + HELD * (1 - 2 * towards)
+        else -1
+        if e < low - HELD * (1 + 2 * towards)
+        else 0
+    )
+
+
+@inlined
 def set_row(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> float:
     """Linearise the law of a segment that is not at rest; return its error over the tensions."""
     slip = s.slip[cable, j]
@@ -193,19 +220,9 @@ def set_row(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> flo
     if constant_bounds(t):
         g = towards * s.grip[cable, (towards + 1) // 2, j]
     else:
-        if t.presliding_m > 0 and has_friction(t, cable, j):
-            side = 1 if s.held[cable, j] + slip >= 0 else -1
-            bristle = s.limit[cable, (side + 1) // 2, j] / t.presliding_m
-            e, by_tension = s.held[cable, j] + bristle * slip, 0.0
-            high, high_slope, high_lean = bound(t, s, cable, j, 1, dt)
-            low, low_slope, low_lean = bound(t, s, cable, j, -1, dt)
-            towards = 0
-            slope = bristle
-            if e > high:
-                e, slope, by_tension, towards = high, high_slope, high_lean, 1
-            elif e < low:
-                e, slope, by_tension, towards = low, low_slope, low_lean, -1
-            s.slides[cable, j] = towards
+        if t.presliding_m > 0 and s.slides[cable, j] == 0 and has_friction(t, cable, j):
+            e, slope = bent(t, s, cable, j, slip)
+            by_tension = 0.0
         else:
             e, slope, by_tension = bound(t, s, cable, j, towards, dt)
         g = half_tanh(e)
@@ -285,6 +302,11 @@ def assemble(
                 if abs(s.slip[cable, j]) > t.tiny_m:
                     worst = 1.0
                 continue
+        elif revising and t.presliding_m > 0 and has_friction(t, cable, j):
+            way = slides_over(t, s, cable, j, s.slip[cable, j], dt)
+            if way != s.slides[cable, j] and not (one and changed):
+                s.slides[cable, j] = way if s.slides[cable, j] == 0 else 0
+                changed = True
         worst = max(worst, set_row(t, s, cable, j, dt))
     return changed, worst
 
@@ -332,7 +354,9 @@ def sweep(
                 if k > 0:
                     s.change[cable, 0, j + 1] += ahead * s.slip[cable, j]
                 return k
-        behind_slides = not at_rest
+        if not rigid and advancing and behind_slides and s.slides[cable, j] == 0:
+            run_on(t, s, cable, j, end, ahead, right, dt)
+        behind_slides = not at_rest and s.slides[cable, j] != 0
         towards_end = s.row[cable, BELOW, j] if end == 0 else s.row[cable, ABOVE, j]
         towards_far = s.row[cable, ABOVE, j] if end == 0 else s.row[cable, BELOW, j]
         scale = 1.0 / (s.row[cable, DIAGONAL, j] - towards_end * ahead)
@@ -349,6 +373,26 @@ def sweep(
         s.change[cable, 1, j] = by_0
         s.change[cable, 2, j] = by_1
     return count
+
+
+@inlined
+def run_on(
+    t: ChainTables,
+    s: ChainState,
+    cable: int,
+    j: int,
+    end: int,
+    ahead: float,
+    right: float,
+    dt: float,
+) -> None:
+    """Let a bristle give way if the part of the cable that is swept already bends it that far."""
+    near = s.row[cable, BELOW, j] if end == 0 else s.row[cable, ABOVE, j]
+    bends = (s.row[cable, RIGHT, j] - near * right) / (s.row[cable, DIAGONAL, j] - near * ahead)
+    way = slides_over(t, s, cable, j, s.slip[cable, j] + bends, dt)
+    if way != 0:
+        s.slides[cable, j] = way
+        set_row(t, s, cable, j, dt)
 
 
 @compiled_in_place
@@ -409,6 +453,14 @@ def elastic_stretch(t: ChainTables, s: ChainState, cable: int, dt: float) -> flo
 
 
 @compiled_in_place
+def as_before(t: ChainTables, s: ChainState, cable: int) -> None:
+    """Let the segments slide as they did in the last sample."""
+    for j in range(t.wrap.shape[2]):
+        moved = 1 if s.went_m[cable, j] >= 0 else -1
+        s.slides[cable, j] = 0 if s.rested[cable, j] == 1 else moved
+
+
+@compiled_in_place
 def lay_out(t: ChainTables, s: ChainState, cable: int, towards: int, dt: float) -> None:
     """Prepare a slack cable to carry again, all of it sliding."""
     slow = t.creep_share * t.creep_time_s / (t.creep_time_s + dt)
@@ -444,7 +496,7 @@ def finish(
             total += s.reserve_m[cable, j]
             s.reserve_m[cable, j] = 0.0
             s.speed[cable, j] = 0.0
-            s.rate[cable, j] = 0.0
+            s.went_m[cable, j] = 0.0
             s.held[cable, j] = 0.0
             s.rested[cable, j] = 0
         s.stretch[cable, 0] = total
@@ -461,8 +513,8 @@ def finish(
             tau = (t.stiffness[i] * s.stretch[cable, i] - slow * s.creep_n[cable, i]) * quick
             s.creep_n[cable, i] += new * (tau - s.creep_n[cable, i])
     for j in range(n):
-        s.rate[cable, j] = s.slip[cable, j] / dt
-        s.speed[cable, j] = filtered(s.speed[cable, j], s.rate[cable, j], t.memory_s, dt)
+        s.went_m[cable, j] = s.slip[cable, j]
+        s.speed[cable, j] = filtered(s.speed[cable, j], s.slip[cable, j] / dt, t.memory_s, dt)
         s.rested[cable, j] = 1 if s.slides[cable, j] == 0 else 0
         if t.lag_s > 0 or t.presliding_m > 0:
             here, there = s.tension[cable, j], s.tension[cable, j + 1]

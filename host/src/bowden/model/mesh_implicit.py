@@ -24,6 +24,7 @@ from bowden.model.compiled import compiled_in_place
 from bowden.model.mesh_chain import (
     ChainState,
     ChainTables,
+    as_before,
     assemble,
     elastic_stretch,
     end_line,
@@ -40,6 +41,7 @@ from bowden.model.trajectory import NOT_CARRIED, FloatArray
 FRONTS_RUN = 6  # rounds in which fronts run ahead, see `mesh_chain.sweep`
 ALL_AT_ONCE = 16  # rounds that revise all segments at once; then one at a time, if at all
 REFINEMENTS = (1, 4, 16, 64)  # steps that a sample is cut into where fewer find no answer
+MOST_AHEAD = 2.0  # times the last step: how long motion is guessed to go on as it was
 SETTLED = 1e-9  # share of the tensions that may be out of balance
 
 
@@ -293,12 +295,14 @@ def step(
     for trial in range(4):
         slack = now ^ trial
         for cable in range(2):
-            is_slack = (slack >> cable) & 1 == 1
-            if s.gap_m[cable] >= 0 and not is_slack:
+            is_slack, was_slack = (slack >> cable) & 1 == 1, (now >> cable) & 1 == 1
+            if was_slack and not is_slack:
                 sign = 1.0 - 2.0 * cable
                 lay_out(t, s, cable, 1 if sign * (load - motor) > 0 else -1, dt)
+            elif trial > 0:
+                as_before(t, s, cable)
             s.gap_m[cable] = 0.0 if is_slack else -1.0
-            prepare(t, s, cable, factor, dt)
+            prepare(t, s, cable, factor)
         x, y, solved = attempt(t, s, p, free, force, spring, motor, load, longer, dt, patient)
         for cable in range(2):
             sign = 1.0 - 2.0 * cable
@@ -333,7 +337,7 @@ def save(s: ChainState, p: Pulleys) -> None:
             s.saved[cable, 5, j] = s.slides[cable, j]
             s.saved[cable, 6, j] = s.rested[cable, j]
             s.saved[cable, 7, j] = s.held[cable, j]
-            s.saved[cable, 8, j] = s.rate[cable, j]
+            s.saved[cable, 8, j] = s.went_m[cable, j]
     s.saved[0, 4, -1] = p.rolls[0]
     s.saved[0, 5, -1] = p.touches[0]
     s.saved[0, 6, -1] = p.apart_m[0]
@@ -354,7 +358,7 @@ def restore(s: ChainState, p: Pulleys) -> None:
             s.slides[cable, j] = int(s.saved[cable, 5, j])
             s.rested[cable, j] = int(s.saved[cable, 6, j])
             s.held[cable, j] = s.saved[cable, 7, j]
-            s.rate[cable, j] = s.saved[cable, 8, j]
+            s.went_m[cable, j] = s.saved[cable, 8, j]
     p.rolls[0] = int(s.saved[0, 4, -1])
     p.touches[0] = int(s.saved[0, 5, -1])
     p.apart_m[0] = s.saved[0, 6, -1]
@@ -410,22 +414,24 @@ def run(
     longer: FloatArray,
     out: FloatArray,
 ) -> int:
-    """Run all samples; arguments, rows of `out` and return value as in `mesh_events.run`.
+    """Run all samples; arguments and rows of `out` as in `mesh_events.run`.
 
+    Returns 0, or the number of the first sample, from 1, in which no equilibrium was found.
     `factor` and `longer` are those of `Histories`, of one sample where nothing changes.
     """
-    failed, place, n, force_before, speed = 0, 0.0, t.wrap.shape[2], 0.0, 0.0
-    dt_before = 0.0
+    place, n, force_before, speed, dt_before = 0.0, t.wrap.shape[2], 0.0, 0.0, 0.0
     for i in range(time.size):
         # The first sample applies the first torque; it has no duration, so it takes the next one's.
         dt = time[i] - time[i - 1] if i > 0 else time[1] - time[0]
         x = motor[i] - motor[i - 1] if i > 0 else 0.0
         y = load[i] - load[i - 1] if i > 0 else 0.0
         force = motor[i] if free == 0 else load[i] if free == 1 else 0.0
+        # Guessed to go on as before, but not through a gap in the recording.
+        goes_on = speed * min(dt, MOST_AHEAD * dt_before)
         if free == 0:
-            x = speed * dt
+            x = goes_on
         elif free == 1:
-            y = speed * dt
+            y = goes_on
         extra = longer[i] - longer[i - 1] if 0 < i < longer.size else longer[0] if i == 0 else 0.0
         spring = 0.0
         if free == 0 and mass_kg > 0.0 and i > 0:
@@ -435,15 +441,16 @@ def run(
         moved, flags = sample(
             t, s, p, free, force_before, force, spring, x, y, factor[i % factor.size], extra, dt
         )
+        if flags & 8:
+            return i + 1
         force_before = force
         dt_before = dt
         place += moved
         speed = moved / dt if i > 0 else 0.0
-        failed += flags >> 3
         out[i, 0] = place
         out[i, 1] = max(s.tension[0, 0], 0.0)
         out[i, 2] = max(s.tension[0, n], 0.0)
         out[i, 3] = max(s.tension[1, 0], 0.0)
         out[i, 4] = max(s.tension[1, n], 0.0)
         out[i, 5] = (flags & 7) + (s.gap_m[0] >= 0) + 2 * (s.gap_m[1] >= 0)
-    return failed
+    return 0

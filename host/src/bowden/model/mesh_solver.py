@@ -26,6 +26,7 @@ from bowden.model.mesh_implicit import Pulleys
 from bowden.model.trajectory import FloatArray, Mode, Trajectory
 from bowden.model.transmission import Transmission
 
+LEAST_SLIP_M = 1e-6  # a shorter presliding is none: no recording shows it
 FREE_PULLEY = {Mode.TORQUE_POSITION: 0, Mode.POSITION_TORQUE: 1, Mode.POSITION_POSITION: -1}
 
 
@@ -60,7 +61,7 @@ def simulate_mesh(  # noqa: PLR0917
         No equilibrium was found in some sample; only with speeds or tensions far beyond a cable's.
         Or histories of other lengths.
     """
-    free = FREE_PULLEY[mode]
+    free, time_s = FREE_PULLEY[mode], np.ascontiguousarray(time_s)
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
     # Outward displacement of cable a's ends; a torque is r (Ta - Tb) at either pulley.
     motor_end = motor / r_motor if free == 0 else motor * r_motor
@@ -98,8 +99,7 @@ def simulate_mesh(  # noqa: PLR0917
         )
     if failed or not np.all(np.isfinite(out)):
         raise ModelError(
-            f"no equilibrium found in {failed} of {time_s.size} samples, "
-            "accepted: smaller steps, or motion that a cable can follow"
+            "no equilibrium found, accepted: smaller steps, or motion that a cable can follow"
         )
     return trajectory_of(transmission, mode, time_s, motor, load, out)
 
@@ -132,22 +132,22 @@ def chain_tables(transmission: Transmission) -> ChainTables:
     reference = reference if reference > 0 else 1.0
     return ChainTables(
         wrap=wrap,
-        mu_d=law.mu_d,
-        mu_v_s_per_m=law.mu_v_s_per_m,
+        mu_d=float(law.mu_d),
+        mu_v_s_per_m=float(law.mu_v_s_per_m),
         excess=breakaway_excesses(transmission, mesh),
         stiffness=1.0 / compliance,
         share=_at_nodes(mesh.length_m / 2) / transmission.length_m,
-        stribeck_gain=law.stribeck_gain,
-        stribeck_speed_m_per_s=law.stribeck_speed_m_per_s,
-        tension_exponent=law.tension_exponent,
-        reference_n=reference,
-        memory_s=law.memory_s,
-        presliding_m=law.presliding_m,
-        lag_s=law.lag_s,
+        stribeck_gain=float(law.stribeck_gain),
+        stribeck_speed_m_per_s=float(law.stribeck_speed_m_per_s),
+        tension_exponent=float(law.tension_exponent),
+        reference_n=float(reference),
+        memory_s=float(law.memory_s),
+        presliding_m=float(law.presliding_m) if law.presliding_m >= LEAST_SLIP_M else 0.0,
+        lag_s=float(law.lag_s),
         linear=float(np.sqrt(1.0 - g)),
-        quadratic=g / (4.0 * reference),
-        creep_share=transmission.creep_share,
-        creep_time_s=transmission.creep_time_s,
+        quadratic=float(g / (4.0 * reference)),
+        creep_share=float(transmission.creep_share),
+        creep_time_s=float(transmission.creep_time_s),
         tiny_m=1e-10 * reference * float(compliance.mean()),
     )
 
@@ -167,7 +167,7 @@ def chain_state(transmission: Transmission) -> ChainState:
         tension=rest.node_n.copy(),
         creep_n=tau.copy(),
         speed=np.zeros((2, n)),
-        rate=np.zeros((2, n)),
+        went_m=np.zeros((2, n)),
         slides=np.where((t.wrap[:, 0] == 0) | (t.mu_d == 0), 1, 0),
         rested=np.ones((2, n), dtype=np.int64),
         held=np.log(rest.node_n[:, 1:] / rest.node_n[:, :-1])
@@ -196,8 +196,8 @@ def pulleys(transmission: Transmission, free: int) -> Pulleys:
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
     bearings_n = transmission.motor_bearing_nm / r_motor, transmission.load_bearing_nm / r_load
     return Pulleys(
-        bearing_n=bearings_n[free] if free >= 0 else 0.0,
-        play_m=transmission.load_play_rad * r_load if free != 1 else 0.0,
+        bearing_n=float(bearings_n[free]) if free >= 0 else 0.0,
+        play_m=float(transmission.load_play_rad * r_load) if free != 1 else 0.0,
         rolls=np.zeros(1, dtype=np.int64),
         touches=np.zeros(1, dtype=np.int64),
         apart_m=np.zeros(1),
