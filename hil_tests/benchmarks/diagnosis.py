@@ -1,0 +1,178 @@
+"""The hidden-effect benchmark: `python -m hil_tests.benchmarks.diagnosis --seed N [...]`.
+
+Draws cases (`hil_tests.hidden_effects`) from the seed at run time, lets `bowden.diagnosis` and the
+baselines answer each of them, and writes build/diagnosis.json, a table and a picture of the
+confusion matrix beside it. Developing seeds are below 1000; figures are reported with a seed of
+1000 or above that nobody has developed with. Interrupted, it writes what it has.
+
+Cases whose effect is worth less than 3 noise floors even at the largest plausible magnitude are
+redrawn: the recording does not excite them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from bowden.diagnosis.diagnose import Diagnosis, diagnose
+from bowden.model import Mode, ModelError, parse_model
+from bowden.recording.atomic import replace_whole
+from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+
+from hil_tests.benchmarks import diagnosis_baselines as baselines
+from hil_tests.benchmarks.diagnosis_picture import svg
+from hil_tests.benchmarks.diagnosis_score import Answer, Result, markdown
+from hil_tests.hidden_effects import effects, unlisted
+from hil_tests.hidden_effects.recordings import WEAKEST, Case, draw_case
+
+OURS = "bowden"
+REDRAWS = 5
+Job = tuple[int, str, tuple[str, ...], float]
+
+
+def jobs(seed: int, per_effect: int, only: list[str], length_s: float) -> list[Job]:
+    """List the cases: seed, kind, names; rounds over all effects, so that any part is balanced."""
+    rng = np.random.default_rng([seed, 77])
+    found: list[Job] = []
+    for k in range(per_effect):
+        number = 1000 * seed + k
+        found += [(number, "single", (name,), length_s) for name in effects.HIDE]
+        found += [(number, "unlisted", (name,), length_s) for name in unlisted.HIDE]
+        found += [(number + 100 * i, "complete", (), length_s) for i in range(12)]
+        for i in range(8):
+            a, b = rng.choice(list(effects.HIDE), 2, replace=False)
+            found.append((number + 100 * i, "pair", (str(a), str(b)), length_s))
+    if only:
+        found = [j for j in found if set(only) & {j[1], *j[2]}]
+    order = np.random.default_rng([seed, 78]).permutation(len(found))
+    return [found[i] for i in order]
+
+
+def excited(job: Job) -> Case:
+    """Draw the case; again with the next rig and motion while its effect cannot be seen."""
+    seed, kind, names, length_s = job
+    for again in range(REDRAWS):
+        case = draw_case(seed + 10_000_000 * again, kind, names, length_s)
+        if kind == "complete" or case.truth.strength >= WEAKEST:
+            break
+    return case
+
+
+def recording_of(case: Case) -> Recording:
+    """Return the case's recording as a reader would."""
+    extra = {k: v for k, v in case.columns.items() if k not in REQUIRED_COLUMNS}
+    return Recording(**{k: case.columns[k] for k in REQUIRED_COLUMNS}, extra=extra)  # type: ignore[arg-type]
+
+
+def ours(found: Diagnosis, seconds: float) -> Answer:
+    """Reduce a diagnosis to what is scored."""
+    gaps = [g for g in found.gaps if g.noise_floor > 0.0]
+    parameters = {
+        one.name: {k: (v.value, v.low, v.high) for k, v in one.parameters.items()}
+        for one in found.effects
+    }
+    return Answer(
+        found.verdict,
+        tuple(dict.fromkeys(one.name for one in found.effects)),
+        tuple(dict.fromkeys(one.name for one in found.ranking)),
+        parameters,
+        max(g.after / g.noise_floor for g in gaps),
+        seconds,
+    )
+
+
+def run(job: Job) -> dict[str, Result]:
+    """Draw one case and let every method answer it."""
+    case = excited(job)
+    truth = dict(case.truth.effects)
+    model, recording = parse_model(case.model_yaml), recording_of(case)
+
+    def result(answer: Answer) -> Result:
+        t = case.truth
+        return Result(t.seed, t.source, t.kind, truth, t.strength, answer)
+
+    start = time.perf_counter()
+    try:
+        found = diagnose(model, [recording], Mode.TORQUE_POSITION, seed=job[0])
+    except ModelError as error:
+        failed = Answer(f"failed: {error}", (), seconds=time.perf_counter() - start)
+        return {OURS: result(failed)}
+    answers = {OURS: ours(found, time.perf_counter() - start)}
+    answers |= baselines.answers(found, recording)
+    return {method: result(answer) for method, answer in answers.items()}
+
+
+def _each(todo: list[Job], workers: int) -> Iterator[dict[str, Result]]:
+    if workers == 1:
+        yield from map(run, todo)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(run, todo)
+
+
+def _write(output: Path, seed: int, methods: dict[str, list[Result]]) -> None:
+    document = {
+        "seed": seed,
+        "results": {name: [asdict(r) for r in found] for name, found in methods.items()},
+    }
+    texts = {
+        output: json.dumps(document, indent=1) + "\n",
+        output.with_suffix(".md"): markdown(methods),
+        output.with_suffix(".svg"): svg(methods[OURS]),
+    }
+    for path, text in texts.items():
+        with replace_whole(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+
+def main() -> int:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(
+        prog="python -m hil_tests.benchmarks.diagnosis", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("--seed", type=int, required=True, help="reporting seeds: 1000 and above")
+    parser.add_argument("--cases-per-effect", type=int, default=4, metavar="K")
+    parser.add_argument("--only", action="append", default=[], metavar="NAME", help="or a kind")
+    parser.add_argument("--length-s", type=float, default=30.0, help="of each recording")
+    parser.add_argument("--jobs", type=int, default=1, help="cases at the same time")
+    parser.add_argument("--most-minutes", type=float, default=float("inf"))
+    parser.add_argument("--output", type=Path, default=Path("build/diagnosis.json"))
+    args = parser.parse_args()
+    args.output.parent.mkdir(parents=True, exist_ok=True)
+    todo = jobs(args.seed, args.cases_per_effect, args.only, args.length_s)
+    methods: dict[str, list[Result]] = {}
+    start = time.monotonic()
+    try:
+        for done, found in enumerate(_each(todo, args.jobs), 1):
+            for name, one in found.items():
+                methods.setdefault(name, []).append(one)
+            _write(args.output, args.seed, methods)
+            passed = time.monotonic() - start
+            left = passed / done * (len(todo) - done)
+            r = found[OURS]
+            sys.stderr.write(
+                f"{done}/{len(todo)} left {left / 60:.0f} min | {r.kind} {r.label} "
+                f"x{r.strength:.1f}"
+                f" -> {r.answer.verdict} {', '.join(r.answer.named)}"
+                f" (gap {r.answer.gap_over_floor:.2f}, {r.answer.seconds:.0f} s, seed {r.seed})\n"
+            )
+            if passed > 60 * args.most_minutes:
+                break
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+    if not methods:
+        return 1
+    sys.stdout.write(markdown(methods))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
