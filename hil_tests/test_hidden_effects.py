@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -252,6 +254,11 @@ def test_a_recording_does_not_tell_the_truth(kind: str) -> None:
         assert name not in text
     assert json.loads(case.truth.to_json())["kind"] == kind
     assert ("conduit_temperature_c" in case.columns) or len(case.columns) == 5
+
+
+def test_the_generator_knows_nothing_of_the_model() -> None:
+    for source in Path(effects.__file__).parent.glob("*.py"):
+        assert not re.search(r"^\s*(from|import) bowden", source.read_text("utf-8"), re.M), source
 
 
 def test_whole_counts_are_recorded() -> None:

@@ -8,7 +8,7 @@ effects, the mapping lists them and any of them counts.
 - `pysindy`: sequentially thresholded least squares (PySINDy's STLSQ) on the normalised terms, as in
   discrepancy modelling; the term that explains most gives the name.
 - `sysidentpy`: FROLS orders the terms by error reduction; the first gives the name, if its
-  F-statistic over the effective number of samples passes 95 % over all terms (a bound for
+  terms pass an F-test at 95 % over the effective number of samples (a bound for
   autocorrelated residuals; the package's own lets 16 % of white noise pass).
 - `viscous`: always says viscous friction.
 """
@@ -154,7 +154,7 @@ def _by_stlsq(terms: NDArray[np.float64], gap: Vector) -> list[int]:
     found = STLSQ(threshold=THRESHOLD * float(gap.std()), alpha=1e-3).fit(terms, gap[:, None])
     size = np.abs(np.ravel(found.coef_))
     order = [int(i) for i in np.argsort(-size) if size[i] > 0.0]
-    if not order or not _significant(terms, gap, order[0]):
+    if not order or not _significant(terms[:, order], gap):
         return []
     return order
 
@@ -175,24 +175,23 @@ def _by_frols(terms: NDArray[np.float64], gap: Vector) -> list[int]:
     model.fit(X=np.vstack([terms[1:], terms[-1:]]), y=gap[:, None])
     regressors = np.asarray(model.final_model)[:, 0]
     order = [int(code) // 1000 - 2 for code in regressors if int(code) >= 2000]
-    if not order or not _significant(terms, gap, order[0]):
+    if not order or not _significant(terms[:, order], gap):
         return []
     return order
 
 
-def _significant(terms: NDArray[np.float64], gap: Vector, first: int) -> bool:
-    """F-test of one term at 95 % over all terms, with the gap's effective number of samples."""
+def _significant(terms: NDArray[np.float64], gap: Vector) -> bool:
+    """F-test of the chosen terms at 95 %, over the effective number of samples."""
     from scipy.stats import f  # noqa: PLC0415
 
-    column = terms[:, first]
-    rest = gap - column * float(column @ gap) / float(column @ column)
-    n = rest.size
+    rest = gap - terms @ np.linalg.lstsq(terms, gap, rcond=None)[0]
+    n, used = rest.size, terms.shape[1]
     centred = rest - rest.mean()
     power = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
     correlation = np.fft.irfft(power)[: n // 4]
     correlation = correlation / correlation[0]
     ends = np.flatnonzero(correlation < 0.05)
-    effective = n / (1.0 + 2.0 * float(correlation[1 : ends[0]].sum())) if ends.size else 4.0
-    effective = max(effective, 4.0)
-    gain = float(gap @ gap - rest @ rest) / float(rest @ rest) * (effective - 1.0)
-    return bool(gain > f.ppf(1.0 - 0.05 / terms.shape[1], 1, effective - 1.0))
+    effective = n / (1.0 + 2.0 * float(correlation[1 : ends[0]].sum())) if ends.size else 0.0
+    free = max(effective - used, 1.0)
+    gain = float(gap @ gap - rest @ rest) / used / (float(rest @ rest) / free)
+    return bool(gain > f.ppf(1.0 - 0.05 / len(IN_TORQUE), used, free))
