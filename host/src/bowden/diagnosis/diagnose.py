@@ -28,11 +28,12 @@ from bowden.diagnosis.decide import (
     look_alikes,
 )
 from bowden.diagnosis.excitation import Excitation, excitation
+from bowden.diagnosis.fit import Fit, solve
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.localise import Place, ResidualMap, Where, localise
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.prepare import Prepared, prepare
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.quality import Finding, check_quality
 from bowden.diagnosis.select import Progress, Selection, select, silent
 from bowden.model import Mode, Model
@@ -231,11 +232,18 @@ def diagnose(
         return _stopped(model, mode, quality, contents, seed)
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         coarse = _coarse(model)
-        ready = prepare(coarse, mode, recordings, seed, pool)
-        problem = Problem(mode, [one.thin for one in ready])
         moving = free_parameters(model) if model.free_parameters() else []
+
+        def weigh(one: Model) -> list[Part]:
+            return [each.thin for each in prepare(one, mode, recordings, seed, pool)]
+
+        # Noise depends on the numbers that are calibrated: first roughly, then with what came out.
+        rough = Fit(coarse, moving, Problem(mode, weigh(coarse)), pool.map)
+        about = solve(rough, np.zeros(len(moving))).model
+        problem = Problem(mode, weigh(about), weigh)
         selection = select(coarse, moving, candidates(names), problem, pool=pool, progress=progress)
         progress("judging", 0.9)
+        ready = prepare(selection.chosen.fitted.model, mode, recordings, seed, pool)
         series = _series(selection, mode, ready, pool)
     gaps = tuple(_gap(name, series) for name in PREDICTED[mode])
     whole = Problem(mode, [one.whole for one in ready])

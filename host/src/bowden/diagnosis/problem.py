@@ -7,7 +7,7 @@ Runs simulations; touches no file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,6 +95,9 @@ class Misfit:
     judged_gap: float
 
 
+Weigh = Callable[[Model], Sequence[Part]]
+
+
 class Problem:
     """A mode and parts, against which models are measured.
 
@@ -102,10 +105,13 @@ class Problem:
     ----------
     mode : Mode
     parts : sequence of Part
+    weigh : callable (model) -> sequence of Part, optional
+        The same parts, weighed for another model: where noise is large depends on where fronts
+        meet, so on the model.
     """
 
-    def __init__(self, mode: Mode, parts: Sequence[Part]) -> None:
-        self.mode, self.parts = mode, tuple(parts)
+    def __init__(self, mode: Mode, parts: Sequence[Part], weigh: Weigh | None = None) -> None:
+        self.mode, self.parts, self._weigh = mode, tuple(parts), weigh
 
     def misfit(self, model: Model) -> Misfit:
         """Simulate every part and weigh what is left.
@@ -180,7 +186,7 @@ class Problem:
         the stated sigma makes each sigma larger, so that every judgement becomes careful.
         """
         parts = []
-        for part in self.parts:
+        for part in self._weigh(model) if self._weigh else self.parts:
             channels = {}
             for name, gap in self.gaps(model, part).items():
                 channel = part.channels[name]
@@ -194,4 +200,4 @@ class Problem:
                     inflation=max(1.0, float(np.sqrt(np.sum(w**2) / np.sum(channel.share)))),
                 )
             parts.append(replace(part, channels=channels))
-        return Problem(self.mode, parts)
+        return Problem(self.mode, parts, self._weigh)

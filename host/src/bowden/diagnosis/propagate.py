@@ -1,6 +1,6 @@
 """How much of a gap is noise, sample by sample: the local noise of each predicted channel.
 
-Takes a model, a mode and a recording; simulates it about a dozen times; returns frozen results.
+Takes a model, a mode and a recording; simulates it some two dozen times; returns frozen results.
 What is pushed through the model are paths that fit the given channels' readings as well as the best
 estimate does (`dequantise`), so that errors keep their correlation: from edge to edge of a count,
 over a whole rest. Friction makes the noise local: just after a reversal a count is worth a hundred
@@ -27,8 +27,8 @@ from bowden.recording.recording import Recording
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 
-DRAWS = 12
-SMOOTHED_S = 0.008  # neighbours share their spread: a dozen draws alone leave sigma 20 % uncertain
+DRAWS = 24  # a turn that only one path in twenty takes still has to show
+SMOOTHED_S = 0.02  # neighbours share their spread
 MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
 LEAST_SHARE = 1e-6  # of a channel's range: sigma never falls below, so that gaps can be weighed
 
