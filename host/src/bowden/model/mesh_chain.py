@@ -321,6 +321,18 @@ def set_rest(s: ChainState, cable: int, j: int) -> None:
 
 
 @compiled_in_place
+def release(
+    t: ChainTables, s: ChainState, cable: int, j: int, here: float, there: float, dt: float
+) -> bool:
+    """Let a segment at rest go if it gives way between two tensions; True if it does."""
+    way = gives_way(t, s, cable, j, here, there, dt)
+    if way != 0:
+        s.slides[cable, j] = way
+        set_row(t, s, cable, j, dt)
+    return bool(way != 0)
+
+
+@compiled_in_place
 def sweep(
     t: ChainTables, s: ChainState, cable: int, end: int, count: int, dt: float, advancing: bool
 ) -> int:
@@ -345,11 +357,7 @@ def sweep(
                     here -= s.tangent[cable, j] * pulled
                 else:
                     there += s.tangent[cable, j + 1] * pulled
-                way = gives_way(t, s, cable, j, here, there, dt)
-                if way != 0:
-                    s.slides[cable, j] = way
-                    at_rest = False
-                    set_row(t, s, cable, j, dt)
+                at_rest = not release(t, s, cable, j, here, there, dt)
             if at_rest and end == 1:
                 if k > 0:
                     s.change[cable, 0, j + 1] += ahead * s.slip[cable, j]
@@ -375,7 +383,7 @@ def sweep(
     return count
 
 
-@inlined
+@compiled_in_place
 def run_on(
     t: ChainTables,
     s: ChainState,

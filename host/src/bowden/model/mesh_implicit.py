@@ -42,6 +42,7 @@ FRONTS_RUN = 6  # rounds in which fronts run ahead, see `mesh_chain.sweep`
 ALL_AT_ONCE = 16  # rounds that revise all segments at once; then one at a time, if at all
 REFINEMENTS = (1, 4, 16, 64)  # steps that a sample is cut into where fewer find no answer
 MOST_AHEAD = 2.0  # times the last step: how long motion is guessed to go on as it was
+ONLY_DIRECTION = 1e-6  # what is left of the last motion as a guess where it was a bad one
 SETTLED = 1e-9  # share of the tensions that may be out of balance
 
 
@@ -345,7 +346,7 @@ def save(s: ChainState, p: Pulleys) -> None:
 
 @compiled_in_place
 def restore(s: ChainState, p: Pulleys) -> None:
-    """Come back to the state that was kept."""
+    """Come back to the state that was kept; of the last motion only the direction."""
     for cable in range(2):
         s.gap_m[cable] = s.saved[cable, 0, -1]
         for i in range(s.tension.shape[1]):
@@ -358,7 +359,7 @@ def restore(s: ChainState, p: Pulleys) -> None:
             s.slides[cable, j] = int(s.saved[cable, 5, j])
             s.rested[cable, j] = int(s.saved[cable, 6, j])
             s.held[cable, j] = s.saved[cable, 7, j]
-            s.went_m[cable, j] = s.saved[cable, 8, j]
+            s.went_m[cable, j] = ONLY_DIRECTION * s.saved[cable, 8, j]
     p.rolls[0] = int(s.saved[0, 4, -1])
     p.touches[0] = int(s.saved[0, 5, -1])
     p.apart_m[0] = s.saved[0, 6, -1]
@@ -397,6 +398,7 @@ def sample(
         if flags & 8 == 0:
             return moved, flags
         restore(s, p)
+        motor, load = (0.0, load) if free == 0 else (motor, 0.0) if free == 1 else (motor, load)
     return 0.0, 8
 
 
