@@ -36,7 +36,7 @@ from bowden.diagnosis.prepare import Prepared, prepare
 from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.quality import Finding, check_quality
 from bowden.diagnosis.select import Progress, Selection, select, silent
-from bowden.model import Mode, Model
+from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
 
@@ -243,7 +243,10 @@ def diagnose(
         problem = Problem(mode, weigh(about), weigh)
         selection = select(coarse, moving, candidates(names), problem, pool=pool, progress=progress)
         progress("judging", 0.9)
-        ready = prepare(selection.chosen.fitted.model, mode, recordings, seed, pool)
+        try:
+            ready = prepare(selection.chosen.fitted.model, mode, recordings, seed, pool)
+        except ModelError:  # it runs what was measured, but not every path beside it
+            ready = prepare(about, mode, recordings, seed, pool)
         series = _series(selection, mode, ready, pool)
     gaps = tuple(_gap(name, series) for name in PREDICTED[mode])
     whole = Problem(mode, [one.whole for one in ready])

@@ -186,7 +186,11 @@ class Problem:
         the stated sigma makes each sigma larger, so that every judgement becomes careful.
         """
         parts = []
-        for part in self._weigh(model) if self._weigh else self.parts:
+        try:
+            weighed = self._weigh(model) if self._weigh else self.parts
+        except ModelError:  # it runs what was measured, but not every path beside it
+            weighed = self.parts
+        for part in weighed:
             channels = {}
             for name, gap in self.gaps(model, part).items():
                 channel = part.channels[name]
