@@ -133,7 +133,7 @@ def _named(selection: Selection, tie: Sequence[Hypothesis]) -> tuple[NamedEffect
                     sure.get(one.name, 0.0),
                 ),
             )
-    return tuple(found.values())
+    return tuple(found.values())[:MOST_TIED]
 
 
 def confidences(selection: Selection) -> dict[str, float]:
