@@ -4,10 +4,6 @@
 #define PPM 1000000
 #define TRUSTED 128 /* confidence below which ever less of the friction is compensated */
 
-/* Bounds of what adaptation may make of the model's friction. */
-#define FACTOR_LEAST_PPM 500000
-#define FACTOR_MOST_PPM 1500000
-
 /* While the load moves, this part of the friction is left to be felt: a bias to the passive side
  * that covers what encoders and cell are late by. */
 #define FELT_PART 50
@@ -32,7 +28,7 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
         .outputs = {.friction_factor_ppm = PPM, .friction_unm = friction_unm},
         .motor_per_load_torque = ratio_reciprocal(ratio),
         .friction_unm = friction_unm,
-        .factor_q16 = INVERSION_SHARE_ONE,
+        .adaptation = adaptation_of(ratio, friction_unm, settings->ticks_per_s),
         .share_q16 = q16(settings->friction_share_ppm),
         .sliding = sliding,
         .estimator = estimator_of(
@@ -48,12 +44,8 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
 }
 
 void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm) {
-    const uint32_t limited =
-        friction_factor_ppm < FACTOR_LEAST_PPM
-            ? FACTOR_LEAST_PPM
-            : (friction_factor_ppm > FACTOR_MOST_PPM ? FACTOR_MOST_PPM : friction_factor_ppm);
-    compensation->outputs.friction_factor_ppm = limited;
-    compensation->factor_q16 = q16(limited);
+    adaptation_set_ppm(&compensation->adaptation, friction_factor_ppm);
+    compensation->outputs.friction_factor_ppm = adaptation_factor_ppm(&compensation->adaptation);
 }
 
 /* Part of the model's friction to compensate, in Q16: with a load cell all of it, the cell sees to
@@ -61,8 +53,8 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
  * trusted. At rest no energy flows, and all of it may be compensated. */
 static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
     const uint32_t left = INVERSION_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
-    const uint32_t factor =
-        (uint32_t)((uint64_t)compensation->factor_q16 * left / INVERSION_SHARE_ONE);
+    const uint32_t factor = (uint32_t)((uint64_t)adaptation_factor_q16(&compensation->adaptation) *
+                                       left / INVERSION_SHARE_ONE);
     if (cell || compensation->estimator.load_direction == 0) {
         return factor;
     }
@@ -104,6 +96,21 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
     }
 }
 
+/* Is the friction of the pair to be seen in this tick? Then it is learned from. */
+static void adapt(compensation_t *compensation, const transmission_t *transmission,
+                  const compensation_inputs_t *inputs) {
+    const int32_t side = compensation->estimator.slip == SLIP_POSITIVE ? 1 : -1;
+    const bool slides = compensation->estimator.slip != SLIP_STUCK && transmission->flags == 0 &&
+                        compensation->estimator.load_direction == side;
+    const bool limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0;
+    if (!compensation->settings.adapt || !inputs->load_cell_valid || !slides || limited) {
+        return;
+    }
+    adaptation_step(&compensation->adaptation, side, inputs->motor_torque_unm,
+                    inputs->load_cell_unm);
+    compensation->outputs.friction_factor_ppm = adaptation_factor_ppm(&compensation->adaptation);
+}
+
 static uint8_t flags_of(const compensation_t *compensation, const compensation_inputs_t *inputs,
                         bool limited, bool damped) {
     uint8_t flags = 0;
@@ -138,6 +145,7 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
                        .load_cell_unm = inputs->load_cell_unm,
                        .load_cell_valid = inputs->load_cell_valid,
                    });
+    adapt(compensation, transmission, inputs);
     const int32_t load_torque_unm =
         inputs->load_cell_valid ? inputs->load_cell_unm : estimator->load_torque_unm;
     const int32_t error_unm = fixed_subtract(inputs->wanted_unm, load_torque_unm, &saturations);

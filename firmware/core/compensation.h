@@ -19,6 +19,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "adaptation.h"
 #include "estimator.h"
 #include "fixed.h"
 #include "law_inversion.h"
@@ -94,9 +95,9 @@ typedef struct {
     ratio_t motor_per_load_torque; /* 1 / rho */
     int32_t friction_unm;          /* of the model's sliding pair, at the load */
     uint32_t share_q16;            /* settings.friction_share_ppm */
-    uint32_t factor_q16;           /* outputs.friction_factor_ppm */
     sliding_t sliding;
     estimator_t estimator;
+    adaptation_t adaptation;
     passivity_t passivity;
     inversion_t inversion;
     published_t published;

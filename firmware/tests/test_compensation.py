@@ -1,0 +1,334 @@
+"""The compensation laws on their own: closed forms of the sliding pair, and laws of any rig.
+
+The pair that is controlled here is a second transmission of the same code, so nothing is proved
+of rigs that are unlike the model: that is what hil_tests/render measures. What is proved: the
+inversion is the inverse of the closed forms of test_transmission.py, mirrored exactly, bounded, at
+rest when it should be, and gives friction back when it has been active.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from firmware.tests.native import Pair, ffi, lib, settings
+
+RATIO = 5.2
+FRICTION_NM = 3.12  # 2 r_load T0 m of Table I, at the load
+WRAP = 1.5
+TICKS_PER_S = 4000
+INVERSION = 5
+LAWS = range(6)
+COUNT_NM = 65_345  # of a load encoder of 10000 counts
+LIMITED, HELD_TAUT, RESTING, DAMPED, DISAGREES = 1, 2, 4, 8, 16
+
+
+class Controlled:
+    """A compensation, its own model, and the pair that stands for the cables, all of Table I.
+
+    The motor has no inertia: it is where the torque of the last tick puts it.
+    """
+
+    def __init__(self, rig: Any = None, model: Any = None, **changes: int) -> None:
+        self.rig: Any = Pair(rig or settings())
+        self.model: Any = Pair(
+            model or settings(motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
+        )
+        self.raw: Any = ffi.new("compensation_t *")
+        self.settings: Any = ffi.new(
+            "compensation_settings_t *",
+            {
+                "ticks_per_s": TICKS_PER_S,
+                "torque_limit_unm": 2_000_000,
+                "motor_inertia_gmm2": 30_000,
+                "motor_count_nm": 62_832,
+                "load_count_nm": COUNT_NM,
+                "friction_share_ppm": 1_000_000,
+                "rest_band_unm": 10_000,
+                "integral_gain_mhz": 10_000,
+                **changes,
+            },
+        )
+        lib.compensation_configure(self.raw, self.model.raw, self.settings)
+        self.inputs: Any = ffi.new("compensation_inputs_t *", {"law": INVERSION, "active": True})
+        self.torque_unm = 0
+        self.encoder_slip_nm = 0
+
+    def tick(self, wanted_nm: float, load_angle_rad: float, cell: bool = False) -> float:
+        """One tick; the load torque that arrives (N m)."""
+        load_arc_nm = round(load_angle_rad * 0.104e9)
+        lib.transmission_step_torque(self.rig.raw, self.torque_unm, load_arc_nm)
+        arrives_unm = int(lib.transmission_load_torque_unm(self.rig.raw))
+        found = self.inputs
+        found.load_cell_valid = cell
+        found.wanted_unm = round(wanted_nm * 1e6)
+        found.motor_arc_nm = self.rig.raw.motor.arc_nm + self.encoder_slip_nm
+        found.load_arc_nm = load_arc_nm
+        found.motor_torque_unm = self.torque_unm
+        found.load_cell_unm = arrives_unm
+        lib.compensation_step(self.raw, self.model.raw, found)
+        self.torque_unm = int(self.raw.outputs.motor_torque_unm)
+        return arrives_unm * 1e-6
+
+    def run(self, wanted_nm: Any, angle_rad: NDArray[np.float64], **kind: bool) -> Any:
+        """Load torque of each tick."""
+        wanted = np.broadcast_to(np.asarray(wanted_nm, float), angle_rad.shape)
+        return np.array(
+            [
+                self.tick(w, a, **kind)
+                for w, a in zip(wanted.tolist(), angle_rad.tolist(), strict=True)
+            ]
+        )
+
+
+def stroke(start_rad: float, end_rad: float, seconds: float = 0.5) -> NDArray[np.float64]:
+    return np.linspace(start_rad, end_rad, round(seconds * TICKS_PER_S))
+
+
+def sliding(pair: Pair, floor_un: int = 0) -> Any:
+    return lib.sliding_of(pair.raw, floor_un)
+
+
+def torque_nm(found: Any, load_nm: float, sign: int) -> float:
+    pointer = ffi.new("sliding_t *", found)
+    return float(lib.sliding_motor_torque_unm(pointer, round(load_nm * 1e6), sign)) * 1e-6
+
+
+# ---- the sliding pair, in closed form ----
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("load_nm", [-3.0, -1.04, 0.0, 0.5])
+def test_both_taut_the_motor_gives_the_load_torque_and_the_friction(
+    load_nm: float, sign: int
+) -> None:
+    """(S1): tau_m = (tau_l + 2 r_load T0 m sign) / rho."""
+    found = torque_nm(sliding(Pair(settings())), load_nm * sign, sign)
+    # the mesh of 20 segments has its friction 1e-5 off; two roundings
+    assert found == pytest.approx(sign * (load_nm + FRICTION_NM) / RATIO, rel=2e-5, abs=2e-6)
+
+
+def test_with_a_slack_cable_the_other_alone_is_a_capstan() -> None:
+    """(S2), (S3): slack above 0.77233 and below -0.17233 N m at the motor (PHYSICS.md)."""
+    found = sliding(Pair(settings()))
+    assert torque_nm(found, 2.0, 1) == pytest.approx(2.0 / RATIO * math.exp(WRAP), rel=1e-5)
+    assert torque_nm(found, -6.0, 1) == pytest.approx(-6.0 / RATIO * math.exp(-WRAP), rel=1e-5)
+    for motor_nm, ratio in ((0.77233, math.exp(-WRAP)), (-0.17233, math.exp(WRAP))):
+        at_limit = motor_nm * RATIO * ratio
+        assert torque_nm(found, at_limit, 1) == pytest.approx(motor_nm, rel=1e-4)
+
+
+@hypothesis_settings(max_examples=60, deadline=None)
+@given(
+    st.floats(-8.0, 8.0),
+    st.floats(0.05, 0.3),
+    st.floats(1.0, 20.0),
+    st.lists(st.floats(0.15, 3.0), min_size=10, max_size=10),
+)
+def test_what_the_closed_form_asks_for_makes_the_wanted_torque_arrive(
+    load_nm: float, mu_d: float, pretension_n: float, radii_m: list[float]
+) -> None:
+    """Any path: a pair dragged as a whole by its load carries exactly that."""
+    pair = Pair(settings(10, mu_d=mu_d, pretension_n=pretension_n, radius_m=radii_m))
+    motor_nm = torque_nm(sliding(pair), load_nm, 1)
+    angle = stroke(0.0, 1.5)  # beyond any backlash of these rigs
+    found = pair.run_torque(np.full_like(angle, motor_nm), angle)
+    if abs(motor_nm) < 100:  # tensions within the range of the arithmetic
+        # 2 nm of motor arc at EA/dx = 20 kN/m and 104 mm, rho uN m of motor torque
+        assert found.load_torque_nm[-1] == pytest.approx(load_nm, rel=2e-5, abs=3e-5)
+
+
+@hypothesis_settings(max_examples=60, deadline=None)
+@given(st.integers(-8_000_000, 8_000_000), st.sampled_from([1, -1]), st.integers(0, 3_000_000))
+def test_the_slack_floor_keeps_the_cables_taut_and_mirrors(
+    load_unm: int, sign: int, floor_un: int
+) -> None:
+    pair = Pair(settings())
+    found = ffi.new("sliding_t *", sliding(pair, floor_un))
+    motor_unm = lib.sliding_motor_torque_unm(found, load_unm, sign)
+    assert lib.sliding_motor_torque_unm(found, -load_unm, -sign) == -motor_unm
+    if floor_un > 0:
+        angle = sign * stroke(0.0, 1.0, 0.1)
+        run = pair.run_torque(np.full_like(angle, motor_unm * 1e-6), angle)
+        # 2 nm of motor arc at EA/dx = 40 kN/m are 80 uN at the motor, exp(m) as much at the far
+        # end, and 1 uN m of the limit is 50 uN: together below 1 mN
+        assert np.min([series[-1] for series in run[2:6]]) >= floor_un * 1e-6 - 1e-3
+
+
+# ---- our law ----
+
+
+def test_a_moved_load_feels_the_wanted_torque_not_the_friction() -> None:
+    angle = np.concatenate([stroke(0.0, 0.5), stroke(0.5, -0.5), stroke(-0.5, 0.5)])
+    felt = Controlled().run(0.0, angle)
+    plain = Pair(settings()).run_torque(np.zeros_like(angle), angle).load_torque_nm
+    settled = slice(4800, 5900)  # the last stroke but its reversal
+    # 2 % of the friction stay, to be passive; a count of the dead band at a reversal
+    assert np.abs(plain[settled]).mean() == pytest.approx(FRICTION_NM, rel=0.01)
+    assert np.abs(felt[settled]).mean() == pytest.approx(0.02 * FRICTION_NM, rel=0.1)
+    assert float(np.sqrt(np.mean(felt**2))) < 0.12 * float(np.sqrt(np.mean(plain**2)))
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.15])
+def test_the_load_cell_closes_what_the_model_is_wrong_by(factor: float) -> None:
+    wrong = settings(pretension_n=10 * factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
+    angle = np.concatenate([stroke(0.0, 0.5), stroke(0.5, -0.5, 1.0)])
+    felt = Controlled(model=wrong).run(0.3, angle, cell=True) - 0.3
+    without = Controlled(model=wrong).run(0.3, angle) - 0.3
+    # 1 s of integral at 10 1/s, and the 2 % that stay
+    assert abs(felt[-1]) < 0.025 * FRICTION_NM
+    assert abs(without[-1]) == pytest.approx(abs(factor - 1 - 0.02) * FRICTION_NM, rel=0.15)
+
+
+@hypothesis_settings(max_examples=25, deadline=None)
+@given(
+    st.sampled_from(list(LAWS)),
+    st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-0.6, 0.6)), min_size=1, max_size=5),
+    st.booleans(),
+)
+def test_the_mirror_image_is_exact_and_the_limit_holds(
+    law: int, legs: list[tuple[float, float]], cell: bool
+) -> None:
+    there, back = (Controlled(torque_limit_unm=500_000) for _ in range(2))
+    at = 0.0
+    for wanted_nm, angle_rad in legs:
+        for angle in stroke(at, angle_rad, 0.05).tolist():
+            for one, sign in ((there, 1.0), (back, -1.0)):
+                one.inputs.law = law
+                one.tick(sign * wanted_nm, sign * angle, cell)
+            assert there.torque_unm == -back.torque_unm
+            assert abs(there.torque_unm) <= 500_000
+        at = angle_rad
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_inactive_asks_for_nothing(law: int) -> None:
+    one = Controlled()
+    one.inputs.law = law
+    one.inputs.active = False
+    one.run(1.0, stroke(0.0, 0.5, 0.1))
+    assert one.torque_unm == 0
+
+
+def test_from_power_on_nothing_wanted_moves_nothing() -> None:
+    one = Controlled()
+    one.run(0.0, np.zeros(2000), cell=True)
+    assert one.torque_unm == 0
+    assert one.raw.outputs.flags & RESTING
+
+
+@pytest.mark.parametrize("factor", [0.7, 0.85, 1.0, 1.15, 1.4])
+@pytest.mark.parametrize("cell", [False, True])
+def test_at_rest_there_is_no_limit_cycle(factor: float, cell: bool) -> None:
+    """However wrong the model: steps of the wanted torque at a still load, then peace."""
+    wrong = settings(pretension_n=10 * factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
+    one = Controlled(model=wrong)
+    one.run(0.0, np.concatenate([stroke(0.0, 0.3, 0.25), np.full(1000, 0.3)]), cell=cell)
+    for wanted_nm in (0.8, -0.8, 0.1):
+        torque = []
+        for _ in range(4000):
+            one.tick(wanted_nm, 0.3, cell)
+            torque.append(one.torque_unm)
+        # In its last half second the motor torque creeps at most (that is the integral): what it
+        # goes back by, a swing, is less than what the encoder's count would make.
+        last = np.array(torque[2000:])
+        back = np.minimum(
+            np.max(np.maximum.accumulate(last) - last), np.max(last - np.minimum.accumulate(last))
+        )
+        assert back < 1e-3 * FRICTION_NM / RATIO * 1e6
+
+
+def test_beyond_the_motor_it_saturates_and_says_so() -> None:
+    one = Controlled(torque_limit_unm=300_000)
+    one.run(-1.0, stroke(0.0, -0.5))
+    assert one.torque_unm == -300_000
+    assert one.raw.outputs.flags & LIMITED
+
+
+def test_an_unbelievable_model_is_compensated_less() -> None:
+    """The motor encoder runs away from the model: confidence, and with it the share, goes."""
+    one = Controlled()
+    one.run(0.0, stroke(0.0, 0.5, 1.0))
+    trusted = one.torque_unm
+    one.encoder_slip_nm = 40_000_000
+    one.run(0.0, stroke(0.5, 1.0, 1.0))
+    assert one.raw.outputs.flags & DISAGREES
+    assert one.raw.outputs.motor_torque_unm < trusted / 2
+
+
+# ---- passivity and adaptation ----
+
+
+@hypothesis_settings(max_examples=50, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(-3_000_000, 3_000_000), st.integers(-2_000_000, 2_000_000)),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_the_observer_books_every_joule_and_keeps_little_credit(
+    steps: list[tuple[int, int]],
+) -> None:
+    """E is the sum of excess torque times motion, floored at the bank of 2 mrad of friction."""
+    observer = ffi.new("passivity_t *", lib.passivity_of(104_000_000, 3_120_000))
+    lib.passivity_step(observer, 0, 0)
+    at_nm, energy_j = 0, 0.0
+    for excess_unm, step_nm in steps:
+        at_nm += step_nm
+        lib.passivity_step(observer, at_nm, excess_unm)
+        energy_j = max(energy_j + excess_unm * 1e-6 * step_nm / 104e6, -FRICTION_NM * 2e-3)
+        # a step is rounded to 1 urad: 3 uJ at 3 N m
+        assert lib.passivity_energy_uj(observer) * 1e-6 == pytest.approx(
+            energy_j, abs=2e-6 * (1 + len(steps))
+        )
+        back_off = lib.passivity_back_off_q16(observer)
+        assert (back_off > 0) <= (energy_j > -1e-4)
+        assert 0 <= back_off <= 49152
+
+
+def test_friction_that_is_too_high_in_the_model_is_given_back() -> None:
+    """With a load cell: a free load that the compensation pushes is let go of."""
+    wrong = settings(pretension_n=14.0, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
+    one = Controlled(model=wrong, integral_gain_mhz=0)
+    one.run(0.0, stroke(0.0, 0.5, 1.0), cell=True)
+    early = one.torque_unm
+    one.run(0.0, stroke(0.5, 1.0, 1.0), cell=True)
+    assert one.raw.outputs.flags & DAMPED
+    assert one.torque_unm < early
+    # it ends where the pushing stops: at the true friction, less what the bias leaves
+    assert one.torque_unm * 1e-6 * RATIO < 1.02 * FRICTION_NM
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.25])
+def test_adaptation_finds_the_friction_and_freezes_without_excitation(factor: float) -> None:
+    wrong = settings(pretension_n=10 / factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
+    one = Controlled(model=wrong, adapt=True)
+    outputs = one.raw.outputs
+    one.run(0.0, np.zeros(400), cell=True)
+    assert outputs.friction_factor_ppm == 1_000_000
+    for _ in range(6):
+        one.run(0.0, np.concatenate([stroke(0.0, 0.7, 1.0), stroke(0.7, 0.0, 1.0)]), cell=True)
+    # 12 s against a time constant of 2 s of sliding
+    assert outputs.friction_factor_ppm == pytest.approx(factor * 1e6, rel=0.03)
+    learned = outputs.friction_factor_ppm
+    one.run(0.5, np.zeros(2000), cell=True)
+    one.run(0.0, stroke(0.0, 0.5), cell=False)
+    assert outputs.friction_factor_ppm == learned
+
+
+def test_adaptation_is_bounded_and_off_unless_asked_for() -> None:
+    one = Controlled()
+    one.run(0.0, stroke(0.0, 0.5), cell=True)
+    assert one.raw.outputs.friction_factor_ppm == 1_000_000
+    for given_ppm, kept_ppm in ((0, 500_000), (700_000, 700_000), (2**32 - 1, 1_500_000)):
+        lib.compensation_restore(one.raw, given_ppm)
+        # Q24: 60 ppb
+        assert one.raw.outputs.friction_factor_ppm == pytest.approx(kept_ppm, abs=1)
