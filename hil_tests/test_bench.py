@@ -152,7 +152,8 @@ def test_torque_mode_moves_the_motor_by_the_torque_asked_for(benches: Benches) -
     host.write(0x2040, 0, 125_000, 3)
     host.listen(0.5)
     truth = host.bus.bench.truth()
-    assert truth.motor_torque_nm[-1] == pytest.approx(0.125, rel=1e-3)
+    # the mean of 0.1 s: a real current loop follows the noise of its own converter
+    assert np.mean(truth.motor_torque_nm[-400:]) == pytest.approx(0.125, rel=1e-3)
     # Experiment 1: no torque arrives at a locked load behind a conduit of this wrap
     assert abs(truth.load_torque_nm[-1]) < 1e-3
     assert truth.motor_angle_rad[-1] > 7e-3

@@ -149,7 +149,7 @@ def library(series: Series, recording: Recording) -> tuple[list[str], NDArray[np
 
 def _by_stlsq(terms: NDArray[np.float64], gap: Vector) -> list[int]:
     """Return the columns that survive, most explaining first; none if that is too little."""
-    from pysindy import STLSQ  # type: ignore[import-untyped]  # noqa: PLC0415
+    from pysindy import STLSQ  # noqa: PLC0415
 
     found = STLSQ(threshold=THRESHOLD * float(gap.std()), alpha=1e-3).fit(terms, gap[:, None])
     size = np.abs(np.ravel(found.coef_))
@@ -161,8 +161,8 @@ def _by_stlsq(terms: NDArray[np.float64], gap: Vector) -> list[int]:
 
 def _by_frols(terms: NDArray[np.float64], gap: Vector) -> list[int]:
     """Return the columns in FROLS' order, if the first one is significant."""
-    from sysidentpy.basis_function import Polynomial  # type: ignore[import-untyped]  # noqa: PLC0415
-    from sysidentpy.model_structure_selection import FROLS  # type: ignore[import-untyped]  # noqa: PLC0415
+    from sysidentpy.basis_function import Polynomial  # noqa: PLC0415
+    from sysidentpy.model_structure_selection import FROLS  # noqa: PLC0415
 
     model = FROLS(
         n_terms=5,

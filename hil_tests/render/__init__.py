@@ -2,7 +2,7 @@
 
 `rigs` draws rigs at random and what the drive believes of them, `tasks` are what a person does with
 the handle, `trial` runs one task with one compensation law, `measures` judges it, `table` sums many
-up. `python -m hil_tests.render --seed 1 --law model-inversion --task tunnel --plot OUT.png` shows
+up. `python -m hil_tests.render --seed 1 --law model-inversion --task tunnel --plot OUT.html` shows
 one; `python -m hil_tests.benchmarks --only render` measures many. Nothing here knows how a law
 works: laws are chosen and configured over the bus, as a lab does.
 

@@ -1,6 +1,6 @@
 """One rig, one law, one task (or all): figures on stdout, and a plot.
 
-    python -m hil_tests.render --seed 1 --law model-inversion --task tunnel --plot OUT.png
+    python -m hil_tests.render --seed 1 --law model-inversion --task tunnel --plot OUT.html
 
 Developing seeds are 1 to 999; the reporting seeds of the benchmark begin at 100 000.
 """
@@ -24,7 +24,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the rig")
     parser.add_argument("--law", default="all", help="all, or " + ", ".join(x.name for x in LAWS))
     parser.add_argument("--task", default="all", help="all, or " + ", ".join(x.name for x in TASKS))
-    parser.add_argument("--plot", type=Path, metavar="OUT.png", help="of the last trial")
+    parser.add_argument("--plot", type=Path, metavar="OUT.html", help="of the last trial")
     options = parser.parse_args()
     try:
         laws = LAWS if options.law == "all" else (law_named(options.law),)

@@ -1,48 +1,58 @@
-"""A picture of one trial: torque over time and over angle, motor torque, tensions."""
+"""A page with one trial: torque over time and over angle, motor torque, tensions."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
+import numpy as np
+from bowden.report.canvas import MEASURED, PRESCRIBED, RESIDUAL, SIMULATED, draw, dress
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots
 
 from hil_tests.render.trial import Trial
 from hil_tests.rig import state as at
 
-mpl.use("Agg")
+POINTS: Final = 6000
+
+_Curve = tuple[str, NDArray[np.float64], dict[str, object]]  # name, values, line
 
 
 def write_plot(trial: Trial, path: Path) -> None:
-    """Draw the trial into a file whose name ends in .png, .svg or .pdf."""
-    figure = Figure(figsize=(12, 9), layout="constrained")
-    rows, time_s = trial.rig, trial.time_s
-    ((torque, loop), (motor, tension)) = figure.subplots(2, 2)
-    figure.suptitle(f"rig {trial.render_rig.seed}, {trial.law.name}, {trial.task.name}")
-    for axes, x in ((torque, time_s), (loop, rows[:, at.LOAD_ANGLE])):
-        axes.plot(x, rows[:, at.LOAD_TORQUE], label="arrives", linewidth=0.8)
-        axes.plot(x, trial.wanted_nm, label="wanted", linewidth=1.2)
-        axes.set_ylabel("torque on the load (N m)")
-    if trial.drive:
-        estimate = 1e-6 * trial.drive["estimated_load_torque_unm"]
-        torque.plot(time_s, estimate, label="the drive's estimate", linewidth=0.6)
-        command = 1e-6 * trial.drive["motor_torque_command_unm"]
-        motor.plot(time_s, command, label="motor torque asked for", linewidth=0.6)
-    torque.set_xlabel("time (s)")
-    loop.set_xlabel("load angle (rad)")
-    motor.plot(time_s, rows[:, at.MOTOR_TORQUE], label="motor torque", linewidth=0.6)
-    motor.set_ylabel("torque (N m)")
-    motor.set_xlabel("time (s)")
-    for name, place in (
-        ("motor a", at.MOTOR_TENSION_A),
-        ("load a", at.LOAD_TENSION_A),
-        ("motor b", at.MOTOR_TENSION_B),
-        ("load b", at.LOAD_TENSION_B),
-    ):
-        tension.plot(time_s, rows[:, place], label=name, linewidth=0.8)
-    tension.set_ylabel("tension (N)")
-    tension.set_xlabel("time (s)")
-    for axes in (torque, loop, motor, tension):
-        axes.grid(visible=True, alpha=0.3)
-        axes.legend(fontsize=8)
-    figure.savefig(path, dpi=110)
+    """Draw the trial into an HTML file that needs nothing else."""
+    figure = make_subplots(rows=2, cols=2, horizontal_spacing=0.08, vertical_spacing=0.1)
+    rows, time_s, drive = trial.rig, trial.time_s, trial.drive
+    torque: list[_Curve] = [
+        ("arrives", rows[:, at.LOAD_TORQUE], MEASURED),
+        ("wanted", trial.wanted_nm, PRESCRIBED),
+    ]
+    motor: list[_Curve] = [("motor torque", rows[:, at.MOTOR_TORQUE], MEASURED)]
+    if drive:
+        estimate, command = (
+            np.multiply(1e-6, drive[name], dtype=np.float64)
+            for name in ("estimated_load_torque_unm", "motor_torque_command_unm")
+        )
+        torque.append(("the drive's estimate", estimate, SIMULATED))
+        motor.append(("asked for", command, PRESCRIBED))
+    tension: list[_Curve] = [
+        ("motor a", rows[:, at.MOTOR_TENSION_A], MEASURED),
+        ("load a", rows[:, at.LOAD_TENSION_A], SIMULATED),
+        ("motor b", rows[:, at.MOTOR_TENSION_B], PRESCRIBED),
+        ("load b", rows[:, at.LOAD_TENSION_B], RESIDUAL),
+    ]
+    angle = rows[:, at.LOAD_ANGLE]
+    panels = (
+        (1, 1, time_s, "time (s)", "torque on the load (N m)", torque),
+        (1, 2, angle, "load angle (rad)", "torque on the load (N m)", torque[:2]),
+        (2, 1, time_s, "time (s)", "motor torque (N m)", motor),
+        (2, 2, time_s, "time (s)", "tension (N)", tension),
+    )
+    for row, column, x, below, beside, curves in panels:
+        for name, values, line in curves:
+            draw(figure, (x, values), name, line, points=POINTS, row=row, col=column)
+        figure.update_xaxes(title=below, row=row, col=column)
+        figure.update_yaxes(title=beside, row=row, col=column)
+    dress(figure, 900)
+    title = f"rig {trial.render_rig.seed}, {trial.law.name}, {trial.task.name}"
+    figure.update_layout(title=title)
+    figure.write_html(path, include_plotlyjs=True)

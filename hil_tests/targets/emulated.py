@@ -42,6 +42,11 @@ NOT_MODELLED: Final = "division by zero"  # its trap: the firmware sets it, and 
 # A control tick takes the mean of five conversions. Each has half a code of noise and the step of
 # the converter, 1/12 code^2: 5 sigma of the mean are 1.3 codes.
 CODES: Final = 5.0 * math.sqrt((ADC_NOISE_CODES**2 + 1.0 / 12.0) / 5.0)
+# The 1 kHz current loop follows the noise of its 20 kHz conversions: a first-order loop of gain
+# a = 2 pi 1 kHz / 20 kHz makes a current of variance a / (2 - a) of it, which is truly there and
+# differs between the bench's 250 us and the chip's, since their phases differ.
+LOOP_GAIN: Final = 2.0 * math.pi * 1e3 / 20e3
+CURRENT_CODES: Final = math.hypot(CODES, CODES * math.sqrt(5.0 * LOOP_GAIN / (2.0 - LOOP_GAIN)))
 TORQUE_CONSTANT_NM_PER_A: Final = 0.060
 # A back-EMF that changes by k alpha a second takes the 1 kHz current loop k alpha / (2 pi 1 kHz R)
 # away from its set value; alpha at most that of a free motor under 0.2 N m, the tunnel's limit.
@@ -73,7 +78,7 @@ class EmulatedTarget:
     name = "emulated"
     capabilities = frozenset({VIRTUAL_TIME, SIMULATED_RIG, SEVERAL, MOTION, CHIP, MEASURED_CURRENT})
     converters = Converters(
-        motor_torque_nm=CODES * 1e-6 * board.CURRENT_UA_PER_CODE * TORQUE_CONSTANT_NM_PER_A,
+        motor_torque_nm=CURRENT_CODES * 1e-6 * board.CURRENT_UA_PER_CODE * TORQUE_CONSTANT_NM_PER_A,
         load_torque_nm=CODES * LOAD_CELL_NM_PER_CODE,
         regulation_nm=REGULATION_NM,
         sampling_ticks=2,  # its clock starts when it boots, and its ticks are not the bench's
