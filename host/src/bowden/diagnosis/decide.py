@@ -164,7 +164,8 @@ def intervals(hypothesis: Hypothesis) -> list[dict[str, Value]]:
     fit, fitted = hypothesis.fit, hypothesis.fitted
     sigma = np.sqrt(np.maximum(np.diag(covariance(fitted)), 0.0)) if fitted.at.size else np.zeros(0)
     found = []
-    for index, candidate in enumerate(hypothesis.effects):
+    known = len(fitted.model.document.effects) - len(hypothesis.effects)  # those of the file
+    for index, candidate in enumerate(hypothesis.effects, known):
         values = {}
         for parameter in candidate.variant.parameters:
             path = f"effects[{index}].{parameter.name}"
