@@ -53,7 +53,9 @@ def diagnosed(name: str) -> Diagnosis:
 def test_an_effect_that_the_file_has_stays_and_another_is_named_beside_it() -> None:
     known, hidden = "gravity_imbalance", "direction_asymmetry"
     truth = TRUTH.with_effect(known, HIDDEN[known]).with_effect(hidden, HIDDEN[hidden])
-    found = diagnose(MODEL.with_effect(known, HIDDEN[known]), [measured(truth)], names=NAMES, seed=1)
+    found = diagnose(
+        MODEL.with_effect(known, HIDDEN[known]), [measured(truth)], names=NAMES, seed=1
+    )
     assert [one.name for one in found.effects] == [hidden]
     assert found.effects[0].parameters["a"].value == pytest.approx(HIDDEN[hidden]["a"], abs=0.003)
     assert [one["name"] for one in found.model.document.effects] == [known, hidden]
