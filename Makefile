@@ -3,20 +3,28 @@
 
 PYTHON ?= python3
 TARGET ?= native# where the drive runs in `make demo`: native or emulated
+SEED ?= 1# what `make bench-diagnosis` draws its cases from: below 1000 for developing, above for reporting
 PROBE ?= openocd# for `make flash`: openocd, st-flash or dfu-util
 VENV := .venv
 BIN := $(VENV)/bin
 PYTEST_FLAGS ?= -n 2
 C_FILES = $(shell git ls-files 'firmware/*.c' 'firmware/*.h' 'hil_tests/*.c' 'hil_tests/*.h' | grep -v 'drive/dictionary\.[ch]')
 
+COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+    --no-annotate --no-emit-index-url --no-emit-find-links
+
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format firmware flash debug generate bench lock clean setup setup-firmware native
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate bench bench-diagnosis lock clean
+.PHONY: setup setup-firmware setup-baselines native
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 demo: native $(if $(filter emulated,$(TARGET)),firmware) ## the main job on the simulated rig: configure, run the tunnel, record, compare, report
 	$(BIN)/bowden demo --output build/demo --target $(TARGET)
+
+demo-diagnosis: native $(if $(filter emulated,$(TARGET)),firmware) ## the loop closed: find what the model lacks, apply it, render the tunnel better
+	$(BIN)/bowden demo-diagnosis --output build/demo-diagnosis --target $(TARGET)
 
 test: lint firmware native ## lint, prove the firmware integer-only, run every test
 	$(BIN)/pytest $(PYTEST_FLAGS)
@@ -53,10 +61,13 @@ generate: setup ## remake everything that comes from shared/object_dictionary.ya
 bench: firmware native ## measure; results in build/bench.json
 	$(BIN)/python -m hil_tests.benchmarks --output build/bench.json
 
+bench-diagnosis: setup-baselines ## hidden effects against `bowden diagnose` and its rivals (SEED=...); hours; build/diagnosis.*
+	$(BIN)/python -m hil_tests.benchmarks.diagnosis --seed $(SEED) $(BENCH_FLAGS)
+
 lock: setup ## resolve requirements.lock and requirements-baselines.lock anew (needs uv)
-	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
-	    --no-annotate --no-emit-index-url --no-emit-find-links \
-	    --no-emit-package bowden --no-emit-package bowden-bench requirements.in -o requirements.lock
+	$(COMPILE) --no-emit-package bowden --no-emit-package bowden-bench \
+	    requirements.in -o requirements.lock
+	$(COMPILE) --override requirements.lock requirements-baselines.in -o requirements-baselines.lock
 
 clean: ## remove what was built (not the virtual environment)
 	rm -rf build .mypy_cache .ruff_cache .pytest_cache .hypothesis
@@ -85,6 +96,14 @@ $(VENV)/.ready: requirements.lock host/pyproject.toml pyproject.toml
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e host -e .
+	@touch $@
+
+setup-baselines: $(VENV)/.baselines
+
+$(VENV)/.baselines: $(VENV)/.ready requirements-baselines.lock
+	@echo "bowden: installing what the diagnosis is compared with" >&2
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps \
+	    -r requirements-baselines.lock
 	@touch $@
 
 setup-firmware: setup

@@ -52,12 +52,13 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose, write model and report, print the verdict."""
     from bowden.diagnosis.diagnose import diagnose  # noqa: PLC0415  (keeps --help fast)
     from bowden.errors import BadInput  # noqa: PLC0415
+    from bowden.recording.enabled import until_disabled  # noqa: PLC0415
     from bowden.recording.read import read_recording  # noqa: PLC0415
 
     if args.seed < 0:
         raise BadInput("--seed", str(args.seed), "0 or more")
     model = read_model(args.model)
-    recordings = [read_recording(path) for path in args.recordings]
+    recordings = [until_disabled(read_recording(path)) for path in args.recordings]
     with progress() as bar:
         task = bar.add_task("diagnosing", total=1.0)
         diagnosis = diagnose(
@@ -68,10 +69,10 @@ def run(args: argparse.Namespace) -> int:
             progress=lambda stage, share: bar.update(task, description=stage, completed=share),
         )
     if args.write_model:
-        _write_model(diagnosis, args.write_model, [path.name for path in args.recordings])
+        write_extended(diagnosis, args.write_model, [path.name for path in args.recordings])
     if args.report:
-        _write_report(diagnosis, args.report, str(args.model))
-    _show(diagnosis)
+        write_report(diagnosis, args.report, str(args.model))
+    show(diagnosis)
     for name, path in (("model", args.write_model), ("report", args.report)):
         if path:
             console().print(f"{name}: {path}", soft_wrap=True)
@@ -81,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _write_model(diagnosis: Diagnosis, path: Path, recordings: list[str]) -> None:
+def write_extended(diagnosis: Diagnosis, path: Path, recordings: list[str]) -> None:
     """Write the calibrated model with its effects, and where they come from."""
     from bowden.model import format_model  # noqa: PLC0415
     from bowden.recording.atomic import replace_whole  # noqa: PLC0415
@@ -97,7 +98,8 @@ def _write_model(diagnosis: Diagnosis, path: Path, recordings: list[str]) -> Non
         temporary.write_text(provenance + format_model(diagnosis.model), encoding="utf-8")
 
 
-def _write_report(diagnosis: Diagnosis, path: Path, model: str) -> None:
+def write_report(diagnosis: Diagnosis, path: Path, model: str) -> None:
+    """Write the page."""
     from bowden.recording.atomic import replace_whole  # noqa: PLC0415
     from bowden.report.diagnosis import diagnosis_report  # noqa: PLC0415
 
@@ -106,7 +108,7 @@ def _write_report(diagnosis: Diagnosis, path: Path, model: str) -> None:
         temporary.write_text(html, encoding="utf-8")
 
 
-def _show(diagnosis: Diagnosis) -> None:
+def show(diagnosis: Diagnosis) -> None:
     """Tell people, on stderr, what came out."""
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415

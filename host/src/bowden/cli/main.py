@@ -23,6 +23,7 @@ from bowden.errors import BadInput, DriveFailed
 #: Every command, in the order in which a newcomer meets them.
 COMMANDS = {
     "demo": "the whole thread once: simulated rig, drive, recording, comparison, report",
+    "demo-diagnosis": "the loop closed: find what a model lacks, apply it, render better",
     "rig": "run the simulated rig on a CAN bus",
     "scan": "list the CANopen nodes on the bus",
     "info": "say who a drive is, how it is and what went wrong",
@@ -182,7 +183,7 @@ class _SignalsUnwind:
 
 
 def _load(name: str) -> Command:
-    return cast(Command, importlib.import_module(f"bowden.cli.{name}"))
+    return cast(Command, importlib.import_module(f"bowden.cli.{name.replace('-', '_')}"))
 
 
 def _version() -> str:

@@ -39,8 +39,8 @@ _REST_S = 2.0
 #: A rig of our own is Table I with half of its pretension and a stronger motor: to bring the whole
 #: tunnel to the load, 0.2 N m times the ratio, the last taut cable takes 0.2 exp(m) = 0.9 N m.
 _PRETENSION_N = 5.0
-_TORQUE_CONSTANT_NM_PER_A = 0.1
-_TORQUE_LIMIT_NM = 1.1
+TORQUE_CONSTANT_NM_PER_A = 0.1
+TORQUE_LIMIT_NM = 1.1
 _PDO_DOES_NOT_EXIST = 1 << 31
 
 
@@ -55,14 +55,15 @@ def run_on_drive(args: argparse.Namespace) -> int:
     with _drive(args, directory) as drive:
         entries = _entries(args, model)
         write(drive, difference(drive, entries))
-        tunnel = _tunnel(drive)
-        with _telling_the_law(drive), _law_put_back(drive):
+        tunnel = tunnel_of(drive)
+        with telling_the_law(drive), _law_put_back(drive):
             runs = [_run(args, drive, law, tunnel, directory) for law in laws]
     rig = "the simulated rig" if args.start_rig else "the connected rig"
     report: Path = args.report or directory / "report.html"
     with replace_whole(report) as temporary:
         temporary.write_text(rendering_report(runs, tunnel, SETTLE_S, rig), encoding="utf-8")
-    _show(runs, report)
+    show_figures(runs)
+    console().print(f"report: {report}", soft_wrap=True)
     if args.json:
         print_json(_document(runs, rig, report))
     return 0
@@ -82,7 +83,7 @@ def _drive(args: argparse.Namespace, directory: Path) -> Iterator[Drive]:
         return
     settings = [
         f"cable.pretension_n={_PRETENSION_N:g}",
-        f"motor.torque_constant_nm_per_a={_TORQUE_CONSTANT_NM_PER_A:g}",
+        f"motor.torque_constant_nm_per_a={TORQUE_CONSTANT_NM_PER_A:g}",
         *args.set,
     ]
     rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
@@ -90,7 +91,7 @@ def _drive(args: argparse.Namespace, directory: Path) -> Iterator[Drive]:
         rig_arguments += ["--set", setting]
     console().print("[green]>[/] starting the simulated rig in a process of its own")
     with own_rig(bus_options(args), rig_arguments, directory / "rig.log") as drive:
-        drive.write("torque_constant", _TORQUE_CONSTANT_NM_PER_A)
+        drive.write("torque_constant", TORQUE_CONSTANT_NM_PER_A)
         yield drive
 
 
@@ -104,10 +105,11 @@ def _entries(args: argparse.Namespace, model: Model | None) -> dict[str, float]:
         entries["friction_static"] = entries["friction_dynamic"]  # as in a lined conduit
     else:
         entries = {}
-    return entries | ({"motor_torque_limit": _TORQUE_LIMIT_NM} if args.start_rig else {})
+    return entries | ({"motor_torque_limit": TORQUE_LIMIT_NM} if args.start_rig else {})
 
 
-def _tunnel(drive: Drive) -> Tunnel:
+def tunnel_of(drive: Drive) -> Tunnel:
+    """Read the tunnel that the drive renders; it must look at the load's angle."""
     if drive.read_raw("tunnel_angle_source") != 0:
         raise BadInput(
             "tunnel_angle_source",
@@ -123,7 +125,7 @@ def _tunnel(drive: Drive) -> Tunnel:
 
 
 @contextmanager
-def _telling_the_law(drive: Drive) -> Iterator[None]:
+def telling_the_law(drive: Drive) -> Iterator[None]:
     """Have the fourth TPDO sent inside the block: wanted and estimated torque, the law that ran."""
     name = "tpdo4_communication.cob_id"
     before = drive.read_raw(name)
@@ -147,21 +149,33 @@ def _law_put_back(drive: Drive) -> Iterator[None]:
 def _run(
     args: argparse.Namespace, drive: Drive, law: str, tunnel: Tunnel, directory: Path
 ) -> LawRun:
-    number = law_number(law)
-    drive.write_raw("compensation_law", number)
-    drive.connection.listen(_REST_S)  # the hand comes to rest
+    drive.write_raw("compensation_law", law_number(law))
     if not args.start_rig:
         console().print(f"[green]>[/] {law}: move the load through the tunnel, always alike")
-    path = directory / f"{law}.blf"
-    record_to(
-        drive,
-        path,
-        args.duration,
-        Run(Mode.TUNNEL),
-        {"notes": f"Experiment 2 with compensation: {law}"},
-    )
+    return render(drive, tunnel, args.duration, directory / f"{law}.blf")
+
+
+def render(drive: Drive, tunnel: Tunnel, duration_s: float, path: Path, name: str = "") -> LawRun:
+    """Record the tunnel with the law that the drive has, and judge it.
+
+    Parameters
+    ----------
+    drive : Drive
+    tunnel : Tunnel
+    duration_s : float, s
+    path : Path
+        Of the recording.
+    name : str, optional
+        For table and page, where the law's name does not say enough.
+    """
+    number = int(drive.read_raw("compensation_law"))
+    law = LAWS[number]
+    drive.connection.listen(_REST_S)  # the hand comes to rest
+    notes = {"notes": f"Experiment 2 with compensation: {law}"}
+    record_to(drive, path, duration_s, Run(Mode.TUNNEL), notes)
     recording = read_recording(path)
-    return LawRun(law, recording, judge_rendering(recording, tunnel, number, SETTLE_S), path.name)
+    figures = judge_rendering(recording, tunnel, number, SETTLE_S)
+    return LawRun(law, recording, figures, path.name, name)
 
 
 def _document(runs: Sequence[LawRun], rig: str, report: Path) -> dict[str, object]:
@@ -187,7 +201,8 @@ def _document(runs: Sequence[LawRun], rig: str, report: Path) -> dict[str, objec
     }
 
 
-def _show(runs: Sequence[LawRun], report: Path) -> None:
+def show_figures(runs: Sequence[LawRun]) -> None:
+    """Print the table and what it says."""
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415  (as in experiment)
 
@@ -201,4 +216,3 @@ def _show(runs: Sequence[LawRun], report: Path) -> None:
     out = console()
     out.print(shown)
     out.print(finding(runs))
-    out.print(f"report: {report}", soft_wrap=True)

@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.errors import BadInput
+from bowden.recording.enabled import enabled
 from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
-
-# CiA 402 statusword: mask of the state, and Operation enabled.
-_STATE, _ENABLED = 0x6F, 0x27
 
 
 @dataclass(frozen=True)
@@ -98,9 +96,9 @@ def stretch_of(recording: Recording, tunnel: Tunnel, settle_s: float) -> Stretch
         Nothing is left of the recording then.
     """
     kept = recording.time_s - recording.time_s[0] >= settle_s
-    status = recording.extra.get("status")
-    if status is not None:
-        kept &= (status.astype(np.int64) & _STATE) == _ENABLED
+    on = enabled(recording)
+    if on is not None:
+        kept &= on
     if np.count_nonzero(kept) < 2:
         raise BadInput(
             recording.source,

@@ -46,12 +46,20 @@ class LawRun:
     figures : Rendering
     file : str
         Name of the recording.
+    name : str, optional
+        For people, where the law's own does not say enough.
     """
 
     law: str
     recording: Recording
     figures: Rendering
     file: str
+    name: str = ""
+
+    @property
+    def title(self) -> str:
+        """What people read."""
+        return self.name or TITLES[self.law]
 
 
 def rendering_report(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float, rig: str) -> str:
@@ -114,7 +122,7 @@ def figures_table(runs: Sequence[LawRun]) -> tuple[tuple[str, ...], list[list[st
     naive = runs[0].figures.rms_error_nm
     rows = [
         [
-            TITLES[run.law],
+            run.title,
             si(run.figures.rms_error_nm, "N m"),
             percent(run.figures.rms_error_nm / naive if naive else None),
             si(run.figures.peak_error_nm, "N m"),
@@ -139,7 +147,7 @@ def finding(runs: Sequence[LawRun]) -> str:
     best = min(others, key=lambda run: run.figures.rms_error_nm)
     share = percent(best.figures.rms_error_nm / none.figures.rms_error_nm)
     return (
-        f"{text} The best of the others, {TITLES[best.law]}, leaves "
+        f"{text} The best of the others, {best.title}, leaves "
         f"{si(best.figures.rms_error_nm, 'N m')}, {share} of it."
     )
 
@@ -155,7 +163,7 @@ def loops(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float) -> go.Figure:
         shared_yaxes=True,
         horizontal_spacing=0.06,
         vertical_spacing=0.24 / (rows + 1),
-        subplot_titles=[TITLES[run.law] for run in runs],
+        subplot_titles=[run.title for run in runs],
     )
     for number, run in enumerate(runs):
         row, col = divmod(number, columns)

@@ -1,0 +1,41 @@
+"""Which samples of a recording the drive's bridge was on for.
+
+The drive tells its CiA 402 state in the column ``status``. Recordings from elsewhere have none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.recording.recording import Recording
+
+# CiA 402 statusword: mask of the state, and Operation enabled.
+_STATE, _ENABLED = 0x6F, 0x27
+
+
+def enabled(recording: Recording) -> NDArray[np.bool_] | None:
+    """Return for each sample whether the drive was enabled; None where nobody told."""
+    status = recording.extra.get("status")
+    return None if status is None else (status.astype(np.int64) & _STATE) == _ENABLED
+
+
+def until_disabled(recording: Recording) -> Recording:
+    """Return the recording up to the last sample with the drive enabled.
+
+    When the bridge opens, the motor is flung back within milliseconds: a quasi-static model knows
+    nothing of that. A recording in which the drive was never enabled stays whole.
+    """
+    on = enabled(recording)
+    if on is None or not on.any() or on[-1]:
+        return recording
+    end = int(np.flatnonzero(on)[-1]) + 1
+    arrays = {
+        one.name: getattr(recording, one.name)[:end]
+        for one in fields(recording)
+        if isinstance(getattr(recording, one.name), np.ndarray)
+    }
+    extra = {name: values[:end] for name, values in recording.extra.items()}
+    return replace(recording, **arrays, extra=extra)
