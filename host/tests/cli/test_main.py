@@ -17,7 +17,7 @@ from bowden.cli.output import print_json
 from bowden.errors import BadInput, DriveFailed
 from bowden.model.errors import ModelError
 
-THERE = [name for name in frame.COMMANDS if find_spec(f"bowden.cli.{name}")]
+THERE = [name for name in frame.COMMANDS if find_spec(f"bowden.cli.{name.replace('-', '_')}")]
 
 
 def status_of(error: BaseException) -> int:
