@@ -6,7 +6,7 @@
 
 /* While the load moves, this part of the friction is left to be felt: a bias to the passive side
  * that covers what encoders and cell are late by. */
-#define FELT_PART 50
+#define FELT_PART 25
 
 static uint32_t q16(uint32_t ppm) {
     return (uint32_t)((uint64_t)ppm * INVERSION_SHARE_ONE / PPM);
@@ -23,6 +23,10 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
     const ratio_t arc_per_motor_torque =
         ratio_of(pair->motor_pulley_radius_nm,
                  sliding.motor_unm_per_rad > 0 ? (uint32_t)sliding.motor_unm_per_rad : 1u);
+    const int32_t windup_nm = fixed_scale(friction_motor_unm, arc_per_motor_torque, &saturations);
+    const int32_t coarse_nm = settings->load_count_nm > settings->motor_count_nm
+                                  ? settings->load_count_nm
+                                  : settings->motor_count_nm;
     *compensation = (compensation_t){
         .settings = *settings,
         .outputs = {.friction_factor_ppm = PPM, .friction_unm = friction_unm},
@@ -31,9 +35,9 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
         .adaptation = adaptation_of(ratio, friction_unm, settings->ticks_per_s),
         .share_q16 = q16(settings->friction_share_ppm),
         .sliding = sliding,
-        .estimator = estimator_of(
-            settings->ticks_per_s, settings->load_count_nm,
-            fixed_scale(friction_motor_unm, arc_per_motor_torque, &saturations), friction_unm),
+        .estimator =
+            estimator_of(settings->ticks_per_s, settings->load_count_nm, windup_nm, friction_unm),
+        .observer = friction_observer_of(windup_nm / 2, coarse_nm, settings->ticks_per_s),
         .passivity = passivity_of(pair->load_pulley_radius_nm, friction_unm),
         .inversion = inversion_of(transmission, &sliding, settings->ticks_per_s,
                                   settings->motor_inertia_gmm2, settings->rest_band_unm,
@@ -45,22 +49,25 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
 
 void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm) {
     adaptation_set_ppm(&compensation->adaptation, friction_factor_ppm);
+    friction_observer_expect(&compensation->observer,
+                             adaptation_factor_q16(&compensation->adaptation));
     compensation->outputs.friction_factor_ppm = adaptation_factor_ppm(&compensation->adaptation);
 }
 
-/* Part of the model's friction to compensate, in Q16: with a load cell all of it, the cell sees to
- * the rest; without one the configured share while the load moves, less when the model is not to be
- * trusted. At rest no energy flows, and all of it may be compensated. */
+/* Part of the model's friction to compensate, in Q16. With a load cell all of it, as adapted: the
+ * cell sees to the rest. Without one what the observer is sure of, moving or not, and less of it
+ * when the model cannot be believed. */
 static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
     const uint32_t left = INVERSION_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
-    const uint32_t factor = (uint32_t)((uint64_t)adaptation_factor_q16(&compensation->adaptation) *
-                                       left / INVERSION_SHARE_ONE);
-    if (cell || compensation->estimator.load_direction == 0) {
-        return factor;
+    if (cell) {
+        const uint64_t factor = adaptation_factor_q16(&compensation->adaptation);
+        return (uint32_t)(factor * left / INVERSION_SHARE_ONE);
     }
+    const uint64_t sure = friction_observer_sure_q16(&compensation->observer);
+    const uint32_t share = (uint32_t)(sure * compensation->share_q16 / INVERSION_SHARE_ONE);
     const uint32_t confidence = compensation->estimator.confidence;
-    const uint64_t trust = confidence < TRUSTED ? confidence : TRUSTED;
-    return (uint32_t)(compensation->share_q16 * trust * factor / INVERSION_SHARE_ONE / TRUSTED);
+    const uint32_t trust = confidence < TRUSTED ? confidence : TRUSTED;
+    return (uint32_t)((uint64_t)(share * trust / TRUSTED) * left / INVERSION_SHARE_ONE);
 }
 
 /* What the law adds to the naive torque, or for ours the torque itself. */
@@ -87,6 +94,7 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
                 .load_torque_unm = load_torque_unm,
                 .cell = inputs->load_cell_valid,
                 .limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0,
+                .owes = passivity_back_off_q16(&compensation->passivity) > 0,
                 .share_q16 = friction_share_q16(compensation, inputs->load_cell_valid),
             });
     case COMPENSATION_NONE:
@@ -96,12 +104,19 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
     }
 }
 
+/* 1 or -1: the whole pair slides that way, with both cables taut; else 0. */
+static int32_t sliding_side(const estimator_t *estimator, const transmission_t *transmission) {
+    if (transmission->flags != 0 || estimator->slip == SLIP_STUCK) {
+        return 0;
+    }
+    return estimator->slip == SLIP_POSITIVE ? 1 : -1;
+}
+
 /* Is the friction of the pair to be seen in this tick? Then it is learned from. */
 static void adapt(compensation_t *compensation, const transmission_t *transmission,
                   const compensation_inputs_t *inputs) {
-    const int32_t side = compensation->estimator.slip == SLIP_POSITIVE ? 1 : -1;
-    const bool slides = compensation->estimator.slip != SLIP_STUCK && transmission->flags == 0 &&
-                        compensation->estimator.load_direction == side;
+    const int32_t side = sliding_side(&compensation->estimator, transmission);
+    const bool slides = side != 0 && compensation->estimator.load_direction == side;
     const bool limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0;
     if (!compensation->settings.adapt || !inputs->load_cell_valid || !slides || limited) {
         return;
@@ -146,6 +161,10 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
                        .load_cell_valid = inputs->load_cell_valid,
                    });
     adapt(compensation, transmission, inputs);
+    friction_observer_step(
+        &compensation->observer, sliding_side(estimator, transmission), inputs->load_arc_nm,
+        fixed_subtract(transmission->motor.arc_nm, transmission->load.arc_nm, &saturations),
+        estimator->innovation_nm);
     const int32_t load_torque_unm =
         inputs->load_cell_valid ? inputs->load_cell_unm : estimator->load_torque_unm;
     const int32_t error_unm = fixed_subtract(inputs->wanted_unm, load_torque_unm, &saturations);
@@ -170,6 +189,9 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
         inversion_follow(&compensation->inversion, outputs->motor_torque_unm,
                          inputs->active ? inputs->wanted_unm : 0);
     }
+    outputs->friction_unm =
+        (int32_t)((int64_t)compensation->friction_unm *
+                  friction_observer_mean_q16(&compensation->observer) / FRICTION_OBSERVER_ONE);
     outputs->load_torque_unm = estimator->load_torque_unm;
     outputs->innovation_nm = estimator->innovation_nm;
     outputs->slip = estimator->slip;

@@ -22,6 +22,7 @@
 #include "adaptation.h"
 #include "estimator.h"
 #include "fixed.h"
+#include "friction_observer.h"
 #include "law_inversion.h"
 #include "laws_published.h"
 #include "passivity.h"
@@ -45,9 +46,8 @@ typedef struct {
     uint32_t motor_inertia_gmm2; /* with its pulley: for the damping of its moves */
     int32_t motor_count_nm;      /* arc of one count of each encoder; > 0 */
     int32_t load_count_nm;
-    uint32_t friction_share_ppm; /* of the model's friction that is compensated without a load
-                                    cell; below 1000000 keeps the drive passive when the model has
-                                    too much friction */
+    uint32_t friction_share_ppm; /* without a load cell: part of what friction_observer.h is sure
+                                    of that is compensated */
     int32_t rest_band_unm;       /* an error of the load torque below this is left alone */
     uint32_t integral_gain_mhz;  /* of force control, 1/(1000 s) */
     int32_t slack_floor_un;      /* no cable is brought below this tension on purpose; 0: a cable
@@ -84,7 +84,7 @@ typedef struct {
     uint8_t confidence; /* in the estimate, 0 .. 255 */
     uint8_t flags;
     int32_t energy_uj;    /* what the rendering error has given the load beyond the wanted */
-    int32_t friction_unm; /* friction of the sliding pair at the load, as now believed */
+    int32_t friction_unm; /* friction of the sliding pair at the load, by the observer */
     uint32_t friction_factor_ppm; /* adaptation: friction level against the configured, one is
                                      1000000 */
 } compensation_outputs_t;
@@ -98,6 +98,7 @@ typedef struct {
     sliding_t sliding;
     estimator_t estimator;
     adaptation_t adaptation;
+    friction_observer_t observer;
     passivity_t passivity;
     inversion_t inversion;
     published_t published;

@@ -4,6 +4,7 @@
 #define DAMPING_PER_S 100 /* D / J: below what 2 ms of delay in the encoders allow */
 #define SETTLED_LAGS 8    /* a change of side has settled; at rest twice this */
 #define SIDE_BAND 6       /* an error above 1/6 of the friction changes the side */
+#define REST_BAND 32      /* at rest 1/32 of it is left alone: less than stiction makes it jump */
 #define STROKES_PER_S 6   /* no hand turns around faster */
 #define WAIT_LAGS 32      /* each time that a side has stayed so long halves the band */
 #define PATIENCE_MOST 3   /* 4/3 of the friction; a load that is moved back makes twice that */
@@ -72,23 +73,27 @@ static int32_t side_band_unm(const inversion_t *inversion) {
     const uint32_t stayed = inversion->side_ticks / (WAIT_LAGS * (uint32_t)inversion->lag_ticks);
     const uint32_t eager = PATIENCE_MOST - inversion->patience;
     const int32_t band_unm = inversion->friction_unm / SIDE_BAND << inversion->patience;
-    return (band_unm >> (stayed < eager ? stayed : eager)) + 2 * inversion->rest_band_unm;
+    const int32_t waited_unm =
+        (band_unm >> (stayed < eager ? stayed : eager)) + 2 * inversion->rest_band_unm;
+    return waited_unm > 2 * inversion->left_unm ? waited_unm : 2 * inversion->left_unm;
 }
 
 /* Chooses the side. */
-static void choose_side(inversion_t *inversion, const estimator_t *estimator, int32_t error_unm,
-                        int32_t wanted_unm) {
+static void choose_side(inversion_t *inversion, const estimator_t *estimator,
+                        const inversion_inputs_t *inputs, int32_t error_unm) {
     uint32_t saturations = 0; /* far travel is far */
     const int32_t direction = estimator->load_direction;
     const int32_t band_unm = side_band_unm(inversion);
     if (inversion->side_ticks < UINT32_MAX) {
         inversion->side_ticks++;
     }
-    const int32_t change_unm = fixed_subtract(wanted_unm, inversion->settled_unm, &saturations);
+    const int32_t change_unm =
+        fixed_subtract(inputs->wanted_unm, inversion->settled_unm, &saturations);
     const bool calm = inversion->side_ticks > estimator->ticks_per_s / STROKES_PER_S;
     if (calm && magnitude(change_unm) > inversion->friction_unm / SIDE_BAND) {
         inversion->patience = 0;
-        inversion->settled_unm = wanted_unm;
+        inversion->left_unm = 0;
+        inversion->settled_unm = inputs->wanted_unm;
     }
     const int32_t towards = error_unm > band_unm ? 1 : (error_unm < -band_unm ? -1 : 0);
     if (inversion->side == 0) { /* what is there stays until it is wrong, or the load moves */
@@ -96,6 +101,10 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator, in
         inversion->side_ticks = inversion->side == 0 ? inversion->side_ticks : 0;
         inversion->side_arc_nm = estimator->mark_nm;
         return;
+    }
+    if (direction == 0 &&
+        inversion->side_ticks == 2 * SETTLED_LAGS * (uint32_t)inversion->lag_ticks) {
+        inversion->left_unm = magnitude(fixed_clamp(error_unm, -EXTRA_MOST, EXTRA_MOST));
     }
     const uint32_t lags = direction != 0 ? SETTLED_LAGS : 2 * SETTLED_LAGS;
     const bool settled = inversion->side_ticks > lags * (uint32_t)inversion->lag_ticks;
@@ -105,8 +114,9 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator, in
     const int32_t travel_nm =
         fixed_subtract(estimator->mark_nm, inversion->side_arc_nm, &saturations);
     const bool stroke = travel_nm * inversion->side > estimator->windup_nm / 2;
-    if (calm && stroke) {
+    if (calm && stroke && !inputs->owes) {
         inversion->patience = 0;
+        inversion->left_unm = 0;
     } else if (inversion->patience < PATIENCE_MOST) {
         inversion->patience++;
     }
@@ -137,8 +147,10 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
     const int32_t direction = estimator->load_direction;
     const int32_t error_unm =
         fixed_subtract(inputs->wanted_unm, inputs->load_torque_unm, &saturations);
-    choose_side(inversion, estimator, error_unm, inputs->wanted_unm);
-    inversion->resting = direction == 0 && magnitude(error_unm) <= inversion->rest_band_unm;
+    choose_side(inversion, estimator, inputs, error_unm);
+    const int32_t rest_unm = (inversion->rest_band_unm + inversion->friction_unm / REST_BAND)
+                             << inversion->patience;
+    inversion->resting = direction == 0 && magnitude(error_unm) <= rest_unm;
     if (inputs->cell) {
         learn(inversion, error_unm, direction, inputs->limited);
     }

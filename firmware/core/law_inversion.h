@@ -10,11 +10,14 @@
  *
  * Each side has a *shift* of the wanted torque, an integral of the load cell's error: what the
  * model's friction is wrong by that way. It stays when the side changes, and when the cell dies.
- * Without a cell only a share of the model's friction is compensated: overcompensation would push.
+ * Without a cell only the friction that friction_observer.h is sure of is compensated:
+ * overcompensation would push.
  *
  * A change of side that no stroke of the load has called for costs patience: the next one needs
- * twice the error, until the load makes a stroke or something else is wanted. So however wrong the
- * model is, the law comes to rest.
+ * twice the error, and at least twice what the last change left at rest, and twice as much is left
+ * alone; until the hand makes a stroke or something else is wanted. A stroke while the passivity
+ * observer is owed energy is the drive's own and counts for nothing. So however wrong the model is,
+ * the law comes to rest.
  */
 #ifndef BOWDEN_CORE_LAW_INVERSION_H
 #define BOWDEN_CORE_LAW_INVERSION_H
@@ -34,6 +37,7 @@ typedef struct {
     int32_t load_torque_unm; /* the cell's, or the estimate */
     bool cell;               /* it is the cell's */
     bool limited;            /* the motor's limit cut the last answer */
+    bool owes;               /* energy that the drive has given the load, passivity.h */
     uint32_t share_q16;      /* of the friction to compensate */
 } inversion_inputs_t;
 
@@ -49,6 +53,7 @@ typedef struct {
     int32_t side;            /* 1 or -1; 0: not yet */
     uint32_t side_ticks;     /* since it changed */
     uint32_t patience;       /* lost: changes of side without a stroke of the load; 0 .. 3 */
+    int32_t left_unm;        /* error that the last change of side left at rest */
     int32_t side_arc_nm;     /* where the load was then */
     int32_t settled_unm;     /* the wanted torque that the patience is for */
     int32_t shift_q8_unm[2]; /* of the wanted torque; [negative, positive side] */

@@ -8,8 +8,8 @@
  * motion would be late like every measurement, and feed an oscillation that it is to stop.) Credit
  * is kept only up to a small bank, or an hour of friction could be given back at once.
  *
- * A load cell makes this an observation; with the estimate alone it cannot see what the model is
- * wrong by. Pure.
+ * A load cell makes this an observation. The estimate alone cannot see what the model is wrong by:
+ * without a cell friction_observer.h bounds what is compensated. Pure.
  */
 #ifndef BOWDEN_CORE_PASSIVITY_H
 #define BOWDEN_CORE_PASSIVITY_H

@@ -157,23 +157,31 @@ def test_the_slack_floor_keeps_the_cables_taut_and_mirrors(
     if floor_un > 0:
         angle = sign * stroke(0.0, 1.0, 0.1)
         run = pair.run_torque(np.full_like(angle, motor_unm * 1e-6), angle)
-        # 2 nm of motor arc at EA/dx = 40 kN/m are 80 uN at the motor, exp(m) as much at the far
-        # end, and 1 uN m of the limit is 50 uN: together below 1 mN
-        assert np.min([series[-1] for series in run[2:6]]) >= floor_un * 1e-6 - 1e-3
+        # 2 nm of motor arc at EA/dx = 40 kN/m are 80 uN at the motor, 1 uN m of the limit is 50 uN
+        # there, and either is exp(m) = 4.5 times as much at the far end: together below 2 mN
+        assert np.min([series[-1] for series in run[2:6]]) >= floor_un * 1e-6 - 2e-3
 
 
 # ---- our law ----
 
 
-def test_a_moved_load_feels_the_wanted_torque_not_the_friction() -> None:
+STAYS = 0.04  # of the friction, so that lateness of the sensors cannot make it push
+
+
+@pytest.mark.parametrize("cell", [False, True])
+def test_a_moved_load_feels_the_wanted_torque_not_the_friction(cell: bool) -> None:
     angle = np.concatenate([stroke(0.0, 0.5), stroke(0.5, -0.5), stroke(-0.5, 0.5)])
-    felt = Controlled().run(0.0, angle)
+    felt = Controlled().run(0.0, angle, cell=cell)
     plain = Pair(settings()).run_torque(np.zeros_like(angle), angle).load_torque_nm
     settled = slice(4800, 5900)  # the last stroke but its reversal
-    # 2 % of the friction stay, to be passive; a count of the dead band at a reversal
     assert np.abs(plain[settled]).mean() == pytest.approx(FRICTION_NM, rel=0.01)
-    assert np.abs(felt[settled]).mean() == pytest.approx(0.02 * FRICTION_NM, rel=0.1)
-    assert float(np.sqrt(np.mean(felt**2))) < 0.12 * float(np.sqrt(np.mean(plain**2)))
+    left = np.abs(felt[settled]).mean() / FRICTION_NM
+    if cell:
+        assert left == pytest.approx(STAYS, rel=0.1)
+    else:  # what the observer is not sure of, less than its prior's 15 %
+        assert STAYS < left < STAYS + 0.12
+    rms = float(np.sqrt(np.mean(felt**2)) / np.sqrt(np.mean(plain**2)))
+    assert rms < 0.2  # the reversals, and without a cell the first stroke
 
 
 @pytest.mark.parametrize("factor", [0.85, 1.15])
@@ -181,10 +189,21 @@ def test_the_load_cell_closes_what_the_model_is_wrong_by(factor: float) -> None:
     wrong = settings(pretension_n=10 * factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
     angle = np.concatenate([stroke(0.0, 0.5), stroke(0.5, -0.5, 1.0)])
     felt = Controlled(model=wrong).run(0.3, angle, cell=True) - 0.3
-    without = Controlled(model=wrong).run(0.3, angle) - 0.3
-    # 1 s of integral at 10 1/s, and the 2 % that stay
-    assert abs(felt[-1]) < 0.025 * FRICTION_NM
-    assert abs(without[-1]) == pytest.approx(abs(factor - 1 - 0.02) * FRICTION_NM, rel=0.15)
+    # 1 s of integral at 10 1/s
+    assert abs(felt[-1]) < (STAYS + 0.01) * FRICTION_NM
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.0, 1.2])
+def test_without_a_cell_a_wrong_model_does_not_push(factor: float) -> None:
+    """What the encoders say keeps a drive that believes in too much friction from pushing."""
+    wrong = settings(pretension_n=10 * factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
+    one = Controlled(model=wrong)
+    one.run(0.0, np.concatenate([stroke(0.0, 0.5), stroke(0.5, -0.5), stroke(-0.5, 0.5)]))
+    felt = one.run(0.3, stroke(0.5, -0.5, 1.0)) - 0.3
+    settled = felt[2000:]  # its reversal is over; the motion is negative: friction is felt positive
+    assert np.all(settled > 0.0)
+    # 20 % wrong, of which half at least is found; a deviation; what always stays
+    assert np.all(settled < (STAYS + 0.1 + 0.12) * FRICTION_NM)
 
 
 @hypothesis_settings(max_examples=25, deadline=None)

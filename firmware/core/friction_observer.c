@@ -1,0 +1,139 @@
+/* friction_observer.c: see friction_observer.h. */
+#include "friction_observer.h"
+
+#define ONE_Q24 (1 << 24)
+#define WINDOWS_PER_S 64
+#define LEAST_COUNTS 3        /* of the load in a window */
+#define MOST_Q16 (24 << 16)   /* of what a sample says; more is a very stiff pair, or a slip */
+#define SURPRISE_Q24 ONE_Q24  /* an error of a sample counts up to this */
+#define PRIOR_X_Q30 24159191  /* 0.2^2: friction and pretension wrong by 15 % each, and effects */
+#define PRIOR_E_Q30 10737418  /* 0.12^2 */
+#define PRIOR_D_Q30 6333186   /* 0.0768^2: 1.2 ms */
+#define DRIFT_Q30 1074        /* 1e-6 a sample: a tenth in 160 s of sliding */
+#define UNMODELLED_Q24 671089 /* 0.2^2 of B in each sample: what neither x nor e nor d explains */
+#define SURE_EIGHTHS 8        /* deviations that are not sure */
+#define LEAST_Q16 16384       /* 1/4 */
+#define MOST_FACTOR_Q16 81920 /* 5/4 */
+
+friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
+                                         uint32_t ticks_per_s) {
+    uint32_t saturations = 0; /* a pair that does not stretch tells nothing: its noise is endless */
+    const uint32_t stretch = stretch_nm > 0 ? (uint32_t)stretch_nm : 1u;
+    const ratio_t q16_per_nm = ratio_of(FRICTION_OBSERVER_ONE, stretch);
+    const int32_t count_q16 =
+        fixed_clamp(fixed_scale(count_nm, q16_per_nm, &saturations), 0, 1 << 19);
+    const int32_t counts_q24 = (int32_t)((int64_t)count_q16 * count_q16 / 256 / 8);
+    friction_observer_t observer = {
+        .q16_per_nm = q16_per_nm,
+        .noise_q24 = UNMODELLED_Q24 + counts_q24,
+        .window_ticks = ticks_per_s / WINDOWS_PER_S,
+        .least_travel_nm = LEAST_COUNTS * count_nm,
+    };
+    friction_observer_expect(&observer, FRICTION_OBSERVER_ONE);
+    return observer;
+}
+
+static int32_t square_root_q16(int32_t square_q30) {
+    uint32_t rest = (uint32_t)square_q30 * 4; /* Q32 */
+    uint32_t root = 0;
+    for (uint32_t bit = UINT32_C(1) << 30; bit > 0; bit >>= 2) {
+        if (rest >= root + bit) {
+            rest -= root + bit;
+            root = (root >> 1) + bit;
+        } else {
+            root >>= 1;
+        }
+    }
+    return (int32_t)root;
+}
+
+void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16) {
+    const int32_t prior_q30[6] = {PRIOR_X_Q30, 0, 0, PRIOR_E_Q30, 0, PRIOR_D_Q30};
+    for (uint32_t i = 0; i < 6; i++) {
+        observer->covariance_q30[i] = prior_q30[i];
+    }
+    observer->mean_q24[0] = ((int32_t)factor_q16 - FRICTION_OBSERVER_ONE) * 256;
+    observer->mean_q24[1] = 0;
+    observer->mean_q24[2] = 0;
+    observer->deviation_q16 = square_root_q16(PRIOR_X_Q30);
+}
+
+/* One sample of (O2): `seen` is its left side, `h` what x, e and d go with; Q16. */
+static void learn(friction_observer_t *observer, int32_t seen_q16, const int32_t h_q16[3]) {
+    static const uint8_t AT[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+    int32_t *p = observer->covariance_q30;
+    int32_t ph_q30[3];
+    int64_t spread_q30 = 0; /* h P h; |h| is below 24, P below 0.04: all sums stay below 2^40 */
+    int64_t expected_q24 = 0;
+    uint32_t saturations = 0;
+    for (uint32_t i = 0; i < 3; i++) {
+        int64_t sum = 0;
+        for (uint32_t j = 0; j < 3; j++) {
+            sum += (int64_t)p[AT[i][j]] * h_q16[j];
+        }
+        ph_q30[i] = fixed_saturate(sum / 65536, &saturations);
+        spread_q30 += (int64_t)ph_q30[i] * h_q16[i] / 65536;
+        expected_q24 += (int64_t)observer->mean_q24[i] * h_q16[i] / 65536;
+    }
+    const int32_t variance_q24 =
+        fixed_saturate(spread_q30 / 64 + observer->noise_q24, &saturations);
+    const ratio_t per_variance = ratio_of(1 << 18, variance_q24 > 0 ? (uint32_t)variance_q24 : 1u);
+    const int32_t surprise_q24 =
+        fixed_clamp(fixed_saturate((int64_t)seen_q16 * 256 - expected_q24, &saturations),
+                    -SURPRISE_Q24, SURPRISE_Q24);
+    for (uint32_t i = 0; i < 3; i++) {
+        const int32_t gain_q24 = fixed_scale(ph_q30[i], per_variance, &saturations);
+        observer->mean_q24[i] += (int32_t)((int64_t)gain_q24 * surprise_q24 / ONE_Q24);
+        for (uint32_t j = i; j < 3; j++) {
+            p[AT[i][j]] -= (int32_t)((int64_t)gain_q24 * ph_q30[j] / ONE_Q24);
+        }
+        p[AT[i][i]] = fixed_clamp(p[AT[i][i]], 0, PRIOR_X_Q30) + DRIFT_Q30;
+    }
+    observer->deviation_q16 = square_root_q16(p[0]);
+}
+
+void friction_observer_step(friction_observer_t *observer, int32_t side, int32_t load_arc_nm,
+                            int32_t gap_nm, int32_t innovation_nm) {
+    uint32_t saturations = 0; /* beyond the range is beyond MOST */
+    if (!observer->started) {
+        observer->started = true;
+        observer->mark_nm = load_arc_nm;
+    }
+    if (++observer->ticks >= observer->window_ticks) {
+        observer->ticks = 0;
+        observer->travel_nm = fixed_subtract(load_arc_nm, observer->mark_nm, &saturations);
+        observer->mark_nm = load_arc_nm;
+        observer->due = true;
+    }
+    if (!observer->due || side == 0) {
+        return;
+    }
+    const int32_t travel_nm = side * fixed_clamp(observer->travel_nm, -INT32_MAX, INT32_MAX);
+    if (travel_nm < observer->least_travel_nm) {
+        return;
+    }
+    observer->due = false;
+    const int32_t seen_q16 = side * fixed_scale(innovation_nm, observer->q16_per_nm, &saturations);
+    const int32_t h_q16[3] = {
+        -FRICTION_OBSERVER_ONE,
+        side * fixed_scale(gap_nm, observer->q16_per_nm, &saturations),
+        fixed_scale(travel_nm, observer->q16_per_nm, &saturations),
+    };
+    const int32_t size_q16 = h_q16[1] < 0 ? -h_q16[1] : h_q16[1];
+    if (size_q16 < MOST_Q16 && h_q16[2] < MOST_Q16) {
+        learn(observer, fixed_clamp(seen_q16, -2 * MOST_Q16, 2 * MOST_Q16), h_q16);
+    }
+}
+
+static uint32_t bounded_q16(int32_t factor_q16) {
+    return (uint32_t)fixed_clamp(factor_q16, LEAST_Q16, MOST_FACTOR_Q16);
+}
+
+uint32_t friction_observer_mean_q16(const friction_observer_t *observer) {
+    return bounded_q16(FRICTION_OBSERVER_ONE + observer->mean_q24[0] / 256);
+}
+
+uint32_t friction_observer_sure_q16(const friction_observer_t *observer) {
+    return bounded_q16(FRICTION_OBSERVER_ONE + observer->mean_q24[0] / 256 -
+                       observer->deviation_q16 * SURE_EIGHTHS / 8);
+}

@@ -1,0 +1,66 @@
+/* friction_observer.h: what the two encoders and the motor current say of the pair's friction, and
+ * how sure that is. It needs no load cell.
+ *
+ * The cables between the pulleys are a spring of known stiffness, so their stretch measures their
+ * mean tension, half way between the force f at the motor and the force g at the load, while the
+ * motor current tells f. While the pair slides taut towards s (1 or -1) with the friction F,
+ *   (O1)  gap = r_m theta_m - r_l theta_l = L/(4 EA) (f + g) = L/(4 EA) (2 f - s F)
+ * and so the innovation (estimator.h), the measured gap less the model's, in units of the model's
+ * B = F L/(4 EA), tells by how much the model is wrong:
+ *   (O2)  s innovation/B = -x + e (s gap/B) + d (|v|/B)
+ * with x the relative error of the friction, e that of the compliance, and d the time by which the
+ * load encoder is late, v its speed. The three differ in what they go with, the direction, the load
+ * and the speed; what has not been excited stays at its prior, with its deviation. A Kalman filter
+ * of these three numbers, 64 times a second.
+ *
+ * *Sure* is the friction that is there but for a deviation's part: what may be compensated without
+ * giving the hand energy. In the frame of the direction s a mirrored motion is the same motion.
+ * Pure.
+ */
+#ifndef BOWDEN_CORE_FRICTION_OBSERVER_H
+#define BOWDEN_CORE_FRICTION_OBSERVER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fixed.h"
+
+#define FRICTION_OBSERVER_ONE 65536
+
+typedef struct {
+    /* constants */
+    ratio_t q16_per_nm; /* 1/B */
+    int32_t noise_q24;  /* variance of a sample, in units of B */
+    uint32_t window_ticks;
+    int32_t least_travel_nm; /* in a window, to be a direction */
+    /* x, e and d (in windows) in Q24; their covariance, upper triangle row by row, in Q30 */
+    int32_t mean_q24[3];
+    int32_t covariance_q30[6];
+    int32_t deviation_q16; /* of x */
+    /* memory */
+    uint32_t ticks;
+    int32_t mark_nm;
+    int32_t travel_nm; /* in the last whole window */
+    bool due;          /* a sample of this window */
+    bool started;
+} friction_observer_t;
+
+/* Constants and the prior. `stretch_nm`: B. `count_nm`: of an encoder, the coarser one. */
+friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
+                                         uint32_t ticks_per_s);
+
+/* Begins anew at another relative friction, one is FRICTION_OBSERVER_ONE. */
+void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16);
+
+/* One tick. `side`: 1 or -1 when the whole pair slides taut that way, else 0. `gap_nm`: the
+ * model's. */
+void friction_observer_step(friction_observer_t *observer, int32_t side, int32_t load_arc_nm,
+                            int32_t gap_nm, int32_t innovation_nm);
+
+/* Friction as it is believed, relative to the model's, in Q16. */
+uint32_t friction_observer_mean_q16(const friction_observer_t *observer);
+
+/* Friction that is there for sure, relative to the model's, in Q16. */
+uint32_t friction_observer_sure_q16(const friction_observer_t *observer);
+
+#endif

@@ -1,0 +1,145 @@
+"""The friction observer on samples of its own equation (O2), whose x, e and d are known.
+
+How well it does on cables that are unlike that equation is measured by hil_tests/render and
+hil_tests/test_estimator.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware.tests.native import ffi, lib
+
+ONE = 65536
+TICKS_PER_S = 4000
+STRETCH_NM = 1_500_000  # B
+COUNT_NM = 65_345
+PRIOR = 0.15
+
+
+def observer(stretch_nm: int = STRETCH_NM) -> Any:
+    return ffi.new(
+        "friction_observer_t *", lib.friction_observer_of(stretch_nm, COUNT_NM, TICKS_PER_S)
+    )
+
+
+def mean(one: Any) -> float:
+    return float(lib.friction_observer_mean_q16(one)) / ONE
+
+
+def sure(one: Any) -> float:
+    return float(lib.friction_observer_sure_q16(one)) / ONE
+
+
+def strokes(
+    seconds: float, wall: float, slow: bool = False
+) -> Iterator[tuple[int, int, float, float]]:
+    """Side, load arc (nm), gap over B, speed in B a second: strokes of +-50 mm through a wall."""
+    frequency = 0.25 if slow else 0.6
+    for k in range(round(seconds * TICKS_PER_S)):
+        phase = 2.0 * np.pi * frequency * k / TICKS_PER_S
+        arc_nm, speed = 50e6 * np.sin(phase), 50e6 * 2.0 * np.pi * frequency * np.cos(phase)
+        side = 1 if speed > 0 else -1
+        # (O1) with f = F: the gap of the compensated pair, and what the wall's torque stretches
+        yield side, round(arc_nm), side - wall * np.sin(phase), speed / STRETCH_NM
+
+
+def teach(
+    one: Any,
+    x: float,
+    e: float,
+    d_s: float,
+    *,
+    seconds: float = 6.0,
+    wall: float = 2.0,
+    sign: int = 1,
+) -> None:
+    for side, arc_nm, gap, speed in strokes(seconds, wall):
+        innovation = -side * x + e * gap + d_s * speed
+        lib.friction_observer_step(
+            one,
+            sign * side,
+            sign * arc_nm,
+            sign * round(gap * STRETCH_NM),
+            sign * round(innovation * STRETCH_NM),
+        )
+
+
+@pytest.mark.parametrize("x", [-0.2, 0.0, 0.2])
+@pytest.mark.parametrize("e", [-0.1, 0.1])
+@pytest.mark.parametrize("d_s", [0.0, 2e-3])
+def test_friction_is_told_from_compliance_and_lateness(x: float, e: float, d_s: float) -> None:
+    one = observer()
+    teach(one, x, e, d_s)
+    # the priors pull the three towards zero by less than the deviation that is left
+    assert mean(one) == pytest.approx(1.0 + x, abs=0.06)
+    assert mean(one) - 0.1 < sure(one) < mean(one) - 0.02
+
+
+def test_what_was_not_excited_stays_uncertain() -> None:
+    one = observer()
+    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - PRIOR), abs=1e-4)
+    for tick in range(4 * TICKS_PER_S):  # moves, but the pair does not slide; slides, but rests
+        lib.friction_observer_step(one, 0, 10_000 * tick, 0, 1_000_000)
+    for tick in range(4 * TICKS_PER_S):
+        lib.friction_observer_step(one, int(tick > 100), 160_000_000, 0, 1_000_000)
+    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - PRIOR), abs=1e-4)
+    without_wall, with_wall = observer(), observer()
+    teach(without_wall, 0.0, 0.0, 0.0, wall=0.0)
+    teach(with_wall, 0.0, 0.0, 0.0)
+    # with nothing but friction in the cables, friction and compliance look alike
+    assert 1.0 - PRIOR < sure(without_wall) < sure(with_wall) - 0.02
+
+
+def test_a_stiff_pair_says_little_in_counts_of_an_encoder() -> None:
+    one = observer(COUNT_NM // 2)
+    rng = np.random.default_rng(1)
+    for tick in range(4 * TICKS_PER_S):
+        noise = round(float(rng.uniform(-COUNT_NM, COUNT_NM)))
+        lib.friction_observer_step(one, 1, 20_000 * tick, COUNT_NM // 2, noise)
+    assert mean(one) == pytest.approx(1.0, abs=0.1)
+    assert sure(one) < mean(one) - 0.1
+
+
+def test_it_goes_on_from_a_friction_that_was_learned() -> None:
+    one = observer()
+    lib.friction_observer_expect(one, round(0.8 * ONE))
+    assert mean(one) == pytest.approx(0.8, abs=1e-4)
+
+
+@given(st.floats(-0.4, 0.4), st.floats(-0.3, 0.3), st.floats(0.0, 3e-3))
+@settings(max_examples=20, deadline=None)
+def test_a_mirrored_motion_teaches_the_same_to_the_bit(x: float, e: float, d_s: float) -> None:
+    there, back = observer(), observer()
+    teach(there, x, e, d_s, seconds=1.0)
+    teach(back, x, e, d_s, seconds=1.0, sign=-1)
+    assert list(there.mean_q24) == list(back.mean_q24)
+    assert list(there.covariance_q30) == list(back.covariance_q30)
+
+
+@given(
+    st.integers(0, 2**31 - 1),
+    st.lists(
+        st.tuples(
+            st.sampled_from([-1, 0, 1]),
+            *(st.integers(-(2**31) + 1, 2**31 - 1) for _ in range(3)),
+        ),
+        max_size=30,
+    ),
+)
+@settings(max_examples=60, deadline=None)
+def test_whatever_is_measured_the_friction_stays_in_its_bounds(
+    stretch_nm: int, series: list[tuple[int, int, int, int]]
+) -> None:
+    one = observer(stretch_nm)
+    for side, arc_nm, gap_nm, innovation_nm in series:
+        for _ in range(70):
+            lib.friction_observer_step(one, side, arc_nm, gap_nm, innovation_nm)
+        assert 0.25 <= sure(one) <= mean(one) <= 1.25
+        assert all(one.covariance_q30[i] > 0 for i in (0, 3, 5))
