@@ -13,7 +13,7 @@ from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
 from bowden.drive.dictionary import ENTRIES
 from bowden.errors import BadInput
-from bowden.model import parse_model, table_1
+from bowden.model import format_model, parse_model, table_1
 
 from hil_tests.virtual_bus import VirtualBus
 
@@ -110,6 +110,25 @@ def test_apply_writes_reads_back_and_then_has_nothing_to_do(
     assert there["compensation_law"] == 5
     assert main(arguments) == 0
     assert document(capsys)["changes"] == []
+
+
+@pytest.mark.parametrize("command", [["configure"], ["apply", "--yes"]])
+@pytest.mark.parametrize("kept", [True, False])
+def test_what_was_stored_survives_a_restart_and_nothing_else_does(
+    bus: VirtualBus,
+    model: Path,
+    capsys: pytest.CaptureFixture[str],
+    command: list[str],
+    kept: bool,
+) -> None:
+    changed = table_1().with_values({"rig.cable.pretension_n": 12.0})
+    model.write_text(format_model(changed))
+    assert main([*command, str(model), "--json", *(["--store"] if kept else [])]) == 0
+    assert document(capsys)["stored"] is kept
+    drive = Drive(Connection(bus, clock=lambda: bus.time_s, threaded=False))
+    drive.nmt("RESET")
+    drive.connection.listen(0.5)
+    assert drive.read("cable_pretension") == (12.0 if kept else 10.0)
 
 
 @pytest.mark.usefixtures("bus")

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from bowden.cli.changes import change_table, changes_document
+from bowden.cli.configure import STORE_HELP
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json
@@ -23,13 +24,13 @@ from bowden.cli.reduced_model import (
     reduced_model,
 )
 from bowden.drive import compensation
-from bowden.drive.configuration import Change, difference, write
+from bowden.drive.configuration import Change, difference, store, write
 from bowden.errors import BadInput
 from bowden.model.effects import CATALOGUE
 
 EXAMPLES = """examples:
   bowden apply rig.yaml --dry-run
-  bowden apply diagnosed.yaml --compensation model-inversion
+  bowden apply diagnosed.yaml --compensation model-inversion --store
   bowden apply diagnosed.yaml --without-unsupported --yes --json
 """
 
@@ -56,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="leave out what the drive cannot run instead of refusing",
     )
+    parser.add_argument("--store", action="store_true", help=STORE_HELP)
     add_json_argument(parser)
     add_drive_arguments(parser)
 
@@ -78,6 +80,9 @@ def run(args: argparse.Namespace) -> int:
         written = not args.dry_run and (not changes or _agreed(args, len(changes)))
         if written:
             write(drive, changes)
+        stored = written and args.store
+        if stored:
+            store(drive)
     if args.json:
         print_json(
             {
@@ -85,11 +90,13 @@ def run(args: argparse.Namespace) -> int:
                 "model": str(args.model),
                 "changes": changes_document(changes),
                 "written": written,
+                "stored": stored,
                 "folded": list(reduced.folded),
                 "left_out": list(reduced.left_out),
             }
         )
     told = "written and read back" if written else "nothing was written"
+    told += ", stored" if stored else ""
     console().print(f"node {args.node}: {told}")
     return 0
 

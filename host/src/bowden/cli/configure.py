@@ -14,13 +14,14 @@ from bowden.cli.changes import change_table, changes_document
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.cli.reduced_model import DEFAULT_SEGMENTS, reduced_model
-from bowden.drive.configuration import Change, difference, write
+from bowden.drive.configuration import Change, difference, store, write
 from bowden.drive.provenance import ANGLE_SOURCES
 from bowden.model import parse_model
 
 EXAMPLES = """examples:
   bowden configure rig.yaml --dry-run
   bowden configure rig.yaml --tunnel-half-width 0.05 --tunnel-stiffness 0.5
+  bowden configure rig.yaml --store                the drive keeps it across power-off
   bowden configure rig.yaml --segments 40 -i socketcan -c can0
 """
 
@@ -32,6 +33,8 @@ _OPTIONS = {
     "motor_torque_limit": "largest motor torque in N m",
     "motor_torque_slew": "fastest change of the motor torque in N m/s",
 }
+
+STORE_HELP = "have the drive keep its whole configuration across power-off"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tunnel-angle", choices=ANGLE_SOURCES, help="the angle that the tunnel is about"
     )
+    parser.add_argument("--store", action="store_true", help=STORE_HELP)
     add_json_argument(parser)
     add_drive_arguments(parser)
 
@@ -66,12 +70,15 @@ def run(args: argparse.Namespace) -> int:
         changes = difference(drive, wanted)
         if not args.dry_run:
             write(drive, changes)
+            if args.store:
+                store(drive)
     if args.json:
         print_json(
             {
                 "node_id": args.node,
                 "changes": changes_document(changes),
                 "written": not args.dry_run,
+                "stored": args.store and not args.dry_run,
                 "not_on_the_drive": list(reduced.left_out),
             }
         )
@@ -88,5 +95,7 @@ def _show(
     state = "would change" if args.dry_run else "written and read back"
     same = compared - len(changes)
     out.print(f"node {args.node}: {len(changes)} entries {state}, {same} already as wanted")
+    if args.store and not args.dry_run:
+        out.print("stored: the next start has it, too")
     if left_out:
         out.print(f"not in the drive's cable model, left out: {', '.join(left_out)}")

@@ -15,6 +15,10 @@ from bowden.drive.dictionary import lookup
 from bowden.drive.faults import describe_address
 from bowden.errors import BadInput, DriveFailed
 
+_SAVE = int.from_bytes(b"save", "little")  # CiA 301, entry 1010h
+_STORING, _STORED = 1, 2
+_STORED_WITHIN_S, _ASKED_EVERY_S = 3.0, 0.05
+
 
 @dataclass(frozen=True)
 class Change:
@@ -92,6 +96,25 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
             )
     except DriveFailed as failure:
         raise DriveFailed(f"{failure}; {_take_back(drive, written)}") from failure
+
+
+def store(drive: Drive) -> None:
+    """Have the drive keep all its persistent entries across power-off (0x1010); bridge off.
+
+    Raises
+    ------
+    DriveFailed
+        The drive refused, could not write its flash, or did not end in time.
+    """
+    drive.write_raw("store_parameters.1", _SAVE)
+    for _ in range(round(_STORED_WITHIN_S / _ASKED_EVERY_S)):
+        drive.connection.listen(_ASKED_EVERY_S)
+        state = drive.read_raw("storage_state")
+        if state == _STORED:
+            return
+        if state != _STORING:
+            break
+    raise DriveFailed(f"node {drive.node_id} could not store its configuration: state {state}")
 
 
 def _take_back(drive: Drive, written: list[Change]) -> str:
