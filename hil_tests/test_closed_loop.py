@@ -40,11 +40,17 @@ def test_a_named_effect_makes_the_tunnel_truer(tmp_path: Path) -> None:
     model = found.model
     made = model.value("rig.cable.pretension_n") * model.value("friction.mu_d")
     made *= 2.0 / 0.28 + effect.parameters["extra_wrap_rad"].value
-    assert made == pytest.approx(10.0 * 0.21 * (2.0 / 0.28 + HIDDEN_RAD), rel=0.02)
+    truth = rig.cable.pretension_n * rig.cable.friction * (2.0 / 0.28 + HIDDEN_RAD)
+    assert made == pytest.approx(truth, rel=0.02)
     assert found.gap.after <= 1.1 * found.gap.noise_floor
-    none, before, after = (run.figures for run in loop.runs)
     assert all(run.figures.full_law_share == 1.0 for run in loop.runs)
-    # Without the cell a tenth of the friction is left uncompensated on purpose, no more of it now.
-    assert after.rms_error_nm < 0.15 * none.rms_error_nm
-    assert after.rms_error_nm < 0.5 * before.rms_error_nm
-    assert before.rms_error_nm < 0.5 * none.rms_error_nm
+    none = loop.none.figures.rms_error_nm
+    before, after = (
+        {run.law: run.figures.rms_error_nm for run in runs} for runs in (loop.before, loop.after)
+    )
+    # Without a cell the lab's model lacks 30 % of the friction (3 of 10 rad), the diagnosed nothing
+    # but reversals; with the cell the drive finds most of it by itself.
+    assert before["coulomb"] > 0.25 * none
+    assert after["coulomb"] < 0.1 * none
+    assert after["model-inversion"] < 0.1 * none
+    assert after["model-inversion"] < 1.05 * before["model-inversion"]

@@ -1,10 +1,10 @@
 """The loop closed: a rig that is not what the lab believes, found out, and rendered better for it.
 
 A simulated rig of its own has conduits with more bends than the lab's model says. The drive
-renders the tunnel without compensation and by inversion of that model; `diagnose` names what the
-model lacks; the extended model goes to the drive, and the same tunnel runs again. The drive may
-not use the load cell meanwhile: a device in use has none at the handle, and with one the drive
-corrects most of what its model does not know. Nothing tells the diagnosis what is hidden.
+renders the tunnel without compensation and with two laws on that model: Coulomb feed-forward, which
+believes the model, and its inversion, which corrects itself with the load cell. `diagnose` names
+what the model lacks, the extended model goes to the drive, and the same tunnel runs again. Nothing
+tells the diagnosis what is hidden.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from bowden.errors import BadInput
 from bowden.model import Model, parse_model
 from bowden.recording.atomic import replace_whole
 from bowden.recording.enabled import until_disabled
-from bowden.report.rendering import LawRun, rendering_report
+from bowden.report.rendering import TITLES, LawRun, rendering_report
 
 if TYPE_CHECKING:
     from bowden.diagnosis.diagnose import Diagnosis
@@ -56,7 +56,7 @@ rig:
     length_m: 2.0
     axial_stiffness_n: {value: 4000, tolerance: 5 %}
     path: [{length_m: 2.0, radius_m: 0.28}]
-    pretension_n: {value: 10, tolerance: 3 %}
+    pretension_n: {value: 5, tolerance: 3 %}
   motor_pulley_radius_m: 0.020
   load_pulley_radius_m: 0.104
   motor_encoder_counts_per_turn: 2000
@@ -71,35 +71,52 @@ numerics: {segments: 32}
 #: The rig's truth: three radians more wrap than the path tells of.
 HIDDEN = "cable.extra_wrap_rad=3"
 
-#: The rest of the rig: a motor that can carry the friction, friction that is dry, a calm hand.
+#: The rest of the rig: half of Table I's pretension, a motor that can carry the friction, friction
+#: that is dry, a calm hand.
 RIG = (
+    "cable.pretension_n=5",
     f"motor.torque_constant_nm_per_a={TORQUE_CONSTANT_NM_PER_A:g}",
     "cable.viscous_s_per_m=0",
     "hand.frequency_hz=0.25",
 )
 
-#: The tunnel has half of the paper's torque, so that the uncompensated cables stay taut.
-ENTRIES = {
-    "motor_torque_limit": TORQUE_LIMIT_NM,
-    "tunnel_torque_limit": 0.1,
-    "compensation_use_load_cell": 0.0,
-}
-_LAW = "model-inversion"
+#: A tunnel in which the uncompensated cables stay taut: what they do slack shows the inertias too.
+ENTRIES = {"motor_torque_limit": TORQUE_LIMIT_NM, "tunnel_torque_limit": 0.05}
+
+LAWS = ("coulomb", "model-inversion")
 
 
 @dataclass(frozen=True)
 class Loop:
-    """What came out: the runs (none, with the lab's model, with the diagnosed one) and why."""
+    """What came out.
 
-    runs: tuple[LawRun, LawRun, LawRun]
+    Parameters
+    ----------
+    none : LawRun
+        Without compensation: what was diagnosed.
+    before, after : tuple of LawRun
+        Each of `LAWS` with the lab's model and with the diagnosed one.
+    tunnel : Tunnel
+    diagnosis : Diagnosis
+    """
+
+    none: LawRun
+    before: tuple[LawRun, ...]
+    after: tuple[LawRun, ...]
     tunnel: Tunnel
     diagnosis: Diagnosis
+
+    @property
+    def runs(self) -> tuple[LawRun, ...]:
+        """All of them, law by law."""
+        pairs = zip(self.before, self.after, strict=True)
+        return (self.none, *(run for pair in pairs for run in pair))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument(
-        "--duration", type=float, default=13.0, metavar="S", help="of each run (default: 13)"
+        "--duration", type=float, default=11.0, metavar="S", help="of each run (default: 11)"
     )
     parser.add_argument(
         "--hide",
@@ -165,7 +182,7 @@ def close_the_loop(
     directory : Path
         For recordings, models and the page of the diagnosis.
     duration_s : float, s
-        Of each of the three runs.
+        Of each run.
     seed : int
         Of the diagnosis.
     names : sequence of str, optional
@@ -173,25 +190,25 @@ def close_the_loop(
     """
     (directory / "lab.yaml").write_text(LAB_MODEL, encoding="utf-8")
     lab = parse_model(LAB_MODEL, "lab.yaml")
-    _say("the lab's model goes to the drive, which may not use the load cell")
     drive.write("torque_constant", TORQUE_CONSTANT_NM_PER_A)
     write(drive, difference(drive, ENTRIES))
     tunnel = tunnel_of(drive)
 
-    def rendered(file: str, name: str = "") -> LawRun:
-        return render(drive, tunnel, duration_s, directory / file, name)
+    def rendered(law: str, model: Model, of: str) -> LawRun:
+        _apply(drive, model, law)
+        title = f"{TITLES[law]}, {of} model" if of else ""
+        path = directory / f"{'-'.join(filter(None, (law, of)))}.blf"
+        return render(drive, tunnel, duration_s, path, title)
 
     with telling_the_law(drive):
-        _apply(drive, lab, "none")
-        naive = rendered("none.blf")
-        _apply(drive, lab, _LAW)
-        before = rendered("lab.blf", "model inversion, the lab's model")
+        _say("the tunnel without compensation, then with the lab's model")
+        none = rendered("none", lab, "")
+        before = tuple(rendered(law, lab, "lab") for law in LAWS)
         drive.nmt("PRE-OPERATIONAL")  # nobody listens to samples meanwhile
-        diagnosis = _diagnose(lab, naive, directory, seed, names)
-        _say("the extended model goes to the drive, and the same tunnel runs again")
-        _apply(drive, diagnosis.model, _LAW)
-        after = rendered("extended.blf", "model inversion, the diagnosed model")
-    return Loop((naive, before, after), tunnel, diagnosis)
+        diagnosis = _diagnose(lab, none, directory, seed, names)
+        _say("the same tunnel again, with the extended model")
+        after = tuple(rendered(law, diagnosis.model, "diagnosed") for law in LAWS)
+    return Loop(none, before, after, tunnel, diagnosis)
 
 
 def _apply(drive: Drive, model: Model, law: str) -> None:
@@ -199,10 +216,8 @@ def _apply(drive: Drive, model: Model, law: str) -> None:
     reduced = reduced_model(model)
     changes = difference(drive, reduced.entries | {"compensation_law": law_number(law)})
     write(drive, changes)
-    _say(f"{law}: {len(changes)} entries changed and read back")
-    for what, names in (("folded into them", reduced.folded), ("left out", reduced.left_out)):
-        if names:
-            _say(f"{what}: {', '.join(names)}")
+    if reduced.folded:
+        _say(f"{law}: {len(changes)} entries changed, with {', '.join(reduced.folded)} in them")
 
 
 def _diagnose(
@@ -228,11 +243,18 @@ def _diagnose(
 
 
 def _document(loop: Loop, hidden: Sequence[str], report: Path) -> dict[str, object]:
-    none, before, after = (run.figures.rms_error_nm for run in loop.runs)
+    none = loop.none.figures.rms_error_nm
+    errors = {
+        after.law: {
+            "lab_model": before.figures.rms_error_nm,
+            "diagnosed_model": after.figures.rms_error_nm,
+        }
+        for before, after in zip(loop.before, loop.after, strict=True)
+    }
     return {
         "hidden": list(hidden),
         "diagnosis": loop.diagnosis.to_document() | {"model": str(report.parent / "extended.yaml")},
-        "rendering_error_nm": {"none": none, "lab_model": before, "diagnosed_model": after},
+        "rendering_error_nm": {"none": none} | errors,
         "report": str(report),
     }
 

@@ -27,7 +27,8 @@ from bowden.errors import BadInput
 from bowden.model import Model, table_1
 from bowden.recording.atomic import replace_whole
 from bowden.recording.read import read_recording
-from bowden.report.rendering import LawRun, figures_table, finding, rendering_report
+from bowden.report.rendering import TITLES, LawRun, figures_table, finding, rendering_report
+from bowden.report.words import percent
 
 #: Every law, for --compensation.
 ALL = "all"
@@ -41,6 +42,7 @@ _REST_S = 2.0
 _PRETENSION_N = 5.0
 TORQUE_CONSTANT_NM_PER_A = 0.1
 TORQUE_LIMIT_NM = 1.1
+_COLUMNS = 5  # of the table, in a terminal; the page has all
 _PDO_DOES_NOT_EXIST = 1 << 31
 
 
@@ -208,11 +210,15 @@ def show_figures(runs: Sequence[LawRun]) -> None:
 
     header, rows = figures_table(runs)
     shown = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    shown.add_column(header[0], no_wrap=True)
-    for name in header[1:]:
+    shown.add_column(header[0], min_width=max(map(len, TITLES.values())))
+    for name in header[1:_COLUMNS]:
         shown.add_column(name, justify="right")
-    for row in rows:
-        shown.add_row(*row)
+    for law, *figures in rows:
+        whole = (text.replace(" ", "\N{NO-BREAK SPACE}") for text in figures[: _COLUMNS - 1])
+        shown.add_row(law, *whole)
     out = console()
     out.print(shown)
+    for run in runs:
+        if run.figures.full_law_share < 1.0:
+            out.print(f"{run.title} ran {percent(run.figures.full_law_share)} of the time only")
     out.print(finding(runs))
