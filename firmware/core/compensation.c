@@ -104,19 +104,17 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
     }
 }
 
-/* 1 or -1: the whole pair slides that way, with both cables taut; else 0. */
-static int32_t sliding_side(const estimator_t *estimator, const transmission_t *transmission) {
-    if (transmission->flags != 0 || estimator->slip == SLIP_STUCK) {
-        return 0;
-    }
-    return estimator->slip == SLIP_POSITIVE ? 1 : -1;
+/* 1 or -1: the whole pair slides that way; else 0. */
+static int32_t side_of(const estimator_t *estimator) {
+    return (estimator->slip == SLIP_POSITIVE) - (estimator->slip == SLIP_NEGATIVE);
 }
 
 /* Is the friction of the pair to be seen in this tick? Then it is learned from. */
 static void adapt(compensation_t *compensation, const transmission_t *transmission,
                   const compensation_inputs_t *inputs) {
-    const int32_t side = sliding_side(&compensation->estimator, transmission);
-    const bool slides = side != 0 && compensation->estimator.load_direction == side;
+    const int32_t side = side_of(&compensation->estimator);
+    const bool slides =
+        side != 0 && transmission->flags == 0 && compensation->estimator.load_direction == side;
     const bool limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0;
     if (!compensation->settings.adapt || !inputs->load_cell_valid || !slides || limited) {
         return;
@@ -161,10 +159,15 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
                        .load_cell_valid = inputs->load_cell_valid,
                    });
     adapt(compensation, transmission, inputs);
-    friction_observer_step(
-        &compensation->observer, sliding_side(estimator, transmission), inputs->load_arc_nm,
-        fixed_subtract(transmission->motor.arc_nm, transmission->load.arc_nm, &saturations),
-        estimator->innovation_nm);
+    friction_observer_step(&compensation->observer,
+                           &(friction_observed_t){
+                               .side = side_of(estimator),
+                               .slack = transmission->flags != 0,
+                               .load_arc_nm = inputs->load_arc_nm,
+                               .gap_nm = fixed_subtract(transmission->motor.arc_nm,
+                                                        transmission->load.arc_nm, &saturations),
+                               .innovation_nm = estimator->innovation_nm,
+                           });
     const int32_t load_torque_unm =
         inputs->load_cell_valid ? inputs->load_cell_unm : estimator->load_torque_unm;
     const int32_t error_unm = fixed_subtract(inputs->wanted_unm, load_torque_unm, &saturations);

@@ -3,15 +3,15 @@
 
 #define ONE_Q24 (1 << 24)
 #define WINDOWS_PER_S 64
+#define MOST_NM 6000000       /* of a gap: 312 ticks of it fit in a sum */
 #define LEAST_COUNTS 3        /* of the load in a window */
 #define MOST_Q16 (24 << 16)   /* of what a sample says; more is a very stiff pair, or a slip */
 #define SURPRISE_Q24 ONE_Q24  /* an error of a sample counts up to this */
-#define PRIOR_X_Q30 24159191  /* 0.2^2: friction and pretension wrong by 15 % each, and effects */
-#define PRIOR_E_Q30 10737418  /* 0.12^2 */
+#define PRIOR_X_Q30 24159191  /* 0.15^2: friction and pretension wrong by 15 % each */
+#define PRIOR_E_Q30 10737418  /* 0.1^2 */
 #define PRIOR_D_Q30 6333186   /* 0.0768^2: 1.2 ms */
 #define DRIFT_Q30 1074        /* 1e-6 a sample: a tenth in 160 s of sliding */
 #define UNMODELLED_Q24 671089 /* 0.2^2 of B in each sample: what neither x nor e nor d explains */
-#define SURE_EIGHTHS 8        /* deviations that are not sure */
 #define LEAST_Q16 16384       /* 1/4 */
 #define MOST_FACTOR_Q16 81920 /* 5/4 */
 
@@ -92,37 +92,49 @@ static void learn(friction_observer_t *observer, int32_t seen_q16, const int32_t
     observer->deviation_q16 = square_root_q16(p[0]);
 }
 
-void friction_observer_step(friction_observer_t *observer, int32_t side, int32_t load_arc_nm,
-                            int32_t gap_nm, int32_t innovation_nm) {
+/* The window is over: its means are a sample, if the pair slid one way for most of it. */
+static void close_window(friction_observer_t *observer, int32_t load_arc_nm) {
     uint32_t saturations = 0; /* beyond the range is beyond MOST */
-    if (!observer->started) {
-        observer->started = true;
-        observer->mark_nm = load_arc_nm;
-    }
-    if (++observer->ticks >= observer->window_ticks) {
-        observer->ticks = 0;
-        observer->travel_nm = fixed_subtract(load_arc_nm, observer->mark_nm, &saturations);
-        observer->mark_nm = load_arc_nm;
-        observer->due = true;
-    }
-    if (!observer->due || side == 0) {
+    const int32_t ticks = (int32_t)observer->window_ticks;
+    const int32_t side = observer->slid_ticks > 0 ? 1 : -1;
+    const int32_t travel_nm = side * fixed_subtract(load_arc_nm, observer->mark_nm, &saturations);
+    const int32_t gap_nm = side * (observer->gap_sum_nm / ticks);
+    const int32_t innovation_nm = side * (observer->innovation_sum_nm / ticks);
+    const bool slid = 2 * side * observer->slid_ticks > ticks;
+    if (!slid || observer->slack || travel_nm < observer->least_travel_nm) {
         return;
     }
-    const int32_t travel_nm = side * fixed_clamp(observer->travel_nm, -INT32_MAX, INT32_MAX);
-    if (travel_nm < observer->least_travel_nm) {
-        return;
-    }
-    observer->due = false;
-    const int32_t seen_q16 = side * fixed_scale(innovation_nm, observer->q16_per_nm, &saturations);
     const int32_t h_q16[3] = {
         -FRICTION_OBSERVER_ONE,
-        side * fixed_scale(gap_nm, observer->q16_per_nm, &saturations),
+        fixed_scale(gap_nm, observer->q16_per_nm, &saturations),
         fixed_scale(travel_nm, observer->q16_per_nm, &saturations),
     };
     const int32_t size_q16 = h_q16[1] < 0 ? -h_q16[1] : h_q16[1];
     if (size_q16 < MOST_Q16 && h_q16[2] < MOST_Q16) {
+        const int32_t seen_q16 = fixed_scale(innovation_nm, observer->q16_per_nm, &saturations);
         learn(observer, fixed_clamp(seen_q16, -2 * MOST_Q16, 2 * MOST_Q16), h_q16);
     }
+}
+
+void friction_observer_step(friction_observer_t *observer, const friction_observed_t *seen) {
+    if (!observer->started) {
+        observer->started = true;
+        observer->mark_nm = seen->load_arc_nm;
+    }
+    observer->slid_ticks += seen->side;
+    observer->slack = observer->slack || seen->slack;
+    observer->gap_sum_nm += fixed_clamp(seen->gap_nm, -MOST_NM, MOST_NM);
+    observer->innovation_sum_nm += fixed_clamp(seen->innovation_nm, -MOST_NM, MOST_NM);
+    if (++observer->ticks < observer->window_ticks) {
+        return;
+    }
+    close_window(observer, seen->load_arc_nm);
+    observer->ticks = 0;
+    observer->slid_ticks = 0;
+    observer->slack = false;
+    observer->gap_sum_nm = 0;
+    observer->innovation_sum_nm = 0;
+    observer->mark_nm = seen->load_arc_nm;
 }
 
 static uint32_t bounded_q16(int32_t factor_q16) {
@@ -134,6 +146,7 @@ uint32_t friction_observer_mean_q16(const friction_observer_t *observer) {
 }
 
 uint32_t friction_observer_sure_q16(const friction_observer_t *observer) {
-    return bounded_q16(FRICTION_OBSERVER_ONE + observer->mean_q24[0] / 256 -
-                       observer->deviation_q16 * SURE_EIGHTHS / 8);
+    const int32_t x_q16 = observer->mean_q24[0] / 256;
+    const int32_t believed_q16 = x_q16 > 0 ? x_q16 / 2 : x_q16;
+    return bounded_q16(FRICTION_OBSERVER_ONE + believed_q16 - observer->deviation_q16);
 }

@@ -13,9 +13,11 @@
  * and the speed; what has not been excited stays at its prior, with its deviation. A Kalman filter
  * of these three numbers, 64 times a second.
  *
- * *Sure* is the friction that is there but for a deviation's part: what may be compensated without
- * giving the hand energy. In the frame of the direction s a mirrored motion is the same motion.
- * Pure.
+ * *Sure* is that friction less one standard deviation: what may be compensated without giving the
+ * hand energy. Of more friction than the model's only half is believed, because play at the load
+ * and a motor whose own friction is unknown look the same, and pushing is worse than being felt.
+ *
+ * In the frame of the direction s a mirrored motion is the same motion, to the bit. Pure.
  */
 #ifndef BOWDEN_CORE_FRICTION_OBSERVER_H
 #define BOWDEN_CORE_FRICTION_OBSERVER_H
@@ -37,13 +39,24 @@ typedef struct {
     int32_t mean_q24[3];
     int32_t covariance_q30[6];
     int32_t deviation_q16; /* of x */
-    /* memory */
+    /* the window so far */
     uint32_t ticks;
-    int32_t mark_nm;
-    int32_t travel_nm; /* in the last whole window */
-    bool due;          /* a sample of this window */
+    int32_t slid_ticks; /* towards 1, less those towards -1 */
+    int32_t gap_sum_nm;
+    int32_t innovation_sum_nm;
+    int32_t mark_nm; /* the load's place at its start */
+    bool slack;
     bool started;
 } friction_observer_t;
+
+/* What a tick shows. */
+typedef struct {
+    int32_t side; /* 1 or -1: in the model the whole pair slides that way; else 0 */
+    bool slack;   /* in the model a cable is */
+    int32_t load_arc_nm;
+    int32_t gap_nm;        /* of the model */
+    int32_t innovation_nm; /* estimator.h */
+} friction_observed_t;
 
 /* Constants and the prior. `stretch_nm`: B. `count_nm`: of an encoder, the coarser one. */
 friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
@@ -52,15 +65,13 @@ friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
 /* Begins anew at another relative friction, one is FRICTION_OBSERVER_ONE. */
 void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16);
 
-/* One tick. `side`: 1 or -1 when the whole pair slides taut that way, else 0. `gap_nm`: the
- * model's. */
-void friction_observer_step(friction_observer_t *observer, int32_t side, int32_t load_arc_nm,
-                            int32_t gap_nm, int32_t innovation_nm);
+/* One tick. */
+void friction_observer_step(friction_observer_t *observer, const friction_observed_t *seen);
 
 /* Friction as it is believed, relative to the model's, in Q16. */
 uint32_t friction_observer_mean_q16(const friction_observer_t *observer);
 
-/* Friction that is there for sure, relative to the model's, in Q16. */
+/* Friction that is surely there, relative to the model's, in Q16. */
 uint32_t friction_observer_sure_q16(const friction_observer_t *observer);
 
 #endif

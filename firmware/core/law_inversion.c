@@ -45,7 +45,7 @@ inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sl
         .damping = ratio_of((uint64_t)inertia * DAMPING_PER_S * ticks_per_s,
                             (uint64_t)pair->motor_pulley_radius_nm * 1000u),
         .lag_ticks = (int32_t)(lag > 0 ? lag : 1u),
-        .friction_unm = friction_unm,
+        .friction_unm = fixed_clamp(friction_unm, 0, 1 << 30), /* 8/6 of it is still in range */
         .rest_band_unm = rest_band_unm,
         .integral_ticks =
             integral_gain_mhz > 0 ? (int32_t)(ticks_per_s * 1000u / integral_gain_mhz) + 1 : 0,

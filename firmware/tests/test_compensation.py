@@ -157,9 +157,9 @@ def test_the_slack_floor_keeps_the_cables_taut_and_mirrors(
     if floor_un > 0:
         angle = sign * stroke(0.0, 1.0, 0.1)
         run = pair.run_torque(np.full_like(angle, motor_unm * 1e-6), angle)
-        # 2 nm of motor arc at EA/dx = 40 kN/m are 80 uN at the motor, 1 uN m of the limit is 50 uN
-        # there, and either is exp(m) = 4.5 times as much at the far end: together below 2 mN
-        assert np.min([series[-1] for series in run[2:6]]) >= floor_un * 1e-6 - 2e-3
+        # 4 nm of motor arc are below the motor's dead band, 2 nm rounding: at EA/dx = 80 kN/m 0.5 mN
+        # at the motor, exp(m) = 4.5 times as much at the far end: below 3 mN
+        assert np.min([series[-1] for series in run[2:6]]) >= floor_un * 1e-6 - 3e-3
 
 
 # ---- our law ----

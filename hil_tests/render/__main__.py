@@ -2,7 +2,7 @@
 
     python -m hil_tests.render --seed 1 --law model-inversion --task tunnel --plot OUT.html
 
-Developing seeds are 1 to 999; the reporting seeds of the benchmark begin at 100 000.
+Developing seeds are 1 to 999; the reporting seeds of the benchmark begin at 200 000.
 """
 
 from __future__ import annotations
