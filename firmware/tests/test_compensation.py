@@ -146,7 +146,9 @@ def test_what_the_closed_form_asks_for_makes_the_wanted_torque_arrive(
 
 
 @hypothesis_settings(max_examples=60, deadline=None)
-@given(st.integers(-8_000_000, 8_000_000), st.sampled_from([1, -1]), st.integers(0, 3_000_000))
+# The cables of a pair dragged without motor torque have 1.57 N at their slackest end: a higher
+# floor would have the motor pull where nothing is wanted, which it does not.
+@given(st.integers(-8_000_000, 8_000_000), st.sampled_from([1, -1]), st.integers(0, 1_550_000))
 def test_the_slack_floor_keeps_the_cables_taut_and_mirrors(
     load_unm: int, sign: int, floor_un: int
 ) -> None:
@@ -157,9 +159,9 @@ def test_the_slack_floor_keeps_the_cables_taut_and_mirrors(
     if floor_un > 0:
         angle = sign * stroke(0.0, 1.0, 0.1)
         run = pair.run_torque(np.full_like(angle, motor_unm * 1e-6), angle)
-        # 4 nm of motor arc are below the motor's dead band, 2 nm rounding: at EA/dx = 80 kN/m 0.5 mN
-        # at the motor, exp(m) = 4.5 times as much at the far end: below 3 mN
-        assert np.min([series[-1] for series in run[2:6]]) >= floor_un * 1e-6 - 3e-3
+        # 2 nm of motor arc at EA/dx = 40 kN/m are 80 uN at the motor, exp(m) as much at the far
+        # end, and 1 uN m of the limit is 50 uN: together below 1 mN
+        assert np.min([series[-1] for series in run[2:6]]) >= floor_un * 1e-6 - 1e-3
 
 
 # ---- our law ----
