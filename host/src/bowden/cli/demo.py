@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 from bowden.cli.compare import compare_files, show
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, say
 from bowden.cli.own_rig import own_rig
 from bowden.cli.record import record_to, summary
 from bowden.cli.reduced_model import reduced_model
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     model_path.write_text(format_model(table_1()), encoding="utf-8")
 
     capture = _record(args, model_path, run_path)
-    _say(f"comparing with the offline model ({model_path})")
+    say(f"comparing with the offline model ({model_path})")
     comparison = compare_files(model_path, [run_path], Mode.TORQUE_POSITION, report_path)
     show(comparison)
 
@@ -104,17 +104,17 @@ def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Captu
         *("--drop-probability", str(args.drop_probability)),
     ]
     log_path = run_path.with_name("rig.log")
-    _say("starting the simulated rig in a process of its own")
-    _say(f"target {args.target}: the drive's firmware is {_RUNS_ON[args.target]}")
+    say("starting the simulated rig in a process of its own")
+    say(f"target {args.target}: the drive's firmware is {_RUNS_ON[args.target]}")
     with own_rig(bus_options(args), rig_arguments, log_path) as drive:
-        _say(f"node {drive.node_id}: {drive.read_text('device_name')}, object dictionary matches")
+        say(f"node {drive.node_id}: {drive.read_text('device_name')}, object dictionary matches")
         wanted = reduced_model(
             parse_model(model_path.read_text(encoding="utf-8"), str(model_path))
         ).entries
         changes = difference(drive, wanted)
         write(drive, changes)
-        _say(f"Table I: {len(wanted)} entries checked, {len(changes)} changed and read back")
-        _say(f"Experiment 2 for {args.duration:g} s: tunnel on, a hand moves 40 degrees at 0.5 Hz")
+        say(f"Table I: {len(wanted)} entries checked, {len(changes)} changed and read back")
+        say(f"Experiment 2 for {args.duration:g} s: tunnel on, a hand moves 40 degrees at 0.5 Hz")
         capture = record_to(
             drive,
             run_path,
@@ -125,9 +125,5 @@ def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Captu
                 "notes": "bowden demo: Experiment 2, error-reduction tunnel",
             },
         )
-        _say("the drive is off")
+        say("the drive is off")
         return capture
-
-
-def _say(text: str) -> None:
-    console().print(f"[green]>[/] {text}")

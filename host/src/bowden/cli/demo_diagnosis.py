@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.cli.diagnose import show, write_extended, write_report
-from bowden.cli.output import add_json_argument, console, print_json, progress
+from bowden.cli.output import add_json_argument, console, print_json, progress, say
 from bowden.cli.own_rig import own_rig
 from bowden.cli.reduced_model import reduced_model
 from bowden.cli.rig import add_target_argument
@@ -147,7 +147,7 @@ def run(args: argparse.Namespace) -> int:
     rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
     for setting in (*RIG, *hidden):
         rig_arguments += ["--set", setting]
-    _say(f"starting the simulated rig; hidden in it: {', '.join(hidden)}")
+    say(f"starting the simulated rig; hidden in it: {', '.join(hidden)}")
     with own_rig(bus_options(args), rig_arguments, directory / "rig.log") as drive:
         loop = close_the_loop(drive, directory, args.duration, args.seed)
     report = directory / "report.html"
@@ -201,12 +201,12 @@ def close_the_loop(
         return render(drive, tunnel, duration_s, path, title)
 
     with telling_the_law(drive):
-        _say("the tunnel without compensation, then with the lab's model")
+        say("the tunnel without compensation, then with the lab's model")
         none = rendered("none", lab, "")
         before = tuple(rendered(law, lab, "lab") for law in LAWS)
         drive.nmt("PRE-OPERATIONAL")  # nobody listens to samples meanwhile
         diagnosis = _diagnose(lab, none, directory, seed, names)
-        _say("the same tunnel again, with the extended model")
+        say("the same tunnel again, with the extended model")
         after = tuple(rendered(law, diagnosis.model, "diagnosed") for law in LAWS)
     return Loop(none, before, after, tunnel, diagnosis)
 
@@ -217,7 +217,7 @@ def _apply(drive: Drive, model: Model, law: str) -> None:
     changes = difference(drive, reduced.entries | {"compensation_law": law_number(law)})
     write(drive, changes)
     if reduced.folded:
-        _say(f"{law}: {len(changes)} entries changed, with {', '.join(reduced.folded)} in them")
+        say(f"{law}: {len(changes)} entries changed, with {', '.join(reduced.folded)} in them")
 
 
 def _diagnose(
@@ -226,7 +226,7 @@ def _diagnose(
     """Ask what the lab's model lacks to explain the uncompensated run; write model and page."""
     from bowden.diagnosis.diagnose import diagnose  # noqa: PLC0415  (keeps --help fast)
 
-    _say(f"diagnosing {naive.file} with the lab's model; this takes minutes")
+    say(f"diagnosing {naive.file} with the lab's model; this takes minutes")
     with progress() as bar:
         task = bar.add_task("diagnosing", total=1.0)
         diagnosis = diagnose(
@@ -257,7 +257,3 @@ def _document(loop: Loop, hidden: Sequence[str], report: Path) -> dict[str, obje
         "rendering_error_nm": {"none": none} | errors,
         "report": str(report),
     }
-
-
-def _say(text: str) -> None:
-    console().print(f"[green]>[/] {text}")

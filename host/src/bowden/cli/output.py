@@ -36,6 +36,11 @@ def console() -> Console:
     return Console(stderr=True, highlight=False)
 
 
+def say(text: str) -> None:
+    """Tell people which step is done now."""
+    console().print(f"[green]>[/] {text}")
+
+
 def progress(*columns: str) -> Progress:
     """Return a progress display on stderr: text, bar, percentage, remaining time, then `columns`.
 

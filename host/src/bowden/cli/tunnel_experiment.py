@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bowden.cli.drive_arguments import connect_drive
 from bowden.cli.model_arguments import read_model
-from bowden.cli.output import console, print_json
+from bowden.cli.output import console, print_json, say
 from bowden.cli.own_rig import own_rig
 from bowden.cli.record import record_to
 from bowden.cli.reduced_model import reduced_model
@@ -91,7 +91,7 @@ def _drive(args: argparse.Namespace, directory: Path) -> Iterator[Drive]:
     rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
     for setting in settings:
         rig_arguments += ["--set", setting]
-    console().print("[green]>[/] starting the simulated rig in a process of its own")
+    say("starting the simulated rig in a process of its own")
     with own_rig(bus_options(args), rig_arguments, directory / "rig.log") as drive:
         drive.write("torque_constant", TORQUE_CONSTANT_NM_PER_A)
         yield drive
@@ -153,7 +153,7 @@ def _run(
 ) -> LawRun:
     drive.write_raw("compensation_law", law_number(law))
     if not args.start_rig:
-        console().print(f"[green]>[/] {law}: move the load through the tunnel, always alike")
+        say(f"{law}: move the load through the tunnel, always alike")
     return render(drive, tunnel, args.duration, directory / f"{law}.blf")
 
 
