@@ -155,10 +155,13 @@ def finding(runs: Sequence[LawRun]) -> str:
 def loops(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float) -> go.Figure:
     """Draw wanted and felt torque over the load angle, a panel a law (Fig. 6)."""
     columns = min(_COLUMNS, len(runs))
-    rows = -(-len(runs) // columns)
+    alone = len(runs) % columns  # an odd one takes the whole first row: pairs stay side by side
+    rows = alone + len(runs) // columns
+    whole_row: list[dict[str, int] | None] = [{"colspan": columns}, None]
     plot = make_subplots(
         rows=rows,
         cols=columns,
+        specs=[whole_row] * alone + [[{}] * columns] * (rows - alone),
         shared_xaxes=True,
         shared_yaxes=True,
         horizontal_spacing=0.06,
@@ -166,7 +169,7 @@ def loops(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float) -> go.Figure:
         subplot_titles=[run.title for run in runs],
     )
     for number, run in enumerate(runs):
-        row, col = divmod(number, columns)
+        row, col = divmod(number + alone if number else 0, columns)
         taken = stretch_of(run.recording, tunnel, settle_s)
         angle, felt = taken.load_angle_rad, taken.felt_nm
         ends = np.linspace(angle.min(), angle.max(), 401)
@@ -190,6 +193,8 @@ def loops(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float) -> go.Figure:
             )
     dress(plot, height=90 + _ROW_PX * rows)
     plot.update_xaxes(title_text="load angle (°)", row=rows)
+    if alone and rows > 1:
+        plot.update_xaxes(showticklabels=False, row=1)
     plot.update_yaxes(title_text="load torque (N m)", col=1)
     plot.update_layout(legend=legend_above(1.0 + 40 / (_ROW_PX * rows)), margin={"t": 80})
     return plot
