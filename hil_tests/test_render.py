@@ -11,7 +11,7 @@ import pytest
 from hil_tests.bench import TICKS_PER_S
 from hil_tests.render import measures
 from hil_tests.render.document import document
-from hil_tests.render.laws import LAWS, NAIVE, entries, law_named
+from hil_tests.render.laws import LAWS, NAIVE, OURS, WITHOUT_CELL, entries, law_named
 from hil_tests.render.rigs import MODERATE, draw
 from hil_tests.render.table import error_ratios, markdown, summarise
 from hil_tests.render.tasks import TASKS, Task, task_named
@@ -268,6 +268,23 @@ def test_every_law_runs_and_keeps_the_bridge_on(law: object) -> None:
     trial = run(draw(3), law, short("tunnel-fast"))
     assert not trial.bridge_off
     assert np.all(np.isfinite(trial.rig))
+
+
+# Rigs on which the law did swing on at rest: a loose hand that the drive's own moves carried along,
+# and stiction that made it jump.
+@pytest.mark.parametrize(
+    ("seed", "task"),
+    [(271, "rest-in-wall"), (271, "rest-in-middle"), (433, "rest-in-middle")],
+)
+def test_a_loose_hand_and_stiction_come_to_rest(seed: int, task: str) -> None:
+    assert not judge(run(draw(seed), law_named(OURS), task_named(task))).limit_cycle
+
+
+# Rigs whose drive believes in 15 to 25 % more friction than there is.
+@pytest.mark.parametrize("seed", [201, 203, 281])
+@pytest.mark.parametrize("task", ["tunnel", "free"])
+def test_too_much_friction_in_the_model_does_not_push(seed: int, task: str) -> None:
+    assert judge(run(draw(seed), law_named(WITHOUT_CELL), task_named(task))).net_energy < 0.01
 
 
 @pytest.mark.skipif(not ELF.is_file(), reason=f"{ELF} is missing; run 'make firmware'")
