@@ -63,6 +63,15 @@ def test_an_extra_wrap_and_a_soft_conduit_are_folded_into_the_numbers(model: Pat
     assert entries["cable_axial_stiffness"] == pytest.approx(2000.0)
 
 
+def test_a_known_inertia_of_the_motor_is_the_drives_too(model: Path) -> None:
+    assert "motor_inertia" not in reduced_model(parse_model(model.read_text())).entries
+    with_effects(model, "effects:\n- {name: motor_inertia, inertia_kg_m2: 2.5e-5}\n")
+    reduced = reduced_model(parse_model(model.read_text()))
+    assert reduced.folded == ("motor_inertia",)
+    assert reduced.left_out == ()
+    assert reduced.entries["motor_inertia"] == 2.5e-5
+
+
 def test_what_is_left_out_does_not_change_the_rest(model: Path) -> None:
     plain = reduced_model(parse_model(model.read_text()))
     with_effects(model, VISCOUS)

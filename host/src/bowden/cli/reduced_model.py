@@ -1,8 +1,8 @@
 """The model that the drive runs: a model file reduced to entries of its object dictionary.
 
 The drive knows the pair of cables with Coulomb friction and stiction in at most 40 segments. The
-path is resampled into segments of equal length that keep its wrap angle; effects that only change
-those numbers (`Effect.on_drive`) are folded into them; what is left over is named. `configure`,
+path is resampled into segments of equal length that keep its wrap angle; effects that the drive has
+numbers for (`Effect.on_drive`) are folded into them; what is left over is named. `configure`,
 `apply` and the experiments write the result.
 """
 
@@ -103,6 +103,9 @@ def _entries(model: Model, segments: int) -> dict[str, float]:
     ):
         if counts is not None:  # a model file need not say; then the drive's own stays
             entries[name] = counts.value
+    for number, effect in enumerate(model.document.effects):
+        if effect["name"] == "motor_inertia":
+            entries["motor_inertia"] = model.value(f"effects[{number}].inertia_kg_m2")
     for number, curvature in enumerate(curvature_per_m.tolist(), 1):
         entries[f"segment_length.{number}"] = length_m
         entries[f"segment_curvature.{number}"] = curvature

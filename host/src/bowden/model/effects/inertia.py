@@ -67,6 +67,7 @@ MOTOR = Effect(
     signature="torque in proportion to acceleration, growing with frequency squared",
     excited_by=("acceleration",),
     confused_with=("load_inertia", "viscous_friction", "amplifier_lag", "time_delay"),
+    on_drive=True,
 )
 
 LOAD = Effect(
