@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,24 +161,33 @@ class Screened:
     Parameters
     ----------
     candidate : Candidate
+    shape : dict of str to float
+        Its parameters with every strength off.
     values : dict of str to float
         Where a fit should start.
     gain : float
         Drop of half the chi-square that the secant promises.
     step : ndarray of shape (p,)
         How far the numbers that move already would go, on the search's scale.
-    column : ndarray of shape (m,)
-        Change of the weighted residual from nothing to `values`.
     secants : ndarray of shape (m, k)
         Change of the weighted residual by each of its strengths at its usual size.
     """
 
     candidate: Candidate
+    shape: dict[str, float]
     values: dict[str, float]
     gain: float
     step: _Floats
-    column: _Floats
     secants: _Floats
+
+
+@dataclass(frozen=True)
+class _Probe:
+    """A candidate with one strength at its usual size."""
+
+    values: dict[str, float]
+    size: float
+    signed: bool
 
 
 def screen(fit: Fit, base: Fitted, candidate: Candidate) -> list[Screened]:
@@ -196,40 +205,50 @@ def screen(fit: Fit, base: Fitted, candidate: Candidate) -> list[Screened]:
     return sorted((one for one in found if one is not None), key=lambda one: -one.gain)
 
 
+def look_again(fit: Fit, base: Fitted, look: Screened, reweighed: _Floats) -> Screened:
+    """Return what a candidate promises on top of other effects, without simulating it again.
+
+    What it does to the simulation is taken to be what it did without them: good enough to choose
+    what is fitted.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of the model with the other effects.
+    base : Fitted
+        Its optimum.
+    look : Screened
+        From the model without them.
+    reweighed : ndarray of shape (n,)
+        The weights of the samples over those of that look.
+    """
+    probes = _probes(look.candidate, look.shape)
+    usual = np.zeros((base.residual.size, look.secants.shape[1]))
+    usual[: reweighed.size] = reweighed[:, None] * look.secants[: reweighed.size]
+    step, amounts, gain = _amounts(fit, base, probes, usual)
+    if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
+        return replace(look, gain=0.0, step=step, secants=usual)
+    values = _start(look.candidate, look.shape, amounts)
+    return replace(look, values=values, gain=gain, step=step, secants=usual)
+
+
 def _screen_shape(
     fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float]
 ) -> Screened | None:
     strengths = [one for one in candidate.variant.parameters if one.off is not None]
-    phases = [one.name for one in candidate.variant.parameters if one.period is not None]
     off = {**{one.name: _off(one) for one in strengths}, **shape}
-    probes: list[tuple[dict[str, float], float, bool]] = []  # values, strength, signed
-    for one in strengths:
-        size = _strength(one, one.typical)
-        signed = one.low < 0.0 or bool(phases)
-        probes.append(({**off, one.name: one.typical}, size, signed))
-    if len(strengths) == 1 and len(phases) == 1:
-        quarter = {strengths[0].name: strengths[0].typical, phases[0]: math.pi / 2}
-        probes.append(({**off, **quarter}, probes[0][1], True))
+    probes = _probes(candidate, off)
     columns = []
-    for values, size, _ in probes:
-        change = _change(fit, base, candidate, values)
+    for probe in probes:
+        change = _change(fit, base, candidate, probe.values)
         if change is None:
             return None
-        columns.append(change / size)
-    low = np.array([-np.inf if signed else 0.0 for _, _, signed in probes])
-    secants = np.stack(columns, axis=1)
-    step, amounts, gain = _project(fit, base, secants, low)
-    usual = secants * np.array([size for _, size, _ in probes])
+        columns.append(change)
+    usual = np.stack(columns, axis=1)
+    step, amounts, gain = _amounts(fit, base, probes, usual)
     if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
-        return Screened(candidate, off, 0.0, step, 0.0 * base.residual, usual)
-    values = dict(off)
-    if len(probes) > len(strengths):
-        size = min(float(np.hypot(*amounts)), _strength(strengths[0], strengths[0].high))
-        values[strengths[0].name] = size
-        values[phases[0]] = float(np.arctan2(amounts[1], amounts[0])) % (2.0 * math.pi)
-    else:
-        for one, amount in zip(strengths, amounts, strict=True):
-            values[one.name] = _value(one, float(amount))
+        return Screened(candidate, off, off, 0.0, step, usual)
+    values = _start(candidate, off, amounts)
     # Once more from there: the secant to where the effect would be, not to where it is usual.
     change = _change(fit, base, candidate, values)
     if change is None:
@@ -237,7 +256,48 @@ def _screen_shape(
     step, share, gain = _project(fit, base, change[:, None], np.zeros(1), OVERSHOOT)
     for one in strengths:
         values[one.name] = _value(one, float(share[0]) * _strength(one, values[one.name]))
-    return Screened(candidate, values, gain, step, float(share[0]) * change, usual)
+    return Screened(candidate, off, values, gain, step, usual)
+
+
+def _probes(candidate: Candidate, off: Mapping[str, float]) -> list[_Probe]:
+    """Return one probe a strength; two, a quarter turn apart, for one with a phase."""
+    strengths = [one for one in candidate.variant.parameters if one.off is not None]
+    phases = [one.name for one in candidate.variant.parameters if one.period is not None]
+    found = [
+        _Probe(
+            {**off, one.name: one.typical},
+            _strength(one, one.typical),
+            one.low < 0.0 or bool(phases),
+        )
+        for one in strengths
+    ]
+    if len(strengths) == 1 and len(phases) == 1:
+        found.append(replace(found[0], values={**found[0].values, phases[0]: math.pi / 2}))
+    return found
+
+
+def _amounts(
+    fit: Fit, base: Fitted, probes: Sequence[_Probe], usual: _Floats
+) -> tuple[_Floats, _Floats, float]:
+    """Return steps of the moving numbers, the strengths, and the gain of both together."""
+    sizes = np.array([one.size for one in probes])
+    low = np.array([-np.inf if one.signed else 0.0 for one in probes])
+    return _project(fit, base, usual / sizes, low)
+
+
+def _start(candidate: Candidate, off: Mapping[str, float], amounts: _Floats) -> dict[str, float]:
+    """Return the values that stand for the probes' amounts."""
+    strengths = [one for one in candidate.variant.parameters if one.off is not None]
+    phases = [one.name for one in candidate.variant.parameters if one.period is not None]
+    values = dict(off)
+    if amounts.size > len(strengths):
+        size = min(float(np.hypot(*amounts)), _strength(strengths[0], strengths[0].high))
+        values[strengths[0].name] = size
+        values[phases[0]] = float(np.arctan2(amounts[1], amounts[0])) % (2.0 * math.pi)
+        return values
+    for one, amount in zip(strengths, amounts, strict=True):
+        values[one.name] = _value(one, float(amount))
+    return values
 
 
 def _change(

@@ -28,11 +28,11 @@ from bowden.diagnosis.decide import (
     look_alikes,
 )
 from bowden.diagnosis.excitation import Excitation, excitation
-from bowden.diagnosis.fit import Fit, solve
+from bowden.diagnosis.fit import Fit, solve, solve_widely
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.localise import Place, ResidualMap, Where, localise
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
-from bowden.diagnosis.prepare import Prepared, prepare
+from bowden.diagnosis.prepare import prepare
 from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.quality import Finding, check_quality
 from bowden.diagnosis.select import Progress, Selection, select, silent
@@ -235,21 +235,22 @@ def diagnose(
         moving = free_parameters(model) if model.free_parameters() else []
 
         def weigh(one: Model) -> list[Part]:
-            return [each.thin for each in prepare(one, mode, recordings, seed, pool)]
+            return prepare(one, mode, recordings, seed, pool)
 
         # Noise depends on the numbers that are calibrated: first roughly, then with what came out.
         rough = Fit(coarse, moving, Problem(mode, weigh(coarse)), pool.map)
-        about = solve(rough, np.zeros(len(moving))).model
+        about = solve_widely(rough, solve(rough, np.zeros(len(moving)))).model
         problem = Problem(mode, weigh(about), weigh)
         selection = select(coarse, moving, candidates(names), problem, pool=pool, progress=progress)
         progress("judging", 0.9)
         try:
-            ready = prepare(selection.chosen.fitted.model, mode, recordings, seed, pool)
+            final = selection.chosen.fitted.model
+            ready = prepare(final, mode, recordings, seed, pool, whole=True)
         except ModelError:  # it runs what was measured, but not every path beside it
-            ready = prepare(about, mode, recordings, seed, pool)
+            ready = prepare(about, mode, recordings, seed, pool, whole=True)
         series = _series(selection, mode, ready, pool)
     gaps = tuple(_gap(name, series) for name in PREDICTED[mode])
-    whole = Problem(mode, [one.whole for one in ready])
+    whole = Problem(mode, ready)
     rest, samples = _rest(selection.problem, whole, series)
     decision = decide(selection, rest=rest, samples=samples)
     hidden = invisible(selection)
@@ -360,7 +361,7 @@ def _title(one: NamedEffect) -> str:
 def _where(
     selection: Selection,
     mode: Mode,
-    ready: Sequence[Prepared],
+    ready: Sequence[Part],
     series: Sequence[Series],
     seed: int,
 ) -> Where:
@@ -371,7 +372,7 @@ def _where(
         return float(np.mean(np.concatenate(of) ** 2))
 
     name = max(PREDICTED[mode], key=size)
-    recordings = [one.whole.recording for one in ready]
+    recordings = [one.recording for one in ready]
     model = selection.base.fitted.model
     return localise(
         [_in_sigmas(one, one.before) for one in series if one.quantity == name],
@@ -409,11 +410,11 @@ def _coarse(model: Model) -> Model:
 
 
 def _series(
-    selection: Selection, mode: Mode, ready: Sequence[Prepared], pool: ThreadPoolExecutor
+    selection: Selection, mode: Mode, ready: Sequence[Part], pool: ThreadPoolExecutor
 ) -> tuple[Series, ...]:
     """Simulate the calibrated and the chosen model on all samples."""
     models = (selection.base.fitted.model, selection.chosen.fitted.model)
-    problem = Problem(mode, [one.whole for one in ready])
+    problem = Problem(mode, ready)
     jobs = [(model, part) for part in problem.parts for model in models]
     gaps = list(pool.map(lambda job: problem.gaps(*job), jobs))
     found = []

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,20 @@ _Floats = NDArray[np.float64]
 
 STEP = 0.02  # of a parameter's scale: far above the simulator's roughness, far below its bends
 ENOUGH = 0.02  # of chi-square / 2: a step that promises less decides nothing
+ROUGHLY = 1e-3  # of what is left: such a step decides nothing between rivals far from the optimum
 ROUNDS = 12
+ALONG = (-2.5, -1.2, 1.2, 2.5)  # tolerances, of the starts along a valley
 
-Spread = Callable[
-    [Callable[[_Floats], _Floats | None], Sequence[_Floats]], Iterable[_Floats | None]
-]
-"""How points are simulated: `map` one after the other, or a pool's map side by side."""
+_Found = TypeVar("_Found")
+
+
+class Spread(Protocol):
+    """How points are worked on: `map` one after the other, or a pool's map side by side."""
+
+    def __call__(
+        self, work: Callable[[_Floats], _Found], points: Sequence[_Floats], /
+    ) -> Iterable[_Found]:
+        """Return what `work` makes of each point."""
 
 
 class Movable(Protocol):
@@ -171,15 +179,17 @@ class Fit:
         )
 
 
-def solve(fit: Fit, start: _Floats, jacobian: _Floats | None = None) -> Fitted:
+def solve(fit: Fit, start: _Floats, known: _Floats | None = None, *, polish: bool = True) -> Fitted:
     """Search from a point.
 
     Parameters
     ----------
     fit : Fit
     start : ndarray of shape (p,)
-    jacobian : ndarray of shape (m, p), optional
-        A guess of the derivatives at `start`; taken there when absent.
+    known : ndarray of shape (k, q), optional
+        A guess of the derivatives by the first q numbers; the others' are taken at `start`.
+    polish : bool, default True
+        Whether the end has to be the optimum by derivatives that were taken there; else it is near.
 
     Raises
     ------
@@ -191,13 +201,14 @@ def solve(fit: Fit, start: _Floats, jacobian: _Floats | None = None) -> Fitted:
     if residual is None:
         fit.problem.misfit(fit.model_at(at))  # says why
         raise ModelError("the search cannot start here")
-    fresh = jacobian is None
-    matrix = fit.jacobian(at, residual) if jacobian is None else jacobian.copy()
+    fresh = known is None
+    matrix = _completed(fit, at, residual, known)
     damping = 1e-3
     for _ in range(ROUNDS if at.size else 0):
         step, promised = _step(fit, at, residual, matrix, damping)
-        if promised < ENOUGH:
-            if fresh:
+        enough = ENOUGH if polish else max(ENOUGH, 0.5 * ROUGHLY * float(residual @ residual))
+        if promised < enough:
+            if fresh or not polish:
                 break
             matrix, fresh = fit.jacobian(at, residual), True
             continue
@@ -213,7 +224,7 @@ def solve(fit: Fit, start: _Floats, jacobian: _Floats | None = None) -> Fitted:
         if there is not None and gained > 0.0:
             at, residual, fresh = at + step, there, False
             damping = max(damping / 10.0, 1e-6)
-            if gained < ENOUGH:
+            if gained < enough:
                 break
         elif fresh:
             damping *= 30.0
@@ -222,6 +233,56 @@ def solve(fit: Fit, start: _Floats, jacobian: _Floats | None = None) -> Fitted:
         else:
             matrix, fresh = fit.jacobian(at, residual), True
     return fit.fitted_at(at, residual, matrix)
+
+
+def solve_widely(fit: Fit, fitted: Fitted, spread: Spread = map) -> Fitted:
+    """Search on from where a search ended, along the valley that it may have ended too early in.
+
+    Friction and pretension trade against each other: what they do to the data is nearly the same
+    along a curve, on which there are several optima. Starts lie on both sides along the directions
+    of the calibrated numbers that the data know least of, and where the file's numbers are.
+
+    Parameters
+    ----------
+    fit : Fit
+    fitted : Fitted
+        An optimum of it.
+    spread : callable, default map
+        How the searches run; not by the pool that the fit itself spreads its simulations over.
+
+    Returns
+    -------
+    Fitted
+        The best; `fitted` itself where there is none better.
+    """
+    known = np.array([abs(one.sigmas_at(one.high)) > 0.0 for one in fit.parameters], dtype=bool)
+    if not np.any(known):
+        return fitted
+    scaled = (fitted.jacobian[: -fitted.at.size] * fit.scale)[:, known]
+    starts = [np.where(known, 0.0, fitted.at)]
+    for weak in np.linalg.svd(scaled, full_matrices=False)[2][1:]:
+        way = np.zeros(fitted.at.size)
+        way[known] = fit.scale[known] * weak
+        starts += [fitted.at + k * way for k in ALONG]
+
+    def search(start: _Floats) -> Fitted | None:
+        try:
+            return solve(fit, start, polish=False)
+        except ModelError:
+            return None
+
+    found = [one for one in spread(search, starts) if one is not None]
+    best = min([fitted, *found], key=lambda one: one.cost)
+    return best if best.cost > fitted.cost - ENOUGH else solve(fit, best.at)
+
+
+def _completed(fit: Fit, at: _Floats, residual: _Floats, known: _Floats | None) -> _Floats:
+    """Return the derivatives, with those that are known already as they are."""
+    if known is None:
+        return fit.jacobian(at, residual)
+    matrix = fit.jacobian(at, residual, range(known.shape[1], at.size))
+    matrix[: known.shape[0], : known.shape[1]] = known
+    return matrix
 
 
 def _step(

@@ -1,14 +1,13 @@
 """Recordings made ready for fits: true paths from counts, weighed sample by sample, part held back.
 
-`Recording`s in, `problem.Part`s out, once thinned for the search and once whole for the figures.
-Runs a dozen simulations a recording; touches no file.
+`Recording`s in, `problem.Part`s out: thinned for the search, whole for the figures. Runs two dozen
+simulations a recording; touches no file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from bowden.diagnosis.motion import Motion
 from bowden.diagnosis.problem import Channel, Part
 from bowden.diagnosis.propagate import LocalNoise, local_noise
 from bowden.model import Mode, Model
-from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
@@ -28,25 +27,15 @@ BLOCKS = 12  # at most, of one recording; every third judges
 WHOLE_RECORDINGS = 4  # from so many on, whole recordings are held back instead of blocks
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """One recording, ready.
-
-    Parameters
-    ----------
-    whole : Part
-        All its samples.
-    thin : Part
-        Those that a fit needs.
-    """
-
-    whole: Part
-    thin: Part
-
-
 def prepare(
-    model: Model, mode: Mode, recordings: Sequence[Recording], seed: int, pool: ThreadPoolExecutor
-) -> list[Prepared]:
+    model: Model,
+    mode: Mode,
+    recordings: Sequence[Recording],
+    seed: int,
+    pool: ThreadPoolExecutor,
+    *,
+    whole: bool = False,
+) -> list[Part]:
     """Make recordings ready.
 
     Parameters
@@ -57,6 +46,8 @@ def prepare(
     recordings : sequence of Recording
     seed : int
     pool : ThreadPoolExecutor
+    whole : bool, default False
+        With all their samples, for figures; else with those that a fit needs.
 
     Raises
     ------
@@ -65,40 +56,40 @@ def prepare(
     """
     ready = []
     for number, recording in enumerate(recordings):
-        noise = local_noise(model, mode, recording, seed=seed + 1000 * number, pool=pool)
+        noise = local_noise(
+            model,
+            mode,
+            recording,
+            seed=seed + 1000 * number,
+            samples=None if whole else lambda best: _thin(best, mode),
+            pool=pool,
+        )
         best = noise.estimates.recording
         if len(recordings) < WHOLE_RECORDINGS:
             counts = _blocks(best)
         else:
             counts = np.full(best.time_s.size, number % 3 != 2)
-        index = _thin(best.time_s, *(getattr(best, name) for name in mode.columns))
-        every = np.arange(best.time_s.size)
-        ready.append(Prepared(_part(noise, counts, every), _part(noise, counts, index)))
+        ready.append(_part(noise, counts[noise.index]))
     return ready
 
 
-def _part(noise: LocalNoise, counts: _Flags, index: _Index) -> Part:
-    best = noise.estimates.recording
+def _part(noise: LocalNoise, counts: _Flags) -> Part:
     channels = {}
     for name, sigma in noise.sigma.items():
         quantum = noise.estimates.channels[name].quantum
         channels[name] = Channel(
-            measured=getattr(best, name)[index],
-            sigma=sigma[index],
-            share=noise.share(name, index),
+            measured=getattr(noise.recording, name),
+            sigma=sigma,
+            share=noise.share(name),
             zero_sigma=0.5 * (quantum or 0.0) if name.endswith("_rad") else 0.0,
         )
-    return Part(_at(best, index), channels, counts[index])
+    return Part(noise.recording, channels, counts)
 
 
-def _at(recording: Recording, index: _Index) -> Recording:
-    columns = {name: getattr(recording, name)[index] for name in REQUIRED_COLUMNS}
-    extra = {name: values[index] for name, values in recording.extra.items()}
-    return replace(recording, extra=extra, **columns)
-
-
-def _thin(time_s: _Floats, *series: _Floats) -> _Index:
+def _thin(recording: Recording, mode: Mode) -> _Index:
     """Keep every k-th sample, and the extremes between: friction remembers them."""
+    time_s = recording.time_s
+    series: list[_Floats] = [getattr(recording, name) for name in mode.columns]
     size = time_s.size
     stride = max(1, round(STEP_S / float(np.median(np.diff(time_s)))))
     keep = [np.arange(0, size, stride), np.array([size - 1])]

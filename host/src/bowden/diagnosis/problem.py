@@ -143,6 +143,15 @@ class Problem:
             float(np.sqrt(np.mean(np.concatenate(raw) ** 2))),
         )
 
+    def weights(self) -> _Floats:
+        """Return what each of a misfit's `fitted` was multiplied with; 1 for the angles' zeros."""
+        found, zeros = [], 0
+        for part in self.parts:
+            for channel in part.channels.values():
+                found.append(channel.weight[part.counts])
+                zeros += channel.zero_sigma > 0.0
+        return np.concatenate([*found, np.ones(zeros)])
+
     def gaps(self, model: Model, part: Part) -> dict[str, _Floats]:
         """Return measured minus simulated for each channel of a part, in its own unit."""
         trajectory = simulate_recording(model, self.mode, part.recording)
@@ -154,10 +163,45 @@ class Problem:
             found[name] = gap
         return found
 
-    @property
-    def inflation(self) -> float:
-        """By how much the rest of the best model known exceeds the noise, in the worst channel."""
-        return max(one.inflation for part in self.parts for one in part.channels.values())
+    def distance(self, one: Model, other: Model) -> float:
+        """Return how far two models' predictions are apart: RMS over the noise's, worst channel.
+
+        Raises
+        ------
+        ModelError
+            One of them cannot run a part.
+        """
+        apart: dict[str, list[_Floats]] = {}
+        noise: dict[str, list[_Floats]] = {}
+        for part in self.parts:
+            first, second = self.gaps(one, part), self.gaps(other, part)
+            for name, channel in part.channels.items():
+                apart.setdefault(name, []).append(first[name] - second[name])
+                noise.setdefault(name, []).append(channel.sigma)
+        return max(_rms(apart[name]) / _rms(noise[name]) for name in apart)
+
+    def rest(self, model: Model) -> float:
+        """Return what a model leaves, in sigmas, in the worst channel of the worst part.
+
+        Raises
+        ------
+        ModelError
+            The model cannot run a part.
+        """
+        worst = 0.0
+        for part in self.parts:
+            for name, z in self._in_sigmas(model, part).items():
+                share = part.channels[name].share
+                worst = max(worst, float(np.sqrt(np.sum(share * z**2) / np.sum(share))))
+        return worst
+
+    def _in_sigmas(self, model: Model, part: Part) -> dict[str, _Floats]:
+        """Return each channel's gap over its stated sigma; angles about their mean."""
+        found = {}
+        for name, gap in self.gaps(model, part).items():
+            z: _Floats = gap / part.channels[name].sigma
+            found[name] = z - np.mean(z) if part.channels[name].zero_sigma > 0.0 else z
+        return found
 
     @property
     def fitted_samples(self) -> float:
@@ -192,11 +236,8 @@ class Problem:
             weighed = self.parts
         for part in weighed:
             channels = {}
-            for name, gap in self.gaps(model, part).items():
+            for name, z in self._in_sigmas(model, part).items():
                 channel = part.channels[name]
-                z = gap / channel.sigma
-                if channel.zero_sigma > 0.0:
-                    z = z - np.mean(z)
                 w = np.sqrt(channel.share) * z
                 channels[name] = replace(
                     channel,
@@ -205,3 +246,7 @@ class Problem:
                 )
             parts.append(replace(part, channels=channels))
         return Problem(self.mode, parts, self._weigh)
+
+
+def _rms(pieces: Sequence[_Floats]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))

@@ -10,7 +10,7 @@ times what it is worth while the pair slides (the square-root law, PHYSICS, Expe
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.dequantise import Estimates, estimate_channels
 from bowden.diagnosis.noise import effective_samples
-from bowden.model import Mode, Model
+from bowden.model import Mode, Model, Trajectory
 from bowden.model.experiments.variants import with_segments
-from bowden.recording.recording import Recording
+from bowden.recording.recording import REQUIRED_COLUMNS, Recording
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
+_Index = NDArray[np.intp]
 
 DRAWS = 24  # a turn that only one path in twenty takes still has to show
 SMOOTHED_S = 0.02  # neighbours share their spread
@@ -45,38 +46,42 @@ class LocalNoise:
         How long an error stays that came in through the inputs: friction remembers it.
     parts : dict of str to dict of str to ndarray of shape (n,)
         What sigma consists of, added in squares: ``sensor`` (of the measured channel), ``inputs``
-        (pushed through the model), ``mesh`` (the model's own discretisation).
+        (pushed through the model), ``mesh`` and ``steps`` (the model's own discretisation in
+        space, and in time where samples are left out).
+    recording : Recording
+        What sigma holds for, both as what is given and as what is measured: the best estimate.
+    index : ndarray of int, shape (n,)
+        Which samples of the recording those are.
     estimates : Estimates
-        sigma holds for `estimates.recording`, both as what is given and as what is measured.
+        Of all samples.
     """
 
     sigma: dict[str, _Floats]
     memory_s: dict[str, float]
     parts: dict[str, dict[str, _Floats]]
+    recording: Recording
+    index: _Index
     estimates: Estimates
 
-    def share(self, channel: str, index: NDArray[np.intp] | None = None) -> _Floats:
+    def share(self, channel: str) -> _Floats:
         """Return how many independent samples each sample is worth, 0..1.
 
         Parameters
         ----------
         channel : str
-        index : ndarray of int, shape (k,), optional
-            The samples that are used; all when absent. Of thinned ones each is worth more.
 
         Returns
         -------
-        ndarray of shape (k,)
+        ndarray of shape (n,)
             Near 1 where the sensor's white noise prevails; small after reversals, where errors of
-            the inputs do, for they last.
+            the inputs do, for they last. Of thinned samples each is worth more.
         """
-        time_s = self.estimates.recording.time_s
-        chosen = np.arange(time_s.size) if index is None else index
-        step = float(np.ptp(time_s[chosen])) / max(chosen.size - 1, 1)
+        time_s = self.recording.time_s
+        step = float(np.ptp(time_s)) / max(time_s.size - 1, 1)
         lasts = max(self.memory_s[channel] / max(step, 1e-9), 1.0)
-        variance = self.sigma[channel][chosen] ** 2
-        white = self.parts[channel]["sensor"][chosen] ** 2 / variance
-        return np.asarray(1.0 / np.clip(white + (1.0 - white) * lasts, 1.0, chosen.size))
+        variance = self.sigma[channel] ** 2
+        white = self.parts[channel]["sensor"] ** 2 / variance
+        return np.asarray(1.0 / np.clip(white + (1.0 - white) * lasts, 1.0, time_s.size))
 
 
 def local_noise(
@@ -86,6 +91,7 @@ def local_noise(
     *,
     seed: int = 0,
     draws: int = DRAWS,
+    samples: Callable[[Recording], _Index] | None = None,
     pool: ThreadPoolExecutor | None = None,
 ) -> LocalNoise:
     """Estimate the local noise of a recording's predicted channels.
@@ -101,6 +107,9 @@ def local_noise(
         The same seed gives the same answer.
     draws : int, >= 4
         Simulations of perturbed inputs; two more are made.
+    samples : callable, optional
+        Chooses from the best estimate the samples that are simulated; all when absent. What fewer
+        samples change in the model's answer is then part of sigma.
     pool : ThreadPoolExecutor, optional
         Where they run; one of its own for as long as this takes, when absent.
 
@@ -114,37 +123,56 @@ def local_noise(
         The model cannot run the recording.
     """
     estimates = estimate_channels(recording, model, mode)
-    best = estimates.recording
+    index = samples(estimates.recording) if samples else np.arange(recording.time_s.size)
+    best = at_samples(estimates.recording, index)
     children = np.random.SeedSequence(seed).spawn(draws)
     moved = [_moved(estimates, mode, np.random.default_rng(child)) for child in children]
-    jobs = [(model, best), *((model, one) for one in moved)]
-    finer = _finer(model)
+    jobs = [(model, best), *((model, at_samples(one, index)) for one in moved)]
+    finer, thinned = _finer(model), index.size < recording.time_s.size
     if finer is not None:
         jobs.append((finer, best))
+    if thinned:
+        jobs.append((model, estimates.recording))
+
+    def run(job: tuple[Model, Recording]) -> Trajectory:
+        return simulate_recording(job[0], mode, job[1])
+
     if pool is None:
         with ThreadPoolExecutor(max_workers=os.cpu_count()) as own:
-            runs = list(own.map(lambda job: simulate_recording(job[0], mode, job[1]), jobs))
+            runs = list(own.map(run, jobs))
     else:
-        runs = list(pool.map(lambda job: simulate_recording(job[0], mode, job[1]), jobs))
+        runs = list(pool.map(run, jobs))
     sigma, memory_s, parts = {}, {}, {}
     duration = float(recording.time_s[-1] - recording.time_s[0])
     for name in PREDICTED[mode]:
         centre: _Floats = getattr(runs[0], name)
         errors = np.array([getattr(run, name) - centre for run in runs[1 : draws + 1]])
-        mesh = MESH_FACTOR * (getattr(runs[-1], name) - centre) if finer else np.zeros(centre.size)
-        smooth = _Smoothing(recording.time_s)
-        sensor = estimates.channels[name].sigma
+        mesh = steps = np.zeros(centre.size)
+        if finer is not None:
+            mesh = MESH_FACTOR * (getattr(runs[draws + 1], name) - centre)
+        if thinned:
+            steps = getattr(runs[-1], name)[index] - centre
+        smooth = _Smoothing(best.time_s)
+        sensor = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
         parts[name] = {
-            "sensor": np.broadcast_to(sensor, centre.shape).copy(),
+            "sensor": sensor,
             "inputs": smooth(np.mean(errors**2, axis=0)) ** 0.5,
             "mesh": smooth(mesh**2) ** 0.5,
+            "steps": smooth(steps**2) ** 0.5,
         }
         least = LEAST_SHARE * max(float(np.ptp(getattr(best, name))), float(np.ptp(centre)), 1e-9)
         total = sum(part**2 for part in parts[name].values())
         sigma[name] = np.sqrt(total + least**2)
         scaled = errors / np.maximum(parts[name]["inputs"], least)
         memory_s[name] = duration / float(np.mean([effective_samples(one) for one in scaled]))
-    return LocalNoise(sigma, memory_s, parts, estimates)
+    return LocalNoise(sigma, memory_s, parts, best, index, estimates)
+
+
+def at_samples(recording: Recording, index: _Index) -> Recording:
+    """Return some samples of a recording."""
+    columns = {name: getattr(recording, name)[index] for name in REQUIRED_COLUMNS}
+    extra = {name: values[index] for name, values in recording.extra.items()}
+    return replace(recording, extra=extra, **columns)
 
 
 def noise_floor(sigma: _Floats | Sequence[_Floats], counts: _Flags | None = None) -> float:

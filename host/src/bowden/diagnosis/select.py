@@ -8,15 +8,15 @@ earlier one has become idle. Hypotheses in order of their score out; `decide` wo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.candidates import Candidate, Screened, screen, with_candidate
-from bowden.diagnosis.fit import Fit, Fitted, Movable, solve
+from bowden.diagnosis.candidates import Candidate, Screened, look_again, screen, with_candidate
+from bowden.diagnosis.fit import Fit, Fitted, Movable, solve, solve_widely
 from bowden.diagnosis.problem import Problem
 from bowden.model import Model, ModelError
 
@@ -25,11 +25,15 @@ _Floats = NDArray[np.float64]
 FITTED = 8  # candidates that are fitted after the first look
 CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
 MOST_FITTED = 14
-STARTS = 2
+STARTS = 2  # shapes of each
+FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from one shape
 MOST_EFFECTS = 3
 WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 WITHIN = 50.0  # of score: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
+MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
+FAVOURITES = 3  # hypotheses that are fitted from everywhere
+NEARER = 0.9  # of the rest: less than that is worth another round
 ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
 
 
@@ -127,46 +131,77 @@ def select(
     progress : callable (stage, share of the whole)
     """
     fit = Fit(model, calibration, problem, pool.map)
-    base = Hypothesis((), fit, solve(fit, np.zeros(len(calibration))))
+    stated = solve(fit, np.zeros(len(calibration)))
+    base = Hypothesis((), fit, solve_widely(fit, stated))
     chosen, frontier, first_base = base, [base], base.fitted
     rivals: list[Hypothesis] = []
-    first: list[Screened] = []
+    progress("looking at every effect", 0.1)
+    looks = _look(base, candidates, pool)
     for count in range(1, MOST_EFFECTS + 1):
-        progress(f"looking for effect {count}", 0.1 + 0.8 * (count - 1) / MOST_EFFECTS)
+        progress(f"fitting effect {count}", 0.1 + 0.8 * count / (MOST_EFFECTS + 1))
         tried = []
         for parent in frontier:
-            looks = _look(parent, candidates, pool)
-            if count == 1:
-                first = [look[0] for look in looks]
-            tried += _fit_all(parent, looks, pool)
+            seen = _look_again(parent, base, looks) if parent.effects else looks
+            tried += _fit_all(parent, seen, pool)
         if not tried:
             break
         tried = _distinct(tried)
-        # What the better model leaves is the better estimate of the noise: judge both by it.
-        best = min(tried, key=lambda one: one.fitted.cost + one.fitted.judged)
-        problem = problem.with_noise_of(best.fitted.model)
-        tried = _judged_again(tried, problem, pool)
+        problem, tried = _under_their_noise(problem, tried, pool)
         chosen = _again(chosen, problem)
-        worth = tried[0].score - chosen.score >= WORTH * (count - len(chosen.effects))
-        if count == 1 or worth:
+        enough = chosen.score + WORTH * (count - len(chosen.effects))
+        better = next((one for one in tried if one.score >= enough and _matters(one)), None)
+        if count == 1 or better:
             rivals = tried
-        if worth:
-            chosen = tried[0]
-        at_floor = problem.inflation < AT_FLOOR
-        if not worth and (at_floor or count > 1):
+        if better:
+            chosen = better
+        at_floor = problem.rest(chosen.fitted.model) < AT_FLOOR
+        if at_floor or (better is None and count > 1):
             break
         # Two effects that need each other: neither need be the best alone.
-        frontier = tried[:1] if at_floor else tried[:ABREAST]
+        frontier = tried[: ABREAST if count == 1 else 1]
+    # An effect that moves nothing is no rival.
+    near = chosen.score - WITHIN
+    rivals = [one for one in rivals if one.score < near or one is chosen or _matters(one)]
+    first = [look[0] for look in looks]
     return Selection(_again(base, problem), chosen, rivals, first, first_base, problem)
 
 
+def _matters(one: Hypothesis) -> bool:
+    """Whether each of its effects moves a channel by more than noise.
+
+    A sample may be far more precise than the rest, so less can be seen, but also a model's own
+    errors can, and they are no effect of the rig.
+    """
+    model, known = one.fitted.model, len(one.fitted.model.document.effects) - len(one.effects)
+    places = range(known, known + len(one.effects))
+    without = (model.without_effect(place) for place in places)
+    return all(one.fit.problem.distance(model, other) >= MATTERS for other in without)
+
+
 def _look(
-    parent: Hypothesis, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
+    base: Hypothesis, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
 ) -> list[list[Screened]]:
-    """Screen what the parent does not hold, best first."""
-    new = [one for one in candidates if one.key not in parent.key]
-    looks = pool.map(lambda one: screen(parent.fit, parent.fitted, one), new)
-    return sorted((look for look in looks if look), key=lambda look: -look[0].gain)
+    """Screen every candidate, best first."""
+    looks = pool.map(lambda one: screen(base.fit, base.fitted, one), candidates)
+    return _in_order(looks)
+
+
+def _look_again(
+    parent: Hypothesis, base: Hypothesis, looks: Sequence[Sequence[Screened]]
+) -> list[list[Screened]]:
+    """Look at what the parent does not hold, on top of it, best first."""
+    reweighed = parent.fit.problem.weights() / base.fit.problem.weights()
+    return _in_order(
+        [look_again(parent.fit, parent.fitted, one, reweighed) for one in look]
+        for look in looks
+        if look[0].candidate.key not in parent.key
+    )
+
+
+def _in_order(looks: Iterable[list[Screened]]) -> list[list[Screened]]:
+    """Put the best shape of each first, and the best candidate."""
+    found = [sorted(look, key=lambda one: -one.gain) for look in looks if look]
+    return sorted(found, key=lambda look: -look[0].gain)
 
 
 def _fit_all(
@@ -176,8 +211,10 @@ def _fit_all(
     if not looks:
         return []
     close = sum(look[0].gain > CLOSE * looks[0][0].gain for look in looks)
-    count = min(max(FITTED, close), MOST_FITTED, len(looks))
-    starts = [one for look in looks[:count] for one in look[:STARTS] if one.gain > 0.0]
+    count, shapes = min(max(FITTED, close), MOST_FITTED), STARTS
+    if parent.effects:
+        count, shapes = FITTED_ON_TOP, 1
+    starts = [one for look in looks[:count] for one in look[:shapes] if one.gain > 0.0]
     fitted = pool.map(lambda one: _fit_one(parent, one), starts)
     return [one for one in fitted if one is not None]
 
@@ -189,7 +226,11 @@ def _fit_one(parent: Hypothesis, look: Screened) -> Hypothesis | None:
     own = np.array([one.at(look.values[one.parameter.name]) for one in numbers])
     start = np.concatenate([parent.fitted.at + look.step, own])
     try:
-        return Hypothesis((*parent.effects, look.candidate), fit, solve(fit, start))
+        return Hypothesis(
+            (*parent.effects, look.candidate),
+            fit,
+            solve(fit, start, parent.fitted.jacobian, polish=False),
+        )
     except ModelError:
         return None
 
@@ -198,6 +239,29 @@ def _again(one: Hypothesis, problem: Problem) -> Hypothesis:
     """Fit a hypothesis once more, from where it is, under another noise model."""
     fit = Fit(one.fit.model, one.fit.parameters, problem)
     return replace(one, fit=fit, fitted=solve(fit, one.fitted.at))
+
+
+def _widely(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
+    return replace(one, fitted=solve_widely(one.fit, one.fitted, pool.map))
+
+
+def _under_their_noise(
+    problem: Problem, tried: Sequence[Hypothesis], pool: ThreadPoolExecutor
+) -> tuple[Problem, list[Hypothesis]]:
+    """Judge by the noise that the best leaves: of all models it is the nearest to the truth.
+
+    Twice where fitting it under that noise brings it much nearer still.
+    """
+    order = sorted(tried, key=lambda one: one.fitted.cost + one.fitted.judged)
+    order[:FAVOURITES] = [_widely(_again(one, problem), pool) for one in order[:FAVOURITES]]
+    best = min(order, key=lambda one: one.fitted.cost + one.fitted.judged)
+    noisy = best.fitted.model
+    problem = problem.with_noise_of(noisy)
+    again = _judged_again(order, problem, pool)
+    if problem.rest(again[0].fitted.model) > NEARER * problem.rest(noisy):
+        return problem, again
+    nearer = problem.with_noise_of(again[0].fitted.model)
+    return nearer, _judged_again(again, nearer, pool)
 
 
 def _judged_again(

@@ -180,6 +180,18 @@ class Model:
         tree["effects"] = [*tree["effects"], entry]
         return _checked(tree, self.source)
 
+    def without_effect(self, index: int) -> Model:
+        """Return the model with one effect less.
+
+        Parameters
+        ----------
+        index : int
+            Its place in the list.
+        """
+        tree = self.document.model_dump(exclude_none=True)
+        tree["effects"] = [*tree["effects"][:index], *tree["effects"][index + 1 :]]
+        return _checked(tree, self.source)
+
 
 def parse_model(text: str, source: str = "model") -> Model:
     """Read a model file.
