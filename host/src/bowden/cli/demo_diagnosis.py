@@ -216,8 +216,7 @@ def _apply(drive: Drive, model: Model, law: str) -> None:
     reduced = reduced_model(model)
     changes = difference(drive, reduced.entries | {"compensation_law": law_number(law)})
     write(drive, changes)
-    if reduced.folded:
-        say(f"{law}: {len(changes)} entries changed, with {', '.join(reduced.folded)} in them")
+    say(f"{law}: {len(changes)} entries changed; effects in them: {', '.join(reduced.folded)}")
 
 
 def _diagnose(
