@@ -27,6 +27,7 @@ _Floats = NDArray[np.float64]
 BELOW = 100.0  # a weak effect may be that much weaker than the weakest that is usual
 OVERSHOOT = 3.0  # how far beyond its first guess a strength may be taken on one secant
 MOST_SHAPES = 24
+FACTORS = (0.3, 1.0, 3.0)  # of the usual strength: first looks at an effect that has no shape
 
 
 @dataclass(frozen=True)
@@ -163,6 +164,8 @@ class Screened:
     candidate : Candidate
     shape : dict of str to float
         Its parameters with every strength off.
+    factor : float
+        Of the usual strength that it was looked at with.
     values : dict of str to float
         Where a fit should start.
     gain : float
@@ -170,11 +173,12 @@ class Screened:
     step : ndarray of shape (p,)
         How far the numbers that move already would go, on the search's scale.
     secants : ndarray of shape (m, k)
-        Change of the weighted residual by each of its strengths at its usual size.
+        Change of the weighted residual by each of its strengths at that size.
     """
 
     candidate: Candidate
     shape: dict[str, float]
+    factor: float
     values: dict[str, float]
     gain: float
     step: _Floats
@@ -201,7 +205,11 @@ def screen(fit: Fit, base: Fitted, candidate: Candidate) -> list[Screened]:
         Its optimum.
     candidate : Candidate
     """
-    found = (_screen_shape(fit, base, candidate, shape) for shape in candidate.shapes())
+    shapes = list(candidate.shapes())
+    factors = FACTORS if len(shapes) == 1 else (1.0,)
+    found = (
+        _screen_shape(fit, base, candidate, shape, factor) for shape in shapes for factor in factors
+    )
     return sorted((one for one in found if one is not None), key=lambda one: -one.gain)
 
 
@@ -222,7 +230,7 @@ def look_again(fit: Fit, base: Fitted, look: Screened, reweighed: _Floats) -> Sc
     reweighed : ndarray of shape (n,)
         The weights of the samples over those of that look.
     """
-    probes = _probes(look.candidate, look.shape)
+    probes = _probes(look.candidate, look.shape, look.factor)
     usual = np.zeros((base.residual.size, look.secants.shape[1]))
     usual[: reweighed.size] = reweighed[:, None] * look.secants[: reweighed.size]
     step, amounts, gain = _amounts(fit, base, probes, usual)
@@ -233,11 +241,11 @@ def look_again(fit: Fit, base: Fitted, look: Screened, reweighed: _Floats) -> Sc
 
 
 def _screen_shape(
-    fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float]
+    fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float], factor: float
 ) -> Screened | None:
     strengths = [one for one in candidate.variant.parameters if one.off is not None]
     off = {**{one.name: _off(one) for one in strengths}, **shape}
-    probes = _probes(candidate, off)
+    probes = _probes(candidate, off, factor)
     columns = []
     for probe in probes:
         change = _change(fit, base, candidate, probe.values)
@@ -247,7 +255,7 @@ def _screen_shape(
     usual = np.stack(columns, axis=1)
     step, amounts, gain = _amounts(fit, base, probes, usual)
     if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
-        return Screened(candidate, off, off, 0.0, step, usual)
+        return Screened(candidate, off, factor, off, 0.0, step, usual)
     values = _start(candidate, off, amounts)
     # Once more from there: the secant to where the effect would be, not to where it is usual.
     change = _change(fit, base, candidate, values)
@@ -256,17 +264,17 @@ def _screen_shape(
     step, share, gain = _project(fit, base, change[:, None], np.zeros(1), OVERSHOOT)
     for one in strengths:
         values[one.name] = _value(one, float(share[0]) * _strength(one, values[one.name]))
-    return Screened(candidate, off, values, gain, step, usual)
+    return Screened(candidate, off, factor, values, gain, step, usual)
 
 
-def _probes(candidate: Candidate, off: Mapping[str, float]) -> list[_Probe]:
+def _probes(candidate: Candidate, off: Mapping[str, float], factor: float) -> list[_Probe]:
     """Return one probe a strength; two, a quarter turn apart, for one with a phase."""
     strengths = [one for one in candidate.variant.parameters if one.off is not None]
     phases = [one.name for one in candidate.variant.parameters if one.period is not None]
     found = [
         _Probe(
-            {**off, one.name: one.typical},
-            _strength(one, one.typical),
+            {**off, one.name: _value(one, factor * _strength(one, one.typical))},
+            _strength(one, _value(one, factor * _strength(one, one.typical))),
             one.low < 0.0 or bool(phases),
         )
         for one in strengths

@@ -26,7 +26,8 @@ Verdict = Literal["named", "complete", "unlisted", "ambiguous", "insufficient_ex
 
 TIE = 3.0  # of score: odds of 20 to 1
 MOST_TIED = 3
-UNLISTED = 1.35  # of the noise floor: what the best model may leave
+UNLISTED = 1.35  # of the noise floor: what a model that lacks nothing may leave
+AS_GOOD_AS = 0.1  # of what an effect explains: no part follows its law more closely than that
 SIGNIFICANT = 4.0  # standard errors by which that must be exceeded
 LOOK_ALIKE = 0.98  # cosine between what two effects do to the data, calibration taken out
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
@@ -79,22 +80,43 @@ class Decision:
     model: Hypothesis
 
 
-def decide(selection: Selection, *, rest: float, samples: float) -> Decision:
+@dataclass(frozen=True)
+class Rest:
+    """What models leave on held-out data, in units of the local noise.
+
+    Parameters
+    ----------
+    before : float
+        The calibrated model.
+    after : float
+        The chosen one.
+    samples : float
+        Independent samples of that, >= 1.
+    """
+
+    before: float
+    after: float
+    samples: float
+
+    @property
+    def allowed(self) -> float:
+        """What a model may leave that lacks nothing."""
+        # The relative standard error of an RMS is 1 / sqrt(2 n).
+        floor = UNLISTED + SIGNIFICANT / math.sqrt(2.0 * self.samples)
+        return math.hypot(floor, AS_GOOD_AS * max(self.before - self.after, 0.0))
+
+
+def decide(selection: Selection, rest: Rest) -> Decision:
     """Word the verdict.
 
     Parameters
     ----------
     selection : Selection
-    rest : float
-        What the chosen model leaves on held-out data, in units of the noise floor.
-    samples : float
-        Independent samples of that.
+    rest : Rest
     """
     chosen = selection.chosen
-    # The relative standard error of an RMS is 1 / sqrt(2 n).
-    limit = UNLISTED + SIGNIFICANT / math.sqrt(2.0 * max(samples, 1.0))
     tie = tied(selection)
-    if rest > limit:
+    if rest.after > rest.allowed:
         return Decision("unlisted", (), chosen)
     if not chosen.effects:
         return Decision("complete", (), chosen)
@@ -227,7 +249,7 @@ def look_alikes(selection: Selection) -> tuple[tuple[str, str], ...]:
     base = selection.looked_from
     seen: dict[str, list[_Floats]] = {}
     for look in selection.looks:
-        rest = _without(base.jacobian, look.secants)
+        rest = _without(base.jacobian, look.secants / look.factor)
         if float(np.linalg.norm(rest, axis=0).max()) > VISIBLE:
             seen.setdefault(look.candidate.name, []).append(np.linalg.qr(rest)[0])
     names = list(seen)
@@ -252,7 +274,8 @@ def invisible(selection: Selection) -> tuple[str, ...]:
     shown = {
         look.candidate.name
         for look in selection.looks
-        if float(np.linalg.norm(_without(base.jacobian, look.secants), axis=0).max()) > VISIBLE
+        if float(np.linalg.norm(_without(base.jacobian, look.secants / look.factor), axis=0).max())
+        > VISIBLE
     }
     return tuple(sorted({look.candidate.name for look in selection.looks} - shown))
 

@@ -21,6 +21,7 @@ from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.decide import (
     NamedEffect,
+    Rest,
     Verdict,
     calibration,
     decide,
@@ -251,8 +252,8 @@ def diagnose(
         series = _series(selection, mode, ready, pool)
     gaps = tuple(_gap(name, series) for name in PREDICTED[mode])
     whole = Problem(mode, ready)
-    rest, samples = _rest(selection.problem, whole, series)
-    decision = decide(selection, rest=rest, samples=samples)
+    rest = _rest(selection.problem, whole, series)
+    decision = decide(selection, rest)
     hidden = invisible(selection)
     verdict = decision.verdict
     if verdict == "complete" and len({x.candidate.name for x in selection.looks}) <= len(hidden):
@@ -262,7 +263,10 @@ def diagnose(
     gap = max(gaps, key=lambda one: one.before / one.noise_floor if one.noise_floor else 0.0)
     if gaps[0].before > 1.1 * gaps[0].noise_floor:
         gap = gaps[0]
-    notes = [f"Held-out data leave {rest:.2f} of the noise ({samples:.0f} independent samples)."]
+    notes = [
+        f"Held-out data leave {rest.after:.2f} of the noise, {rest.before:.2f} without an effect "
+        f"({rest.samples:.0f} independent samples)."
+    ]
     if not moving:
         notes.append("The model file states no tolerances, so nothing was calibrated.")
     if hidden:
@@ -451,21 +455,23 @@ def _gap(name: str, series: Sequence[Series]) -> Gap:
     )
 
 
-def _rest(problem: Problem, whole: Problem, series: Sequence[Series]) -> tuple[float, float]:
-    """Return what the chosen model leaves on held-out data, in sigmas, and independent samples.
+def _rest(problem: Problem, whole: Problem, series: Sequence[Series]) -> Rest:
+    """Return what the models leave on held-out data, in the channel where the chosen leaves more.
 
-    In the channel where it is more; each sample counts by what it is worth.
+    Each sample counts by what it is worth.
     """
-    worst, samples = 0.0, 1.0
+    found = []
     for name in PREDICTED[problem.mode]:
         share = np.concatenate([part.channels[name].share[~part.counts] for part in whole.parts])
         of = [one for one in series if one.quantity == name]
-        z = np.concatenate([_in_sigmas(one, one.after)[one.held_out] for one in of])
-        rest = float(np.sqrt(np.sum(share * z**2) / np.sum(share)))
-        if rest > worst:
-            common = min(part.channels[name].common for part in problem.parts)
-            worst, samples = rest, common * float(share.sum())
-    return worst, samples
+
+        def rms(which: str, of: list[Series] = of, share: _Floats = share) -> float:
+            z = np.concatenate([_in_sigmas(x, getattr(x, which))[x.held_out] for x in of])
+            return float(np.sqrt(np.sum(share * z**2) / np.sum(share)))
+
+        common = min(part.channels[name].common for part in problem.parts)
+        found.append(Rest(rms("before"), rms("after"), max(1.0, common * float(share.sum()))))
+    return max(found, key=lambda one: one.after)
 
 
 def _in_sigmas(one: Series, simulated: _Floats) -> _Floats:
