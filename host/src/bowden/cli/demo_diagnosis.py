@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 EXAMPLES = """examples:
   bowden demo-diagnosis
   bowden demo-diagnosis --hide cable.extra_wrap_rad=-2       fewer bends than believed
-  bowden demo-diagnosis --hide cable.conduit_stiffness_n_per_m=5000 --json
+  bowden demo-diagnosis --hide cable.viscous_s_per_m=0.2     named, but the drive has no law for it
 """
 
 #: What the lab believes of its rig, and how well it knows it.
