@@ -19,7 +19,8 @@ import time
 import warnings
 
 import numpy as np
-from bowden.diagnosis.diagnose import Diagnosis, Series
+from bowden.diagnosis.diagnose import Diagnosis
+from bowden.diagnosis.figures import Series
 from bowden.recording.recording import Recording
 from numpy.typing import NDArray
 

@@ -11,8 +11,9 @@ import pytest
 from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.compare import simulate_recording
 from bowden.diagnosis.decide import NamedEffect, Value
-from bowden.diagnosis.diagnose import Diagnosis, Gap, Ranked, Series
+from bowden.diagnosis.diagnose import Diagnosis, Ranked
 from bowden.diagnosis.excitation import excitation
+from bowden.diagnosis.figures import Gap, Series
 from bowden.diagnosis.localise import localise
 from bowden.diagnosis.quality import Finding
 from bowden.model import Inputs, Mode, Model, parse_model, simulate

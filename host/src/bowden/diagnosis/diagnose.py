@@ -14,14 +14,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.decide import (
     NamedEffect,
-    Rest,
     Verdict,
     calibration,
     decide,
@@ -29,6 +27,7 @@ from bowden.diagnosis.decide import (
     look_alikes,
 )
 from bowden.diagnosis.excitation import Excitation, excitation
+from bowden.diagnosis.figures import Gap, Series, gap_in, in_sigmas, rest_of, series_of
 from bowden.diagnosis.fit import Fit, solve, solve_widely
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.localise import Place, ResidualMap, Where, localise
@@ -40,60 +39,6 @@ from bowden.diagnosis.select import Progress, Selection, select, silent
 from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
-
-_Floats = NDArray[np.float64]
-_Flags = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Gap:
-    """The gap in one channel on held-out data; RMS, N m or rad.
-
-    Parameters
-    ----------
-    quantity : str
-        The channel.
-    before : float
-        Of the calibrated model.
-    after : float
-        Of the model with the effects.
-    noise_floor : float
-        What noise, counts and the simulator's own error leave of a model that is right.
-    """
-
-    quantity: str
-    before: float
-    after: float
-    noise_floor: float
-
-    @property
-    def metric(self) -> str:
-        """How it is measured."""
-        return "RMS, held out"
-
-
-@dataclass(frozen=True)
-class Series:
-    """One channel of one recording, for plots, at the recording's own samples.
-
-    Parameters
-    ----------
-    source, quantity : str
-    time_s, measured, before, after, sigma : ndarray of shape (n,)
-    held_out : ndarray of shape (n,), bool
-    zero_sigma : float
-        How well the channel's zero is known, same unit.
-    """
-
-    source: str
-    quantity: str
-    time_s: _Floats
-    measured: _Floats
-    before: _Floats
-    after: _Floats
-    sigma: _Floats
-    held_out: _Flags
-    zero_sigma: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -241,7 +186,7 @@ def diagnose(
         # Noise depends on the numbers that are calibrated: first roughly, then with what came out.
         rough = Fit(coarse, moving, Problem(mode, weigh(coarse)), pool.map)
         about = solve_widely(rough, solve(rough, np.zeros(len(moving)))).model
-        problem = Problem(mode, weigh(about), weigh)
+        problem = Problem(mode, weigh(about), weigh).with_noise_of(about)
         selection = select(coarse, moving, candidates(names), problem, pool=pool, progress=progress)
         progress("judging", 0.9)
         try:
@@ -249,10 +194,10 @@ def diagnose(
             ready = prepare(final, mode, recordings, seed, pool, whole=True)
         except ModelError:  # it runs what was measured, but not every path beside it
             ready = prepare(about, mode, recordings, seed, pool, whole=True)
-        series = _series(selection, mode, ready, pool)
-    gaps = tuple(_gap(name, series) for name in PREDICTED[mode])
+        series = series_of(selection, mode, ready, pool)
+    gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
     whole = Problem(mode, ready)
-    rest = _rest(selection.problem, whole, series)
+    rest = rest_of(selection.problem, whole, series)
     decision = decide(selection, rest)
     hidden = invisible(selection)
     verdict = decision.verdict
@@ -372,14 +317,14 @@ def _where(
     """Find where the calibrated model alone is wrong, in the channel where that is clearest."""
 
     def size(name: str) -> float:
-        of = [_in_sigmas(one, one.before) for one in series if one.quantity == name]
+        of = [in_sigmas(one, one.before) for one in series if one.quantity == name]
         return float(np.mean(np.concatenate(of) ** 2))
 
     name = max(PREDICTED[mode], key=size)
     recordings = [one.recording for one in ready]
     model = selection.base.fitted.model
     return localise(
-        [_in_sigmas(one, one.before) for one in series if one.quantity == name],
+        [in_sigmas(one, one.before) for one in series if one.quantity == name],
         recordings,
         [simulate_recording(model, mode, one) for one in recordings],
         seed=seed,
@@ -411,75 +356,6 @@ def _coarse(model: Model) -> Model:
         return model
     segments = model.transmission.segments or SEGMENTS
     return with_segments(model, min(segments, SEGMENTS))
-
-
-def _series(
-    selection: Selection, mode: Mode, ready: Sequence[Part], pool: ThreadPoolExecutor
-) -> tuple[Series, ...]:
-    """Simulate the calibrated and the chosen model on all samples."""
-    models = (selection.base.fitted.model, selection.chosen.fitted.model)
-    problem = Problem(mode, ready)
-    jobs = [(model, part) for part in problem.parts for model in models]
-    gaps = list(pool.map(lambda job: problem.gaps(*job), jobs))
-    found = []
-    for number, part in enumerate(problem.parts):
-        before, after = gaps[2 * number], gaps[2 * number + 1]
-        for name, one in part.channels.items():
-            found.append(
-                Series(
-                    source=part.recording.source,
-                    quantity=name,
-                    time_s=part.recording.time_s,
-                    measured=one.measured,
-                    before=one.measured - before[name],
-                    after=one.measured - after[name],
-                    sigma=one.sigma,
-                    held_out=~part.counts,
-                    zero_sigma=one.zero_sigma,
-                )
-            )
-    return tuple(found)
-
-
-def _gap(name: str, series: Sequence[Series]) -> Gap:
-    of = [one for one in series if one.quantity == name]
-
-    def rms(values: list[_Floats]) -> float:
-        return float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
-
-    return Gap(
-        name,
-        rms([(one.measured - one.before)[one.held_out] for one in of]),
-        rms([(one.measured - one.after)[one.held_out] for one in of]),
-        rms([one.sigma[one.held_out] for one in of]),
-    )
-
-
-def _rest(problem: Problem, whole: Problem, series: Sequence[Series]) -> Rest:
-    """Return what the models leave on held-out data, in the channel where the chosen leaves more.
-
-    Each sample counts by what it is worth.
-    """
-    found = []
-    for name in PREDICTED[problem.mode]:
-        share = np.concatenate([part.channels[name].share[~part.counts] for part in whole.parts])
-        of = [one for one in series if one.quantity == name]
-
-        def rms(which: str, of: list[Series] = of, share: _Floats = share) -> float:
-            z = np.concatenate([_in_sigmas(x, getattr(x, which))[x.held_out] for x in of])
-            return float(np.sqrt(np.sum(share * z**2) / np.sum(share)))
-
-        common = min(part.channels[name].common for part in problem.parts)
-        found.append(Rest(rms("before"), rms("after"), max(1.0, common * float(share.sum()))))
-    return max(found, key=lambda one: one.after)
-
-
-def _in_sigmas(one: Series, simulated: _Floats) -> _Floats:
-    """Return what a model leaves; an angle's zero may be off by a count."""
-    gap = one.measured - simulated
-    if one.quantity.endswith("_rad"):
-        gap = gap - np.clip(np.median(gap), -one.zero_sigma, one.zero_sigma)
-    return np.asarray(gap / one.sigma)
 
 
 def _ranking(selection: Selection) -> tuple[Ranked, ...]:

@@ -21,6 +21,7 @@ from bowden.recording.recording import Recording
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 
+MAD_TO_SIGMA = 1.4826  # of a normal distribution
 WHITE = 0.5  # effective samples a sample that white noise is given at least: the sum ends by chance
 
 
@@ -42,7 +43,9 @@ class Channel:
         How well the channel's zero is known, same unit; 0: exactly. An encoder's zero is known to
         a fraction of a count.
     inflation : float
-        By how much the rest of the best model known exceeds `sigma`; >= 1.
+        By how much the rest of the best model known exceeds both `sigma` and `typical`; >= 1.
+    typical : float
+        What that model leaves of every sample, beyond the noise, in the channel's unit.
     """
 
     measured: _Floats
@@ -51,11 +54,13 @@ class Channel:
     common: float = 1.0
     zero_sigma: float = 0.0
     inflation: float = 1.0
+    typical: float = 0.0
 
     @property
     def weight(self) -> _Floats:
         """What a gap is multiplied with: its square is then that of independent unit normals."""
-        return np.asarray(np.sqrt(self.common * self.share) / (self.inflation * self.sigma))
+        sigma = self.inflation * np.hypot(self.sigma, self.typical)
+        return np.asarray(np.sqrt(self.common * self.share) / sigma)
 
 
 @dataclass(frozen=True)
@@ -197,11 +202,11 @@ class Problem:
 
     def _in_sigmas(self, model: Model, part: Part) -> dict[str, _Floats]:
         """Return each channel's gap over its stated sigma; angles about their mean."""
-        found = {}
-        for name, gap in self.gaps(model, part).items():
-            z: _Floats = gap / part.channels[name].sigma
-            found[name] = z - np.mean(z) if part.channels[name].zero_sigma > 0.0 else z
-        return found
+        gaps = self.gaps(model, part).items()
+        return {
+            name: _about_its_mean(gap / part.channels[name].sigma, part.channels[name])
+            for name, gap in gaps
+        }
 
     @property
     def fitted_samples(self) -> float:
@@ -226,8 +231,10 @@ class Problem:
         """Return the problem with each channel's noise read off what this model leaves.
 
         Where the model is right, what it leaves is the noise: its correlation gives the share of
-        independent samples. Where it is not, the slow rest makes the share small and a rest above
-        the stated sigma makes each sigma larger, so that every judgement becomes careful.
+        independent samples. Where it is not, the slow rest makes the share small, what it leaves
+        typically counts as noise of every sample (or the most precise ones would lead each search
+        into the nearest corner), and a rest above that makes each sigma larger, so that every
+        judgement becomes careful.
         """
         parts = []
         try:
@@ -236,16 +243,29 @@ class Problem:
             weighed = self.parts
         for part in weighed:
             channels = {}
-            for name, z in self._in_sigmas(model, part).items():
+            for name, gap in self.gaps(model, part).items():
                 channel = part.channels[name]
+                typical = _typical(channel, gap)
+                z = _about_its_mean(gap / np.hypot(channel.sigma, typical), channel)
                 w = np.sqrt(channel.share) * z
                 channels[name] = replace(
                     channel,
+                    typical=typical,
                     common=min(1.0, float(effective_samples(w) / w.size) / WHITE),
                     inflation=max(1.0, float(np.sqrt(np.sum(w**2) / np.sum(channel.share)))),
                 )
             parts.append(replace(part, channels=channels))
         return Problem(self.mode, parts, self._weigh)
+
+
+def _about_its_mean(z: _Floats, channel: Channel) -> _Floats:
+    return np.asarray(z - np.mean(z)) if channel.zero_sigma > 0.0 else z
+
+
+def _typical(channel: Channel, gap: _Floats) -> float:
+    """Return what a model leaves of a typical sample, beyond the noise of one."""
+    left = MAD_TO_SIGMA * float(np.median(np.abs(gap - np.median(gap))))
+    return float(np.sqrt(max(left**2 - float(np.median(channel.sigma)) ** 2, 0.0)))
 
 
 def _rms(pieces: Sequence[_Floats]) -> float:

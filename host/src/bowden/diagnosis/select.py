@@ -33,6 +33,7 @@ WITHIN = 50.0  # of score: hypotheses that are fitted again under a better noise
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere
+MOST_ROUNDS = 4
 NEARER = 0.9  # of the rest: less than that is worth another round
 ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
 
@@ -89,7 +90,7 @@ class Selection:
     looks : list of Screened
         First look at every candidate on top of the calibrated model, best first.
     looked_from : Fitted
-        The calibrated model of that first look, under the noise model it had then.
+        The calibrated model of that first look; both under the final noise model.
     problem : Problem
         With the final noise model.
     """
@@ -133,7 +134,7 @@ def select(
     fit = Fit(model, calibration, problem, pool.map)
     stated = solve(fit, np.zeros(len(calibration)))
     base = Hypothesis((), fit, solve_widely(fit, stated))
-    chosen, frontier, first_base = base, [base], base.fitted
+    chosen, frontier = base, [base]
     rivals: list[Hypothesis] = []
     progress("looking at every effect", 0.1)
     looks = _look(base, candidates, pool)
@@ -162,8 +163,18 @@ def select(
     # An effect that moves nothing is no rival.
     near = chosen.score - WITHIN
     rivals = [one for one in rivals if one.score < near or one is chosen or _matters(one)]
-    first = [look[0] for look in looks]
-    return Selection(_again(base, problem), chosen, rivals, first, first_base, problem)
+    # That first look, as sharp as the noise at the end allows.
+    sharper = problem.weights() / fit.problem.weights()
+    first = [replace(look[0], secants=_reweighed(look[0].secants, sharper)) for look in looks]
+    looked_from = replace(base.fitted, jacobian=_reweighed(base.fitted.jacobian, sharper))
+    return Selection(_again(base, problem), chosen, rivals, first, looked_from, problem)
+
+
+def _reweighed(columns: _Floats, sharper: _Floats) -> _Floats:
+    """Return columns with the rows of samples under other weights."""
+    found = columns.copy()
+    found[: sharper.size] *= sharper[:, None]
+    return found
 
 
 def _matters(one: Hypothesis) -> bool:
@@ -250,18 +261,19 @@ def _under_their_noise(
 ) -> tuple[Problem, list[Hypothesis]]:
     """Judge by the noise that the best leaves: of all models it is the nearest to the truth.
 
-    Twice where fitting it under that noise brings it much nearer still.
+    Again as long as fitting it under that noise brings it much nearer still.
     """
     order = sorted(tried, key=lambda one: one.fitted.cost + one.fitted.judged)
     order[:FAVOURITES] = [_widely(_again(one, problem), pool) for one in order[:FAVOURITES]]
     best = min(order, key=lambda one: one.fitted.cost + one.fitted.judged)
-    noisy = best.fitted.model
-    problem = problem.with_noise_of(noisy)
-    again = _judged_again(order, problem, pool)
-    if problem.rest(again[0].fitted.model) > NEARER * problem.rest(noisy):
-        return problem, again
-    nearer = problem.with_noise_of(again[0].fitted.model)
-    return nearer, _judged_again(again, nearer, pool)
+    for _ in range(MOST_ROUNDS):
+        noisy = best.fitted.model
+        nearer = problem.with_noise_of(noisy)
+        order = _judged_again(order, nearer, pool)
+        problem, best = nearer, order[0]
+        if problem.rest(best.fitted.model) > NEARER * problem.rest(noisy):
+            break
+    return problem, order
 
 
 def _judged_again(

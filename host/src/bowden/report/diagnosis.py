@@ -13,7 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from bowden.diagnosis.decide import NamedEffect, Value
-from bowden.diagnosis.diagnose import Diagnosis, Gap, Series
+from bowden.diagnosis.diagnose import Diagnosis
+from bowden.diagnosis.figures import Gap, Series
 from bowden.model import format_model
 from bowden.model.effects import CATALOGUE
 from bowden.report import diagnosis_plots as plots

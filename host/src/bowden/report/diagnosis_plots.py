@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from bowden.diagnosis.calibrate import Estimate
-from bowden.diagnosis.diagnose import Ranked, Series
+from bowden.diagnosis.diagnose import Ranked
+from bowden.diagnosis.figures import Series
 from bowden.diagnosis.localise import Place, ResidualMap
 from bowden.model.effects import CATALOGUE
 from bowden.report.canvas import MEASURED, SIMULATED, draw, dress, legend_above, short
