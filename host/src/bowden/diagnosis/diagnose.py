@@ -336,7 +336,8 @@ def _advice(selection: Selection, mode: Mode, series: Sequence[Series]) -> NextE
     order = [selection.chosen, *selection.rivals, selection.base]
     named: dict[str, Model] = {}
     for one in order:
-        named.setdefault(" and ".join(one.names) or "no effect", one.fitted.model)
+        words = " + ".join(one.names) or "no effect"
+        named.setdefault(f"({words})" if len(one.names) > 1 else words, one.fitted.model)
     sigma = {
         name: float(np.median(np.concatenate([x.sigma for x in series if x.quantity == name])))
         for name in PREDICTED[mode]

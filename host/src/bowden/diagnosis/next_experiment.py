@@ -25,6 +25,7 @@ STEP_S, SEGMENTS = 0.01, 40  # a comparison of models on one mesh needs no fine 
 MOST_CANDIDATES = 3
 NEARLY_AS_GOOD = 0.8  # of the best separation: then the simpler experiment, earlier in the list
 TELLS_APART = 2.0  # times the noise, sample by sample
+SHOWS = 1.0  # times the noise: less shows nothing
 AMPLITUDE_RAD = float(np.radians(40.0))
 TEMPERATURE = "conduit_temperature_c"
 
@@ -310,6 +311,8 @@ def _text(pair: _Pair, protocol: Protocol) -> str:
         f"{first} and {second} then differ by {scale * pair.difference:.3g} {unit} RMS in "
         f"{channel}, {pair.sigmas:.3g} times the noise, after calibration"
     )
+    if pair.sigmas < SHOWS:
+        return f"No experiment that the drive can run would tell {first} and {second} apart."
     if pair.sigmas < TELLS_APART:
         return (
             f"No experiment that the drive can run tells {first} and {second} apart well. Best: "
