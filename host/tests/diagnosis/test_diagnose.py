@@ -83,6 +83,32 @@ def test_nothing_is_invented_for_a_complete_model() -> None:
     assert "Nothing is missing" in found.sentence
 
 
+def test_an_effect_below_the_noise_of_a_sample_gets_no_name() -> None:
+    # 0.1 mN m on 12 000 samples of 0.5 mN m each is beyond doubt, but a simulator's own errors are
+    # as large, and they are no effect.
+    hidden = TRUTH.with_effect("load_cell_offset", {"offset_nm": 1e-4})
+    assert diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1).verdict == "complete"
+
+
+def test_an_effect_above_it_is_named_although_reversals_are_noisier_still() -> None:
+    hidden = TRUTH.with_effect("load_cell_offset", {"offset_nm": 1.5e-3})
+    found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1)
+    torque = next(gap for gap in found.gaps if gap.quantity == "load_torque_nm")
+    assert torque.noise_floor > 1.5e-3
+    assert [one.name for one in found.effects] == ["load_cell_offset"]
+
+
+def test_a_strong_effect_is_found_although_the_numbers_are_far_off() -> None:
+    # Without the effect no calibration fits, and its search runs far away (to 4 tolerances): what
+    # is fitted on top of it has to find back.
+    rig = TRUTH.with_values({"rig.cable.pretension_n": 8.9, "friction.mu_d": 0.19})
+    hidden = rig.with_effect("direction_asymmetry", {"a": -0.18})
+    found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1)
+    assert found.verdict == "named"
+    assert [one.name for one in found.effects] == ["direction_asymmetry"]
+    assert found.effects[0].parameters["a"].value == pytest.approx(-0.18, abs=0.01)
+
+
 def test_calibration_finds_the_numbers_that_were_off() -> None:
     moved = {one.path: one for one in diagnosed("").calibration}
     assert moved["rig.cable.pretension_n"].value == pytest.approx(10.6, rel=0.01)

@@ -31,6 +31,7 @@ MOST_EFFECTS = 3
 WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 WITHIN = 50.0  # of score: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
+MISSED = 1.35  # of the noise: more than that is no chance
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere
 MOST_ROUNDS = 4
@@ -150,7 +151,11 @@ def select(
         problem, tried = _under_their_noise(problem, tried, pool)
         chosen = _again(chosen, problem)
         enough = chosen.score + WORTH * (count - len(chosen.effects))
-        better = next((one for one in tried if one.score >= enough and _matters(one)), None)
+        # Where nothing is known to be missing yet, what cures more than noise matters, too.
+        missed = count == 1 and problem.rest(chosen.fitted.model) > MISSED
+        better = next(
+            (one for one in tried if one.score >= enough and (missed or _matters(one))), None
+        )
         if count == 1 or better:
             rivals = tried
         if better:
@@ -160,9 +165,9 @@ def select(
             break
         # Two effects that need each other: neither need be the best alone.
         frontier = tried[: ABREAST if count == 1 else 1]
-    # An effect that moves nothing is no rival.
-    near = chosen.score - WITHIN
-    rivals = [one for one in rivals if one.score < near or one is chosen or _matters(one)]
+    if chosen.effects and _matters(chosen):  # then one that moves nothing is no rival
+        near = chosen.score - WITHIN
+        rivals = [one for one in rivals if one.score < near or one is chosen or _matters(one)]
     # That first look, as sharp as the noise at the end allows.
     sharper = problem.weights() / fit.problem.weights()
     first = [replace(look[0], secants=_reweighed(look[0].secants, sharper)) for look in looks]
