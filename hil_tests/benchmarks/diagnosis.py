@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -59,10 +60,16 @@ def jobs(seed: int, per_effect: int, only: list[str], length_s: float) -> list[J
 def excited(job: Job) -> Case:
     """Draw the case; again with the next rig and motion while its effect cannot be seen."""
     seed, kind, names, length_s = job
+    case: Case | None = None
     for again in range(REDRAWS):
-        case = draw_case(seed + 10_000_000 * again, kind, names, length_s)
+        try:
+            case = draw_case(seed + 10_000_000 * again, kind, names, length_s)
+        except ArithmeticError:  # the solver has no answer for this rig
+            continue
         if kind == "complete" or case.truth.strength >= WEAKEST:
             break
+    if case is None:
+        raise ArithmeticError(f"no rig of seed {seed} can be solved with {', '.join(names)}")
     return case
 
 
@@ -84,7 +91,7 @@ def ours(found: Diagnosis, seconds: float) -> Answer:
         tuple(dict.fromkeys(one.name for one in found.effects)),
         tuple(dict.fromkeys(one.name for one in found.ranking)),
         parameters,
-        max(g.after / g.noise_floor for g in gaps),
+        max((g.after / g.noise_floor for g in gaps), default=math.nan),  # none where data are bad
         seconds,
     )
 
