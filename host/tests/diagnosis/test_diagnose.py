@@ -95,7 +95,7 @@ def test_an_effect_above_it_is_named_although_reversals_are_noisier_still() -> N
     found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1)
     torque = next(gap for gap in found.gaps if gap.quantity == "load_torque_nm")
     assert torque.noise_floor > 1.5e-3
-    assert [one.name for one in found.effects] == ["load_cell_offset"]
+    assert found.effects[0].name == "load_cell_offset"
 
 
 def test_a_strong_effect_is_found_although_the_numbers_are_far_off() -> None:
@@ -107,6 +107,16 @@ def test_a_strong_effect_is_found_although_the_numbers_are_far_off() -> None:
     assert found.verdict == "named"
     assert [one.name for one in found.effects] == ["direction_asymmetry"]
     assert found.effects[0].parameters["a"].value == pytest.approx(-0.18, abs=0.01)
+
+
+def test_a_number_far_out_of_its_tolerance_is_a_finding() -> None:
+    # Half of the wrap is gone. Friction knows only mu times wrap: mu could take it, at five
+    # tolerances.
+    hidden = TRUTH.with_effect("wrap_angle_change", {"extra_wrap_rad": -3.5})
+    names = ("wrap_angle_change", "load_cell_offset")
+    found = diagnose(MODEL, [measured(hidden)], names=names, seed=1)
+    assert found.verdict == "named"
+    assert [one.name for one in found.effects] == ["wrap_angle_change"]
 
 
 def test_calibration_finds_the_numbers_that_were_off() -> None:

@@ -105,6 +105,18 @@ def test_channels_in_each_others_place() -> None:
     assert "motor and load torque" in finding.text
 
 
+def test_friction_beyond_the_model_is_no_other_rig() -> None:
+    # The motor turns half as far for a rad of the load, but late in a stroke as far as ever.
+    rough = parse_model(TABLE_1.replace("value: 0.21,", "value: 0.8,"))
+    run = busy(rough)
+    assert not np.isclose(_ratio_of(run), _ratio_of(RUN), rtol=0.2)
+    assert not any(finding.what == "rig" for finding in stops(run))
+
+
+def _ratio_of(run: Recording) -> float:
+    return float(np.polyfit(run.load_angle_rad, run.motor_angle_rad, 1)[0])
+
+
 def test_another_rig() -> None:
     other = parse_model(
         TABLE_1.replace("motor_pulley_radius_m: 0.020", "motor_pulley_radius_m: 0.03")

@@ -32,6 +32,9 @@ FLAT_SAMPLES = 10
 FLAT_RATIO = 5.0  # longer than other stretches of one value: no noise would do that
 CLIPPED_SHARE = 0.01
 SPIKE_SIGMAS, SPIKE_SHARE = 12.0, 0.03  # of white noise, of the channel's range
+LEAST_STROKE_RAD = 0.05  # a load that turns back by less is still on its way
+SLIDES = 0.05  # of the pulleys' ratio: a stroke that ends so near it is of this rig
+STROKE_END = np.array([0.7, 0.97])  # of the way
 RATIO_TOLERANCE = 0.2  # elastic cables and backlash make a few per cent
 FAR = 0.6  # of the larger of measured and simulated
 STILL_SHARE = 0.05  # of what the model expects to move
@@ -278,7 +281,9 @@ def _ratio(
     simulated = as_read.simulated.get("motor_angle_rad")
     if mode is Mode.TORQUE_POSITION and simulated is not None:
         ratio = float(np.cov(simulated, load)[0, 1] / np.var(load))
-    if abs(slope / ratio - 1.0) > RATIO_TOLERANCE:
+    pulleys = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+    slides = np.abs(_end_of_strokes(load, motor) / pulleys - 1.0) < SLIDES
+    if abs(slope / ratio - 1.0) > RATIO_TOLERANCE and not np.any(slides):
         yield Finding(
             "rig",
             name,
@@ -286,3 +291,25 @@ def _ratio(
             f"{ratio:.3g} from the model file's pulleys: is it this rig?",
             "stop",
         )
+
+
+def _end_of_strokes(load: _Floats, motor: _Floats) -> _Floats:
+    """Return the motor's turn for a rad of the load, late in each long stroke.
+
+    By then both cables slide all along, as a rule, and friction takes nothing more of the motion.
+    """
+    turns, outward, extreme = [0], 1.0, 0
+    for i, angle in enumerate(load):
+        if outward * (angle - load[extreme]) > 0.0:
+            extreme = i
+        elif outward * (load[extreme] - angle) > LEAST_STROKE_RAD:
+            turns.append(extreme)
+            outward, extreme = -outward, i
+    travels = np.abs(np.diff(load[turns]))
+    slopes = []
+    for first, last, travel in zip(turns, turns[1:], travels, strict=False):
+        way = np.maximum.accumulate(np.abs(load[first : last + 1] - load[first]))
+        late, end = first + np.searchsorted(way, STROKE_END * travel)
+        if travel > LEAST_STROKE_RAD and load[end] != load[late]:
+            slopes.append((motor[end] - motor[late]) / (load[end] - load[late]))
+    return np.array(slopes)

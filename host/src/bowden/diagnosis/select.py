@@ -31,6 +31,7 @@ MOST_EFFECTS = 3
 WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 WITHIN = 50.0  # of score: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
+STRAINED = 3.0  # tolerances
 MISSED = 1.35  # of the noise: more than that is no chance
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere
@@ -150,7 +151,9 @@ def select(
         tried = _distinct(tried)
         problem, tried = _under_their_noise(problem, tried, pool)
         chosen = _again(chosen, problem)
-        enough = chosen.score + WORTH * (count - len(chosen.effects))
+        # A number that had to leave its tolerance far behind is a finding, not a calibration.
+        strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
+        enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
         # Where nothing is known to be missing yet, what cures more than noise matters, too.
         missed = count == 1 and problem.rest(chosen.fitted.model) > MISSED
         better = next(
