@@ -17,7 +17,7 @@ import math
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
@@ -121,8 +121,12 @@ def _each(todo: list[Job], workers: int) -> Iterator[dict[str, Result]]:
     if workers == 1:
         yield from map(run, todo)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(run, todo)
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    try:  # in the order in which they end: one slow case keeps nobody waiting
+        for done in as_completed([pool.submit(run, job) for job in todo]):
+            yield done.result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _write(output: Path, seed: int, methods: dict[str, list[Result]]) -> None:
