@@ -97,8 +97,11 @@ def ours(found: Diagnosis, seconds: float) -> Answer:
 
 
 def run(job: Job) -> dict[str, Result]:
-    """Draw one case and let every method answer it."""
-    case = excited(job)
+    """Draw one case and let every method answer it; nothing where no rig can be drawn."""
+    try:
+        case = excited(job)
+    except ArithmeticError:
+        return {}
     truth = dict(case.truth.effects)
     model, recording = parse_model(case.model_yaml), recording_of(case)
 
@@ -163,6 +166,9 @@ def main() -> int:
     start = time.monotonic()
     try:
         for done, found in enumerate(_each(todo, args.jobs), 1):
+            if not found:
+                sys.stderr.write(f"{done}/{len(todo)} no rig could be drawn\n")
+                continue
             for name, one in found.items():
                 methods.setdefault(name, []).append(one)
             _write(args.output, args.seed, methods)
