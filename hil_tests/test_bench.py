@@ -99,7 +99,7 @@ def test_recorded_channels_agree_with_the_truth(benches: Benches) -> None:
         (
             got.motor_torque_nm,
             truth.motor_torque_nm,
-            5 * 60e-6 + 30e-6 + 150e-6 + converters.motor_torque_nm,
+            5 * 60e-6 + 30e-6 + 150e-6 + converters.motor_torque_nm + converters.phase_nm,
         ),
         (
             got.load_torque_nm,

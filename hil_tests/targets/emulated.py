@@ -48,6 +48,20 @@ CODES: Final = 5.0 * math.sqrt((ADC_NOISE_CODES**2 + 1.0 / 12.0) / 5.0)
 LOOP_GAIN: Final = 2.0 * math.pi * 1e3 / 20e3
 CURRENT_CODES: Final = math.hypot(CODES, CODES * math.sqrt(5.0 * LOOP_GAIN / (2.0 - LOOP_GAIN)))
 TORQUE_CONSTANT_NM_PER_A: Final = 0.060
+# The back-EMF is made of the motor encoder's counts: one of them makes a step of its filtered
+# speed. The loop (poles at R / L and at its bandwidth w) answers with a pulse of at most
+# V / L (exp(-t R / L) - exp(-t w)) / (w - R / L), 0.3 ms after it, which averages of 250 us that
+# begin at other times see differently.
+COUNT_V: Final = SPEED_FILTER * (2.0 * math.pi / 2000) / 250e-6 * TORQUE_CONSTANT_NM_PER_A
+POLE: Final = 0.6 / 0.3e-3
+BANDWIDTH: Final = 2.0 * math.pi * 1e3
+PEAK_S: Final = math.log(BANDWIDTH / POLE) / (BANDWIDTH - POLE)
+COUNT_A: Final = (
+    COUNT_V
+    / 0.3e-3
+    * (math.exp(-PEAK_S * POLE) - math.exp(-PEAK_S * BANDWIDTH))
+    / (BANDWIDTH - POLE)
+)
 # A back-EMF that changes by k alpha a second takes the 1 kHz current loop k alpha / (2 pi 1 kHz R)
 # away from its set value; alpha at most that of a free motor under 0.2 N m, the tunnel's limit.
 REGULATION_NM: Final = TORQUE_CONSTANT_NM_PER_A**2 * (0.2 / 3.0e-5) / (2e3 * math.pi * 0.6)
@@ -79,6 +93,7 @@ class EmulatedTarget:
     capabilities = frozenset({VIRTUAL_TIME, SIMULATED_RIG, SEVERAL, MOTION, CHIP, MEASURED_CURRENT})
     converters = Converters(
         motor_torque_nm=CURRENT_CODES * 1e-6 * board.CURRENT_UA_PER_CODE * TORQUE_CONSTANT_NM_PER_A,
+        phase_nm=TORQUE_CONSTANT_NM_PER_A * COUNT_A,
         load_torque_nm=CODES * LOAD_CELL_NM_PER_CODE,
         regulation_nm=REGULATION_NM,
         sampling_ticks=2,  # its clock starts when it boots, and its ticks are not the bench's

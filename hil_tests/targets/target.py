@@ -43,6 +43,9 @@ class Converters:
         Quantisation and noise of one sample, 5 sigma.
     regulation_nm : float
         Most that the motor torque is away from what the drive asked for while the back-EMF changes.
+    phase_nm : float
+        Most that the motor torque's mean over one control tick differs from that over another which
+        begins elsewhere in it.
     sampling_ticks : int
         A sample was taken within so many control ticks of what its time stamp says.
     """
@@ -50,6 +53,7 @@ class Converters:
     motor_torque_nm: float = 0.0
     load_torque_nm: float = 0.0
     regulation_nm: float = 0.0
+    phase_nm: float = 0.0
     sampling_ticks: int = 0
 
 
