@@ -112,6 +112,16 @@ class Candidate:
         """Name and place."""
         return self.effect.name, self.variant.where
 
+    @property
+    def strengths(self) -> list[Parameter]:
+        """Return the parameters that are nothing where the effect is."""
+        return [one for one in self.variant.parameters if one.off is not None]
+
+    @property
+    def phases(self) -> list[str]:
+        """Names of the parameters that go round."""
+        return [one.name for one in self.variant.parameters if one.period is not None]
+
     def numbers(self, index: int) -> tuple[EffectNumber, ...]:
         """Return what moves of it when it is the model's effect number `index`."""
         return tuple(
@@ -187,7 +197,7 @@ class Screened:
 
 @dataclass(frozen=True)
 class _Probe:
-    """A candidate with one strength at its usual size."""
+    """A candidate with one strength at the size that it is looked at with."""
 
     values: dict[str, float]
     size: float
@@ -232,7 +242,7 @@ def look_again(fit: Fit, base: Fitted, look: Screened, reweighed: _Floats) -> Sc
     """
     probes = _probes(look.candidate, look.shape, look.factor)
     usual = np.zeros((base.residual.size, look.secants.shape[1]))
-    usual[: reweighed.size] = reweighed[:, None] * look.secants[: reweighed.size]
+    usual[: reweighed.size] = under_other_weights(look.secants, reweighed)[: reweighed.size]
     step, amounts, gain = _amounts(fit, base, probes, usual)
     if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
         return replace(look, gain=0.0, step=step, secants=usual)
@@ -240,10 +250,17 @@ def look_again(fit: Fit, base: Fitted, look: Screened, reweighed: _Floats) -> Sc
     return replace(look, values=values, gain=gain, step=step, secants=usual)
 
 
+def under_other_weights(columns: _Floats, reweighed: _Floats) -> _Floats:
+    """Return columns with their samples' rows multiplied; the priors' rows below stay."""
+    found = columns.copy()
+    found[: reweighed.size] *= reweighed[:, None]
+    return found
+
+
 def _screen_shape(
     fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float], factor: float
 ) -> Screened | None:
-    strengths = [one for one in candidate.variant.parameters if one.off is not None]
+    strengths = candidate.strengths
     off = {**{one.name: _off(one) for one in strengths}, **shape}
     probes = _probes(candidate, off, factor)
     columns = []
@@ -269,16 +286,12 @@ def _screen_shape(
 
 def _probes(candidate: Candidate, off: Mapping[str, float], factor: float) -> list[_Probe]:
     """Return one probe a strength; two, a quarter turn apart, for one with a phase."""
-    strengths = [one for one in candidate.variant.parameters if one.off is not None]
-    phases = [one.name for one in candidate.variant.parameters if one.period is not None]
-    found = [
-        _Probe(
-            {**off, one.name: _value(one, factor * _strength(one, one.typical))},
-            _strength(one, _value(one, factor * _strength(one, one.typical))),
-            one.low < 0.0 or bool(phases),
-        )
-        for one in strengths
-    ]
+    strengths, phases = candidate.strengths, candidate.phases
+    found = []
+    for one in strengths:
+        value = _value(one, factor * _strength(one, one.typical))
+        signed = one.low < 0.0 or bool(phases)
+        found.append(_Probe({**off, one.name: value}, _strength(one, value), signed))
     if len(strengths) == 1 and len(phases) == 1:
         found.append(replace(found[0], values={**found[0].values, phases[0]: math.pi / 2}))
     return found
@@ -295,8 +308,7 @@ def _amounts(
 
 def _start(candidate: Candidate, off: Mapping[str, float], amounts: _Floats) -> dict[str, float]:
     """Return the values that stand for the probes' amounts."""
-    strengths = [one for one in candidate.variant.parameters if one.off is not None]
-    phases = [one.name for one in candidate.variant.parameters if one.period is not None]
+    strengths, phases = candidate.strengths, candidate.phases
     values = dict(off)
     if amounts.size > len(strengths):
         size = min(float(np.hypot(*amounts)), _strength(strengths[0], strengths[0].high))

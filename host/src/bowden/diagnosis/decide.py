@@ -18,7 +18,7 @@ from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import EffectNumber
 from bowden.diagnosis.fit import Fitted
 from bowden.diagnosis.free_parameters import Free
-from bowden.diagnosis.select import Hypothesis, Selection
+from bowden.diagnosis.select import BY_CHANCE, Hypothesis, Selection
 
 _Floats = NDArray[np.float64]
 
@@ -26,9 +26,8 @@ Verdict = Literal["named", "complete", "unlisted", "ambiguous", "insufficient_ex
 
 TIE = 3.0  # of score: odds of 20 to 1
 MOST_TIED = 3
-UNLISTED = 1.35  # of the noise floor: what a model that lacks nothing may leave
 AS_GOOD_AS = 0.03  # of what an effect explains: no part follows its law more closely than that
-SIGNIFICANT = 4.0  # standard errors by which that must be exceeded
+SIGNIFICANT = 4.0  # standard errors by which what chance leaves must be exceeded
 LOOK_ALIKE = 0.98  # cosine between what two effects do to the data, calibration taken out
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
 
@@ -102,7 +101,7 @@ class Rest:
     def allowed(self) -> float:
         """What a model may leave that lacks nothing."""
         # The relative standard error of an RMS is 1 / sqrt(2 n).
-        floor = UNLISTED + SIGNIFICANT / math.sqrt(2.0 * self.samples)
+        floor = BY_CHANCE + SIGNIFICANT / math.sqrt(2.0 * self.samples)
         return math.hypot(floor, AS_GOOD_AS * max(self.before - self.after, 0.0))
 
 

@@ -273,7 +273,7 @@ def _ratio(
     """Compare how far the motor turns when the load does."""
     load, motor = one.load_angle_rad, one.motor_angle_rad
     pair = model.transmission
-    ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+    pulleys = ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
     backlash = float(np.ptp(motor - ratio * load))
     if float(np.std(load)) == 0.0 or float(np.ptp(load)) * ratio < 2.0 * min(backlash, 0.5):
         return
@@ -281,9 +281,9 @@ def _ratio(
     simulated = as_read.simulated.get("motor_angle_rad")
     if mode is Mode.TORQUE_POSITION and simulated is not None:
         ratio = float(np.cov(simulated, load)[0, 1] / np.var(load))
-    pulleys = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
-    slides = np.abs(_end_of_strokes(load, motor) / pulleys - 1.0) < SLIDES
-    if abs(slope / ratio - 1.0) > RATIO_TOLERANCE and not np.any(slides):
+    if abs(slope / ratio - 1.0) <= RATIO_TOLERANCE:
+        return
+    if not np.any(np.abs(_end_of_strokes(load, motor) / pulleys - 1.0) < SLIDES):
         yield Finding(
             "rig",
             name,

@@ -15,7 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.candidates import Candidate, Screened, look_again, screen, with_candidate
+from bowden.diagnosis.candidates import (
+    Candidate,
+    Screened,
+    look_again,
+    screen,
+    under_other_weights,
+    with_candidate,
+)
 from bowden.diagnosis.fit import Fit, Fitted, Movable, solve, solve_widely
 from bowden.diagnosis.problem import Problem
 from bowden.model import Model, ModelError
@@ -32,7 +39,7 @@ WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 WITHIN = 50.0  # of score: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 STRAINED = 3.0  # tolerances
-MISSED = 1.35  # of the noise: more than that is no chance
+BY_CHANCE = 1.35  # of the noise: what a model that lacks nothing may leave
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere
 MOST_ROUNDS = 4
@@ -155,7 +162,7 @@ def select(
         strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
         enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
         # Where nothing is known to be missing yet, what cures more than noise matters, too.
-        missed = count == 1 and problem.rest(chosen.fitted.model) > MISSED
+        missed = count == 1 and problem.rest(chosen.fitted.model) > BY_CHANCE
         better = next(
             (one for one in tried if one.score >= enough and (missed or _matters(one))), None
         )
@@ -173,16 +180,11 @@ def select(
         rivals = [one for one in rivals if one.score < near or one is chosen or _matters(one)]
     # That first look, as sharp as the noise at the end allows.
     sharper = problem.weights() / fit.problem.weights()
-    first = [replace(look[0], secants=_reweighed(look[0].secants, sharper)) for look in looks]
-    looked_from = replace(base.fitted, jacobian=_reweighed(base.fitted.jacobian, sharper))
+    first = [
+        replace(look[0], secants=under_other_weights(look[0].secants, sharper)) for look in looks
+    ]
+    looked_from = replace(base.fitted, jacobian=under_other_weights(base.fitted.jacobian, sharper))
     return Selection(_again(base, problem), chosen, rivals, first, looked_from, problem)
-
-
-def _reweighed(columns: _Floats, sharper: _Floats) -> _Floats:
-    """Return columns with the rows of samples under other weights."""
-    found = columns.copy()
-    found[: sharper.size] *= sharper[:, None]
-    return found
 
 
 def _matters(one: Hypothesis) -> bool:
