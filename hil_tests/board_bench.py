@@ -32,6 +32,7 @@ FAULT: Final = 0x08
 TICK_US: Final = 250.0
 STATE_BITS: Final = 0x6F
 TARGET_TORQUE: Final = 0x2040
+RESET_CAUSE: Final = 0x200A
 
 
 def rig_with(hand: Hand | None = None, rig: Rig | None = None) -> Rig:
@@ -96,6 +97,10 @@ class Board:
     def restarts(self) -> list[ResetCause]:
         """Causes of the resets after power-on."""
         return [r.cause for r in self.chip.resets if ResetCause.POWER not in r.cause]
+
+    def reset_cause(self) -> int:
+        """Entry reset_cause, as a host reads it."""
+        return self.host.read(RESET_CAUSE)[0]
 
     # ---- the drive ----
     def enable(self, torque_nm: float = 0.0) -> None:

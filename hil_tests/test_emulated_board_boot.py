@@ -82,6 +82,7 @@ def test_reset_node_restarts_the_chip_without_a_fault() -> None:
     assert board.restarts() == [ResetCause.SOFTWARE | ResetCause.PIN]
     assert board.boots() == 2
     assert board.emergencies() == []
+    assert board.reset_cause() == 4  # software
 
 
 def test_a_dead_crystal_is_a_fault_and_the_drive_still_talks() -> None:

@@ -21,7 +21,7 @@ from hil_tests.board_bench import (
     store_to,
 )
 from hil_tests.emulated.records import Options, ResetCause
-from hil_tests.lockstep_host import CONTROLWORD
+from hil_tests.lockstep_host import CONTROLWORD, NMT_RESET_NODE
 from hil_tests.rig.parameters import Hand
 
 pytestmark = NEEDS_ELF
@@ -63,6 +63,7 @@ def test_a_loop_that_hangs_is_ended_with_the_bridge_off_before(function: str) ->
     catch_up(board)
     board.run(0.1)
     assert set(board.emergencies()) == {0x6010}
+    assert board.reset_cause() == 5  # watchdog
     board.restart_after_fault()
 
 
@@ -107,6 +108,7 @@ def test_a_wild_write_to_the_flash_is_caught() -> None:
     # the host reads it without a debugger: count, exception, where, and when
     told = [int.from_bytes(board.host.read(0x2008, sub), "little") for sub in range(1, 6)]
     assert told[:4] == [1, 3, found["pc"], found["sp"]]
+    assert board.reset_cause() == 4  # software: the crash handler's
     assert told[4] * TICK_US == pytest.approx(1e6 * board.bench.time_s, abs=0.2e6)
     # the flash is what it was
     code = next(data for address, data in board.chip.image.segments if address == 0x08000000)
@@ -192,8 +194,39 @@ def test_a_reset_in_mid_motion_leaves_no_fault() -> None:
     assert board.boots() == 2  # this is how the host learns of it
     assert board.state() == 0x40
     assert board.emergencies() == []
+    assert board.reset_cause() == 3  # pin
     board.enable()
     assert board.chip.bridge().enabled
+
+
+def test_the_reset_cause_is_that_of_this_start_alone() -> None:
+    """The flags of RCC_CSR pile up until they are cleared (RM0090 7.3.21)."""
+    board = Board()
+    board.run(0.05)
+    assert board.reset_cause() == 1  # power-on, which sets the pin's and the brown-out's flag too
+    board.chip.pin_reset()
+    board.run(0.05)
+    assert board.reset_cause() == 3
+    board.host.nmt(NMT_RESET_NODE)
+    board.run(0.05)
+    assert board.reset_cause() == 4
+    board.chip.pin_reset()
+    board.run(0.05)
+    assert board.reset_cause() == 3
+    board.target.reset()
+    board.run(0.05)
+    assert board.reset_cause() == 1
+
+
+def test_a_brown_out_is_told() -> None:
+    board = Board()
+    board.run(0.05)
+    board.chip.set_supply_mv(1500)
+    board.run(0.01)
+    board.chip.set_supply_mv(3300)
+    board.run(0.05)
+    assert board.restarts()[-1] & ResetCause.BROWN_OUT
+    assert board.reset_cause() == 2
 
 
 def test_a_failing_supply_stops_the_bridge_and_waits() -> None:

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xBE1F23A6)
+#define DICTIONARY_HASH UINT32_C(0xDBFAB42C)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 179
+#define DICTIONARY_COUNT 180
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -103,6 +103,7 @@ typedef struct {
     uint32_t crash_record_stack_pointer;               /* 0x2008 */
     uint32_t crash_record_tick;                        /* 0x2008 */
     uint8_t storage_state;                             /* 0x2009 */
+    uint8_t reset_cause;                               /* 0x200A */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */

@@ -22,6 +22,7 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
     node_init(&drive->node, DICTIONARY, DICTIONARY_COUNT, &drive->dictionary, identity->node_id, 0);
     dictionary_t *dictionary = &drive->dictionary;
     dictionary->identity_serial_number = identity->serial_number;
+    dictionary->reset_cause = (uint8_t)identity->reset;
     dictionary->crash_record_crashes = identity->crash.crashes;
     dictionary->crash_record_cause = identity->crash.cause;
     dictionary->crash_record_program_counter = identity->crash.program_counter;

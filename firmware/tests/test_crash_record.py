@@ -1,4 +1,4 @@
-"""What a board says of its last program reaches the bus, entry by entry."""
+"""What a board says of its last program and of its reset reaches the bus, entry by entry."""
 
 from __future__ import annotations
 
@@ -23,6 +23,13 @@ def test_the_crash_record_is_the_boards() -> None:
         drive.send(0x600 + 16, struct.pack("<BHBI", 0x40, CRASH_RECORD, sub, 0))
         (answer,) = (f.data for f in drive.frames() if f.cob_id == 0x580 + 16)
         assert struct.unpack_from("<I", answer, 4)[0] == value
+
+
+def test_the_reset_cause_is_the_boards() -> None:
+    drive = Drive()
+    identity = {"node_id": 16, "reset": lib.BOARD_RESET_WATCHDOG}
+    lib.drive_init(drive.raw, ffi.new("board_identity_t *", identity))
+    assert drive.values.reset_cause == lib.BOARD_RESET_WATCHDOG
 
 
 def test_a_board_without_a_crash_says_nothing() -> None:

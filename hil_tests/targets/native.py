@@ -87,7 +87,12 @@ class NativeTarget:
         self._saved: Any = new("uint32_t[]", STORE_WORDS)
         self._identity: Any = new(
             "board_identity_t *",
-            {"node_id": node_id, "serial_number": serial_number, "saved": self._saved},
+            {
+                "node_id": node_id,
+                "serial_number": serial_number,
+                "reset": self._lib.BOARD_RESET_POWER_ON,
+                "saved": self._saved,
+            },
         )
         self._sensors: Any = new("board_sensors_t *")
         self._actuators: Any = new("board_actuators_t *")

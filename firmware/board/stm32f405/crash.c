@@ -71,15 +71,13 @@ _Noreturn void crash_keep(const uint32_t *frame) {
     crash_restart();
 }
 
-bool crash_was_abnormal_reset(void) {
-    const bool by_watchdog = (RCC->CSR & RCC_CSR_IWDGRSTF) != 0;
-    RCC->CSR |= RCC_CSR_RMVF;
-    const bool crashed = is_valid(&crash_record) && crash_record.fresh != 0;
-    if (crashed) {
+bool crash_is_news(void) {
+    const bool news = is_valid(&crash_record) && crash_record.fresh != 0;
+    if (news) {
         crash_record.fresh = 0;
         crash_record.check = check(&crash_record);
     }
-    return by_watchdog || crashed;
+    return news;
 }
 
 board_crash_t crash_report(void) {

@@ -25,9 +25,8 @@ typedef struct {
     uint32_t check; /* over all words before */
 } crash_record_t;
 
-/* Why did this start happen? True after a crash or a reset by the watchdog. Asked once: clears
- * the reset flags of RCC and marks the record as reported. */
-bool crash_was_abnormal_reset(void);
+/* Did the program before this one end in a crash? Asked once: marks the record as reported. */
+bool crash_is_news(void);
 
 /* What the record holds, for the drive; all zero without a crash since power-on. */
 board_crash_t crash_report(void);

@@ -19,6 +19,7 @@
 #include "protection.h"
 #include "pwm.h"
 #include "registers.h"
+#include "reset.h"
 #include "watchdog.h"
 
 #define NODE_ID 16
@@ -50,7 +51,8 @@ static bool lamp(uint32_t wake_ups) {
 
 int main(void) {
     protection_start_memory();
-    const uint32_t ended = crash_was_abnormal_reset() ? (uint32_t)BOARD_FAULT_RESTARTED : 0u;
+    const board_reset_t reset = reset_cause();
+    const bool ended_badly = crash_is_news() || reset == BOARD_RESET_WATCHDOG;
     const clock_source_t source = clock_start();
     if (source == CLOCK_FAILED) {
         crash_restart();
@@ -64,9 +66,11 @@ int main(void) {
     const board_identity_t identity = {
         .node_id = NODE_ID,
         .serial_number = serial_number(),
+        .reset = reset,
         .crash = crash_report(),
     };
-    control_start(&identity, source == CLOCK_INTERNAL ? (uint32_t)BOARD_FAULT_CLOCK : 0u, ended);
+    control_start(&identity, source == CLOCK_INTERNAL ? (uint32_t)BOARD_FAULT_CLOCK : 0u,
+                  ended_badly ? (uint32_t)BOARD_FAULT_RESTARTED : 0u);
     can_start(identity.node_id);
     set_priorities();
     pwm_start();

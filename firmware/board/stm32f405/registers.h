@@ -44,7 +44,13 @@ typedef struct {
 #define RCC_APB2ENR_ADC1EN (1u << 8)
 #define RCC_APB2ENR_SYSCFGEN (1u << 14)
 #define RCC_CSR_RMVF (1u << 24)
+#define RCC_CSR_BORRSTF (1u << 25)
+#define RCC_CSR_PINRSTF (1u << 26)
+#define RCC_CSR_PORRSTF (1u << 27)
+#define RCC_CSR_SFTRSTF (1u << 28)
 #define RCC_CSR_IWDGRSTF (1u << 29)
+#define RCC_CSR_WWDGRSTF (1u << 30)
+#define RCC_CSR_LPWRRSTF (1u << 31)
 
 /* ---- PWR, chapter 5 ---- */
 typedef struct {

@@ -34,6 +34,7 @@ def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     assert info["name"] == "bowden drive"
     assert info["power_state"] == "switch on disabled"
     assert info["error_history"] == []
+    assert info["last_reset"] == "power-on"
     assert info["crash"] is None
     assert info["measured"]["bus_voltage"]["unit"] == "V"
     assert "bowden drive" in shown.err

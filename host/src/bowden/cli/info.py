@@ -12,7 +12,7 @@ from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive, connect
 from bowden.drive.compensation import LAWS, describe_fallback
 from bowden.drive.dictionary import HASH, lookup
-from bowden.drive.faults import describe_address, describe_emergency
+from bowden.drive.faults import describe_address, describe_emergency, describe_reset
 from bowden.drive.power import Mode, power_state
 
 EXAMPLES = """examples:
@@ -71,6 +71,7 @@ def describe(drive: Drive) -> dict[str, object]:
         "compensation_fallback": describe_fallback(drive.read_raw("compensation_fallback")) or None,
         "error": describe_emergency(error) if error else None,
         "error_history": [describe_emergency(code & 0xFFFF) for code in history],
+        "last_reset": describe_reset(drive.read_raw("reset_cause")),
         "crash": _crash(drive),
         "configuration_error": describe_address(culprit) if culprit else None,
         **{name: drive.read_raw(name) for name in _COUNTS},

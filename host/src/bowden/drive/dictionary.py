@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0xBE1F23A6
+HASH = 0xDBFAB42C
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -111,7 +111,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xbe1f23a6, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xdbfab42c, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -126,6 +126,7 @@ TABLE = Table(
         Entry(0x2008, 4, 'crash_record.stack_pointer', 'u32', 'ro', 'state', 0, high=4294967295, doc='how the program before this one ended; all zero when it did not crash since power-on'),
         Entry(0x2008, 5, 'crash_record.tick', 'u32', 'ro', 'state', 0, high=4294967295, doc="control ticks from that program's start to its end"),
         Entry(0x2009, 0, 'storage_state', 'u8', 'ro', 'state', 0, high=255, doc='of the last store_parameters or restore_defaults: 0 none since power-on, 1 under way, 2 done, 3 failed'),
+        Entry(0x200A, 0, 'reset_cause', 'u8', 'ro', 'state', 0, high=255, doc="why this program started: 0 unknown, 1 power-on, 2 brown-out, 3 reset pin, 4 software (a host's NMT reset, or a crash), 5 watchdog, 6 window watchdog, 7 low-power management"),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),

@@ -1,0 +1,34 @@
+/* reset.c: see reset.h. */
+#include "reset.h"
+
+#include "registers.h"
+
+/* A reset sets more flags than its own: every one inside the chip pulls NRST, hence PINRSTF, and a
+ * power-on sets BORRSTF as well. What tells most comes first. */
+static board_reset_t cause_of(uint32_t flags) {
+    if ((flags & RCC_CSR_PORRSTF) != 0) {
+        return BOARD_RESET_POWER_ON;
+    }
+    if ((flags & RCC_CSR_BORRSTF) != 0) {
+        return BOARD_RESET_BROWN_OUT;
+    }
+    if ((flags & RCC_CSR_IWDGRSTF) != 0) {
+        return BOARD_RESET_WATCHDOG;
+    }
+    if ((flags & RCC_CSR_WWDGRSTF) != 0) {
+        return BOARD_RESET_WINDOW_WATCHDOG;
+    }
+    if ((flags & RCC_CSR_LPWRRSTF) != 0) {
+        return BOARD_RESET_LOW_POWER;
+    }
+    if ((flags & RCC_CSR_SFTRSTF) != 0) {
+        return BOARD_RESET_SOFTWARE;
+    }
+    return (flags & RCC_CSR_PINRSTF) != 0 ? BOARD_RESET_PIN : BOARD_RESET_UNKNOWN;
+}
+
+board_reset_t reset_cause(void) {
+    const uint32_t flags = RCC->CSR;
+    RCC->CSR |= RCC_CSR_RMVF;
+    return cause_of(flags);
+}
