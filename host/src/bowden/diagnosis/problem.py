@@ -234,7 +234,8 @@ class Problem:
         independent samples. Where it is not, the slow rest makes the share small, what it leaves
         typically counts as noise of every sample (or the most precise ones would lead each search
         into the nearest corner), and a rest above that makes each sigma larger, so that every
-        judgement becomes careful.
+        judgement becomes careful. It is read off the samples that are fitted: what only the others
+        hold must not make these weightless.
         """
         parts = []
         try:
@@ -245,14 +246,16 @@ class Problem:
             channels = {}
             for name, gap in self.gaps(model, part).items():
                 channel = part.channels[name]
-                typical = _typical(channel, gap)
-                z = _about_its_mean(gap / np.hypot(channel.sigma, typical), channel)
-                w = np.sqrt(channel.share) * z
+                sigma, share = channel.sigma[part.counts], channel.share[part.counts]
+                left = gap[part.counts]
+                typical = _typical(left, sigma)
+                z = _about_its_mean(left / np.hypot(sigma, typical), channel)
+                w = np.sqrt(share) * z
                 channels[name] = replace(
                     channel,
                     typical=typical,
                     common=min(1.0, float(effective_samples(w) / w.size) / WHITE),
-                    inflation=max(1.0, float(np.sqrt(np.sum(w**2) / np.sum(channel.share)))),
+                    inflation=max(1.0, float(np.sqrt(np.sum(w**2) / np.sum(share)))),
                 )
             parts.append(replace(part, channels=channels))
         return Problem(self.mode, parts, self._weigh)
@@ -262,10 +265,10 @@ def _about_its_mean(z: _Floats, channel: Channel) -> _Floats:
     return np.asarray(z - np.mean(z)) if channel.zero_sigma > 0.0 else z
 
 
-def _typical(channel: Channel, gap: _Floats) -> float:
+def _typical(gap: _Floats, sigma: _Floats) -> float:
     """Return what a model leaves of a typical sample, beyond the noise of one."""
     left = MAD_TO_SIGMA * float(np.median(np.abs(gap - np.median(gap))))
-    return float(np.sqrt(max(left**2 - float(np.median(channel.sigma)) ** 2, 0.0)))
+    return float(np.sqrt(max(left**2 - float(np.median(sigma)) ** 2, 0.0)))
 
 
 def _rms(pieces: Sequence[_Floats]) -> float:

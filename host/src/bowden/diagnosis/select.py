@@ -262,28 +262,34 @@ def _again(one: Hypothesis, problem: Problem) -> Hypothesis:
     return replace(one, fit=fit, fitted=solve(fit, one.fitted.at))
 
 
-def _widely(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
-    return replace(one, fitted=solve_widely(one.fit, one.fitted, pool.map))
-
-
 def _under_their_noise(
     problem: Problem, tried: Sequence[Hypothesis], pool: ThreadPoolExecutor
 ) -> tuple[Problem, list[Hypothesis]]:
     """Judge by the noise that the best leaves: of all models it is the nearest to the truth.
 
-    Again as long as fitting it under that noise brings it much nearer still.
+    Under the noise of a model that is far from the truth the data hardly weigh, and no model gets
+    where it belongs. So each of the favourites is fitted under its own.
     """
     order = sorted(tried, key=lambda one: one.fitted.cost + one.fitted.judged)
-    order[:FAVOURITES] = [_widely(_again(one, problem), pool) for one in order[:FAVOURITES]]
-    best = min(order, key=lambda one: one.fitted.cost + one.fitted.judged)
+    order[:FAVOURITES] = [_under_its_own(_again(one, problem), pool) for one in order[:FAVOURITES]]
+    best = min(order, key=lambda one: problem.rest(one.fitted.model))
+    nearer = problem.with_noise_of(best.fitted.model)
+    return nearer, _judged_again(order, nearer, pool)
+
+
+def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
+    """Fit from everywhere under the noise it leaves; again while that brings it much nearer."""
+    best = replace(one, fitted=solve_widely(one.fit, one.fitted, pool.map))
+    rest = best.fit.problem.rest(best.fitted.model)
     for _ in range(MOST_ROUNDS):
-        noisy = best.fitted.model
-        nearer = problem.with_noise_of(noisy)
-        order = _judged_again(order, nearer, pool)
-        problem, best = nearer, order[0]
-        if problem.rest(best.fitted.model) > NEARER * problem.rest(noisy):
+        nearer = _again(best, best.fit.problem.with_noise_of(best.fitted.model))
+        nearer = replace(nearer, fitted=solve_widely(nearer.fit, nearer.fitted, pool.map))
+        before, rest = rest, nearer.fit.problem.rest(nearer.fitted.model)
+        if rest < before:
+            best = nearer
+        if rest > NEARER * before:
             break
-    return problem, order
+    return best
 
 
 def _judged_again(

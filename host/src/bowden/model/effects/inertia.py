@@ -77,7 +77,7 @@ LOAD = Effect(
     variants=(
         Variant(
             "",
-            (_size(0.05, 2e-3, "between cables and cell"),),
+            (_size(0.1, 2e-3, "between cables and cell"),),
             channels=(
                 Channel("load_torque_nm", _load_undone, _load_applied, sees=("load_angle_rad",)),
             ),
