@@ -16,7 +16,7 @@ from bowden.diagnosis.motion import Motion
 from bowden.diagnosis.problem import Channel, Part
 from bowden.diagnosis.propagate import LocalNoise, local_noise
 from bowden.model import Mode, Model
-from bowden.recording.recording import Recording
+from bowden.recording.recording import REQUIRED_COLUMNS, Recording
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
@@ -104,7 +104,11 @@ def _thin(recording: Recording, mode: Mode) -> _Index:
 
 
 def _blocks(recording: Recording) -> _Flags:
-    """Flag two of three blocks of half-cycles: what is fitted."""
+    """Flag two of three blocks of half-cycles: what is fitted.
+
+    Of the three ways to take them, the one that holds back least that is nowhere else: what was
+    never fitted cannot be foretold, by the right model either.
+    """
     time_s = recording.time_s
     motion = Motion.of(recording)
     turned = np.nonzero(np.diff(np.sign(motion.velocity_rad_s)) != 0)[0]
@@ -116,4 +120,13 @@ def _blocks(recording: Recording) -> _Flags:
     if len(edges) < 3:
         edges = list(np.searchsorted(time_s, np.linspace(time_s[0], time_s[-1], BLOCKS + 1)[:-1]))
     block = np.searchsorted(edges, np.arange(time_s.size), side="right")
-    return np.asarray(block % 3 != 0)
+    seen = [
+        motion.velocity_rad_s,
+        *(getattr(recording, name) for name in REQUIRED_COLUMNS if name != "time_s"),
+    ]
+
+    def covered(flags: _Flags) -> float:
+        spans = [(float(np.ptp(one[flags])), float(np.ptp(one))) for one in seen]
+        return sum(part / whole for part, whole in spans if whole > 0.0)
+
+    return max((np.asarray(block % 3 != held) for held in range(3)), key=covered)

@@ -227,8 +227,10 @@ class Problem:
             )
         )
 
-    def with_noise_of(self, model: Model) -> Problem:
+    def with_noise_of(self, model: Model, *, anew: bool = True) -> Problem:
         """Return the problem with each channel's noise read off what this model leaves.
+
+        `anew`: also where it is large is found out anew, for which two dozen simulations are made.
 
         Where the model is right, what it leaves is the noise: its correlation gives the share of
         independent samples. Where it is not, the slow rest makes the share small, what it leaves
@@ -239,7 +241,7 @@ class Problem:
         """
         parts = []
         try:
-            weighed = self._weigh(model) if self._weigh else self.parts
+            weighed = self._weigh(model) if self._weigh and anew else self.parts
         except ModelError:  # it runs what was measured, but not every path beside it
             weighed = self.parts
         for part in weighed:

@@ -8,7 +8,7 @@ earlier one has become idle. Hypotheses in order of their score out; `decide` wo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -42,7 +42,7 @@ STRAINED = 3.0  # tolerances
 BY_CHANCE = 1.35  # of the noise: what a model that lacks nothing may leave
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere
-MOST_ROUNDS = 4
+MOST_ROUNDS = 6
 NEARER = 0.9  # of the rest: less than that is worth another round
 ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
 
@@ -145,6 +145,7 @@ def select(
     base = Hypothesis((), fit, solve_widely(fit, stated))
     chosen, frontier = base, [base]
     rivals: list[Hypothesis] = []
+    known = {base.key: base}
     progress("looking at every effect", 0.1)
     looks = _look(base, candidates, pool)
     for count in range(1, MOST_EFFECTS + 1):
@@ -158,13 +159,14 @@ def select(
         tried = _distinct(tried)
         problem, tried = _under_their_noise(problem, tried, pool)
         chosen = _again(chosen, problem)
+        known |= {one.key: one for one in [*tried, chosen]}
         # A number that had to leave its tolerance far behind is a finding, not a calibration.
         strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
         enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
         # Where nothing is known to be missing yet, what cures more than noise matters, too.
         missed = count == 1 and problem.rest(chosen.fitted.model) > BY_CHANCE
         better = next(
-            (one for one in tried if one.score >= enough and (missed or _matters(one))), None
+            (one for one in tried if one.score >= enough and (missed or _matters(one, known))), None
         )
         if count == 1 or better:
             rivals = tried
@@ -175,9 +177,11 @@ def select(
             break
         # Two effects that need each other: neither need be the best alone.
         frontier = tried[: ABREAST if count == 1 else 1]
-    if chosen.effects and _matters(chosen):  # then one that moves nothing is no rival
+    if chosen.effects and _matters(chosen, known):  # then one that moves nothing is no rival
         near = chosen.score - WITHIN
-        rivals = [one for one in rivals if one.score < near or one is chosen or _matters(one)]
+        rivals = [
+            one for one in rivals if one.score < near or one is chosen or _matters(one, known)
+        ]
     # That first look, as sharp as the noise at the end allows.
     sharper = problem.weights() / fit.problem.weights()
     first = [
@@ -187,16 +191,20 @@ def select(
     return Selection(_again(base, problem), chosen, rivals, first, looked_from, problem)
 
 
-def _matters(one: Hypothesis) -> bool:
+def _matters(one: Hypothesis, known: Mapping[frozenset[tuple[str, str]], Hypothesis]) -> bool:
     """Whether each of its effects moves a channel by more than noise.
 
     A sample may be far more precise than the rest, so less can be seen, but also a model's own
-    errors can, and they are no effect of the rig.
+    errors can, and they are no effect of the rig. Without the effect means as well as it can be
+    done without, where that was tried.
     """
-    model, known = one.fitted.model, len(one.fitted.model.document.effects) - len(one.effects)
-    places = range(known, known + len(one.effects))
-    without = (model.without_effect(place) for place in places)
-    return all(one.fit.problem.distance(model, other) >= MATTERS for other in without)
+    model, first = one.fitted.model, len(one.fitted.model.document.effects) - len(one.effects)
+    for place, effect in enumerate(one.effects, first):
+        rest = known.get(one.key - {effect.key})
+        without = rest.fitted.model if rest else model.without_effect(place)
+        if one.fit.problem.distance(model, without) < MATTERS:
+            return False
+    return True
 
 
 def _look(
@@ -278,17 +286,20 @@ def _under_their_noise(
 
 
 def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
-    """Fit from everywhere under the noise it leaves; again while that brings it much nearer."""
-    best = replace(one, fitted=solve_widely(one.fit, one.fitted, pool.map))
-    rest = best.fit.problem.rest(best.fitted.model)
+    """Fit under the noise that it leaves, again; from everywhere where that gets stuck."""
+    best, widely = one, False
+    rest = one.fit.problem.rest(one.fitted.model)
     for _ in range(MOST_ROUNDS):
-        nearer = _again(best, best.fit.problem.with_noise_of(best.fitted.model))
-        nearer = replace(nearer, fitted=solve_widely(nearer.fit, nearer.fitted, pool.map))
+        nearer = _again(best, best.fit.problem.with_noise_of(best.fitted.model, anew=widely))
+        if widely:
+            nearer = replace(nearer, fitted=solve_widely(nearer.fit, nearer.fitted, pool.map))
         before, rest = rest, nearer.fit.problem.rest(nearer.fitted.model)
         if rest < before:
             best = nearer
-        if rest > NEARER * before:
+        stuck = rest > NEARER * before
+        if stuck and (widely or rest < AT_FLOOR):
             break
+        widely = stuck
     return best
 
 
