@@ -1,6 +1,7 @@
 """The hidden-effect benchmark: `python -m hil_tests.benchmarks.diagnosis --seed N [...]`.
 
-Draws cases (`hil_tests.hidden_effects`) from the seed at run time, lets `bowden.diagnosis` and the
+Draws cases (`hil_tests.hidden_effects`, or `hil_tests.rig_cases` with `--source rig`) from the seed
+at run time, lets `bowden.diagnosis` and the
 baselines answer each of them, and writes build/diagnosis.json, a table and a picture of the
 confusion matrix beside it. Developing seeds are below 1000; figures are reported with a seed of
 1000 or above that nobody has developed with. Interrupted, it writes what it has.
@@ -31,39 +32,44 @@ from bowden.recording.recording import REQUIRED_COLUMNS, Recording
 from hil_tests.benchmarks import diagnosis_baselines as baselines
 from hil_tests.benchmarks.diagnosis_picture import svg
 from hil_tests.benchmarks.diagnosis_score import Answer, Result, markdown
-from hil_tests.hidden_effects import effects, unlisted
-from hil_tests.hidden_effects.recordings import WEAKEST, Case, draw_case
+from hil_tests.hidden_effects import effects, recordings, unlisted
+from hil_tests.hidden_effects.recordings import Case
+from hil_tests.hidden_effects.strength import WEAKEST
+from hil_tests.rig_cases import cases as rig_cases
 
 OURS = "bowden"
 REDRAWS = 5
-Job = tuple[int, str, tuple[str, ...], float]
+SOURCES = {"continuum": recordings.draw_case, "rig": rig_cases.draw_case}
+Job = tuple[int, str, tuple[str, ...], float, str]
 
 
-def jobs(seed: int, per_effect: int, only: list[str], length_s: float) -> list[Job]:
+def jobs(
+    seed: int, per_effect: int, only: list[str], length_s: float, source: str = "continuum"
+) -> list[Job]:
     """List the cases: seed, kind, names; rounds over all effects, so that any part is balanced."""
     rng = np.random.default_rng([seed, 77])
-    found: list[Job] = []
+    found: list[tuple[int, str, tuple[str, ...]]] = []
     for k in range(per_effect):
         number = 1000 * seed + k
-        found += [(number, "single", (name,), length_s) for name in effects.HIDE]
-        found += [(number, "unlisted", (name,), length_s) for name in unlisted.HIDE]
-        found += [(number + 100 * i, "complete", (), length_s) for i in range(12)]
+        found += [(number, "single", (name,)) for name in effects.HIDE]
+        found += [(number, "unlisted", (name,)) for name in unlisted.HIDE]
+        found += [(number + 100 * i, "complete", ()) for i in range(12)]
         for i in range(8):
             a, b = rng.choice(list(effects.HIDE), 2, replace=False)
-            found.append((number + 100 * i, "pair", (str(a), str(b)), length_s))
+            found.append((number + 100 * i, "pair", (str(a), str(b))))
     if only:
         found = [j for j in found if set(only) & {j[1], *j[2]}]
     order = np.random.default_rng([seed, 78]).permutation(len(found))
-    return [found[i] for i in order]
+    return [(*found[i], length_s, source) for i in order]
 
 
 def excited(job: Job) -> Case:
     """Draw the case; again with the next rig and motion while its effect cannot be seen."""
-    seed, kind, names, length_s = job
+    seed, kind, names, length_s, source = job
     case: Case | None = None
     for again in range(REDRAWS):
         try:
-            case = draw_case(seed + 10_000_000 * again, kind, names, length_s)
+            case = SOURCES[source](seed + 10_000_000 * again, kind, names, length_s)
         except ArithmeticError:  # the solver has no answer for this rig
             continue
         if kind == "complete" or case.truth.strength >= WEAKEST:
@@ -154,6 +160,9 @@ def main() -> int:
     )
     parser.add_argument("--seed", type=int, required=True, help="reporting seeds: 1000 and above")
     parser.add_argument("--cases-per-effect", type=int, default=4, metavar="K")
+    parser.add_argument(
+        "--source", choices=SOURCES, default="continuum", help="who makes the recordings"
+    )
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="or a kind")
     parser.add_argument("--length-s", type=float, default=30.0, help="of each recording")
     parser.add_argument("--jobs", type=int, default=1, help="cases at the same time")
@@ -161,7 +170,7 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=Path("build/diagnosis.json"))
     args = parser.parse_args()
     args.output.parent.mkdir(parents=True, exist_ok=True)
-    todo = jobs(args.seed, args.cases_per_effect, args.only, args.length_s)
+    todo = jobs(args.seed, args.cases_per_effect, args.only, args.length_s, args.source)
     methods: dict[str, list[Result]] = {}
     start = time.monotonic()
     try:

@@ -10,21 +10,28 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hil_tests.hidden_effects import draws, effects, excitation, unlisted
 from hil_tests.hidden_effects.cable_profile import Law
-from hil_tests.hidden_effects.continuum import Answer, Ends, Pair, solve
-from hil_tests.hidden_effects.hidden import Draw, Hidden, Signals, Vector, together
+from hil_tests.hidden_effects.continuum import Ends, Pair
+from hil_tests.hidden_effects.hidden import Draw, Hidden, Values, Vector
+from hil_tests.hidden_effects.strength import (
+    CELL_NOISE_NM,
+    LOAD_COUNTS,
+    MOTOR_COUNTS,
+    Read,
+    counts,
+    draw_strength,
+    floor_of,
+    read_out,
+    sized,
+    strength_of,
+)
 
-MOTOR_COUNTS = 2000
-LOAD_COUNTS = 10000
-CELL_NOISE_NM = 5e-4
-FLAT_S = 0.02
-WEAKEST, STRONGEST = 3.0, 30.0
 KINDS = ("complete", "single", "pair", "unlisted")
 
 
@@ -134,112 +141,24 @@ numerics: {{segments: 100}}
     return Rig(pair, model_yaml, nominal)
 
 
-def _counts(values: Vector, per_turn: int) -> Vector:
-    step = 2.0 * np.pi / per_turn
-    return np.asarray(np.round(values / step) * step)
+def random_of(seed: int, kind: str, names: Sequence[str]) -> np.random.Generator:
+    """Return the generator of a case; ValueError where there is no such kind."""
+    if kind not in KINDS:
+        raise ValueError(f"kind: found {kind!r}; accepted: {', '.join(KINDS)}")
+    return np.random.default_rng([seed, *(ord(c) for c in kind + "".join(names))])
 
 
-@dataclass(frozen=True)
-class _Read:
-    motor_angle_rad: Vector
-    load_angle_rad: Vector
-    load_torque_nm: Vector
+def draw_names(rng: np.random.Generator, kind: str) -> list[str]:
+    """Draw what is hidden, by name."""
+    if kind == "complete":
+        return []
+    table = list(unlisted.HIDE) if kind == "unlisted" else list(effects.HIDE)
+    return [str(x) for x in rng.choice(table, 2 if kind == "pair" else 1, replace=False)]
 
 
-def _run(pair: Pair, signals: Signals, hidden: Sequence[Hidden]) -> _Read:
-    """Run the pair with what is hidden; return the channels as noiseless sensors see them."""
-    for effect in hidden:
-        pair = effect.pair(pair)
-    torque = signals.motor_torque_nm
-    for effect in hidden:
-        torque = effect.true_torque(torque, signals)
-    histories = together([effect.histories(signals, pair) for effect in hidden])
-    steps = max([effect.oversample for effect in hidden], default=1)
-    answer: Answer = solve(
-        pair, signals.time_s, torque, signals.load_angle_rad, histories, oversample=steps
-    )
-    motor, load, cell = answer.motor_angle_rad, signals.load_angle_rad, answer.load_torque_nm
-    for effect in hidden:
-        motor = effect.read_motor_angle(motor, signals)
-        load = effect.read_load_angle(load, signals)
-        cell = effect.read_load_torque(cell, signals)
-    return _Read(motor, load, cell)
-
-
-def _path(time_s: Vector, angle: Vector) -> Vector:
-    """Read an angle off its counts: through the edges, and flat where no count changes for long."""
-    counts = _counts(angle, LOAD_COUNTS)
-    at = np.flatnonzero(np.diff(counts) != 0) + 1
-    knots = [(float(time_s[0]), float(counts[0]))]
-    for i in at:
-        now, edge = float(time_s[i]) - 5e-4, 0.5 * float(counts[i] + counts[i - 1])
-        if now - knots[-1][0] > 2.0 * FLAT_S:
-            knots += [(knots[-1][0] + FLAT_S, float(counts[i - 1]))]
-            knots += [(now - FLAT_S, float(counts[i - 1]))]
-        knots.append((now, edge))
-    knots.append((max(float(time_s[-1]), knots[-1][0] + FLAT_S), float(counts[-1])))
-    return np.asarray(np.interp(time_s, *np.array(knots).T))
-
-
-def _rms(values: Vector) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _floor(pair: Pair, signals: Signals, base: _Read) -> dict[str, float]:
-    """Measure the noise floor: what the load encoder's counts do, and the sensors' own.
-
-    The counts are read as any lab would: `_path`.
-    """
-    counted = replace(signals, load_angle_rad=_path(signals.time_s, signals.load_angle_rad))
-    coarse = _run(pair, counted, [])
-    torque = _rms(coarse.load_torque_nm - base.load_torque_nm)
-    angle = _rms(coarse.motor_angle_rad - base.motor_angle_rad)
-    step = 2.0 * np.pi / MOTOR_COUNTS / np.sqrt(12.0)
-    return {
-        "load_torque_nm": float(np.hypot(torque, CELL_NOISE_NM)),
-        "motor_angle_rad": float(np.hypot(angle, step)),
-    }
-
-
-def _strength(changed: _Read, base: _Read, floor: dict[str, float], twist: float) -> float:
-    """Measure how many noise floors an effect is worth in the channel that shows it best.
-
-    A change of the recorded load angle (an input) counts through what it does to the motor's angle,
-    `twist` times as much.
-    """
-    angle = changed.motor_angle_rad - base.motor_angle_rad
-    turned = twist * (changed.load_angle_rad - base.load_angle_rad)
-    return max(
-        _rms(changed.load_torque_nm - base.load_torque_nm) / floor["load_torque_nm"],
-        _rms(angle - turned) / floor["motor_angle_rad"],
-    )
-
-
-def _scaled(
-    name: str,
-    draw: Draw,
-    *,
-    pair: Pair,
-    signals: Signals,
-    base: _Read,
-    floor: dict[str, float],
-    wanted: float,
-) -> tuple[Hidden, float, _Read]:
-    """Give a drawn effect the magnitude that makes it worth `wanted` floors, within its limits."""
-    make = unlisted.HIDE[name] if name in unlisted.HIDE else effects.HIDE[name]
-    twist = pair.ends.load_radius_m / pair.ends.motor_radius_m
-    hidden = make(draw.parameters)
-    read = _run(pair, signals, [hidden])
-    strength = _strength(read, base, floor, twist)
-    for _ in range(0 if draw.fixed else 3):
-        magnitude = abs(hidden.parameters[draw.strength])
-        better = float(np.clip(magnitude * wanted / max(strength, 1e-9), draw.low, draw.high))
-        if abs(np.log(better / magnitude)) < 0.3:
-            break
-        hidden = make(draw.at(better))
-        read = _run(pair, signals, [hidden])
-        strength = _strength(read, base, floor, twist)
-    return hidden, strength, read
+def draw_effect(rng: np.random.Generator, kind: str, name: str, pair: Pair) -> Draw:
+    """Draw the numbers of an effect; its strength stays open."""
+    return unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, pair)
 
 
 def draw_case(
@@ -259,37 +178,35 @@ def draw_case(
         Names; drawn where they are not given.
     length_s : float
     """
-    if kind not in KINDS:
-        raise ValueError(f"kind: found {kind!r}; accepted: {', '.join(KINDS)}")
     names = [effect] if isinstance(effect, str) else list(effect or ())
-    label = [ord(c) for c in kind + "".join(names)]
-    rng = np.random.default_rng([seed, *label])
+    rng = random_of(seed, kind, names)
     rig = draw_rig(rng)
     friction_nm = 2.0 * rig.pair.ends.motor_radius_m * rig.pair.law.pretension_n
     friction_nm *= rig.pair.mu * rig.pair.wrap_rad
     signals = excitation.draw(rng, min(0.9 * friction_nm + 0.05, 0.6), length_s)
-    if not names and kind != "complete":
-        table = list(unlisted.HIDE) if kind == "unlisted" else list(effects.HIDE)
-        names = [str(x) for x in rng.choice(table, 2 if kind == "pair" else 1, replace=False)]
-    base = _run(rig.pair, signals, [])
-    floor = _floor(rig.pair, signals, base)
-    wanted = float(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))))
-    if kind in {"pair", "unlisted"}:
-        wanted = max(wanted, 8.0)
-    hidden, strength, read = [], 0.0, base
+    names = names or draw_names(rng, kind)
+    base = read_out(rig.pair, signals, [])
+    floor = floor_of(rig.pair, signals, base)
+    wanted = draw_strength(rng, kind)
+    twist = rig.pair.ends.load_radius_m / rig.pair.ends.motor_radius_m
+    hidden: list[Hidden] = []
+    strength, read = 0.0, base
     for name in names:
-        drawn = unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, rig.pair)
-        made, worth, read = _scaled(
-            name, drawn, pair=rig.pair, signals=signals, base=base, floor=floor, wanted=wanted
-        )
-        hidden.append(made)
+        make = unlisted.HIDE[name] if kind == "unlisted" else effects.HIDE[name]
+
+        def run(values: Values, make: effects.Hide = make) -> tuple[float, Read]:
+            found = read_out(rig.pair, signals, [make(values)])
+            return strength_of(found, base, floor, twist), found
+
+        values, worth, read = sized(draw_effect(rng, kind, name, rig.pair), wanted, run)
+        hidden.append(make(values))
         strength = worth if strength == 0.0 else min(strength, worth)
     if len(hidden) > 1:
-        read = _run(rig.pair, signals, hidden)
+        read = read_out(rig.pair, signals, hidden)
     columns = {
         "time_s": signals.time_s,
-        "motor_angle_rad": _counts(read.motor_angle_rad, MOTOR_COUNTS),
-        "load_angle_rad": _counts(read.load_angle_rad, LOAD_COUNTS),
+        "motor_angle_rad": counts(read.motor_angle_rad, MOTOR_COUNTS),
+        "load_angle_rad": counts(read.load_angle_rad, LOAD_COUNTS),
         "motor_torque_nm": signals.motor_torque_nm,
         "load_torque_nm": read.load_torque_nm + rng.normal(0.0, CELL_NOISE_NM, signals.time_s.size),
     }
