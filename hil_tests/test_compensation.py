@@ -14,7 +14,7 @@ from bowden.drive.dictionary import lookup
 
 from hil_tests.benches import Benches
 from hil_tests.lockstep_host import LockstepHost, samples
-from hil_tests.rig.parameters import Cable, Rig, Sensing
+from hil_tests.rig.parameters import Cable, Hand, Rig, Sensing
 from hil_tests.virtual_bus import VirtualBus
 
 pytestmark = pytest.mark.needs("simulated-rig", "virtual-time")
@@ -106,6 +106,27 @@ def test_an_encoder_that_does_not_fit_the_cables_leaves_coulomb_feed_forward(
     host.listen(1.2)
     assert read(host, "statusword") & STATE == ENABLED
     assert any(rung == COULOMB_RUNG and causes & ENCODER_SLIPPED for rung, causes in warnings(host))
+
+
+def test_torque_that_the_cables_hold_when_the_law_starts_is_no_broken_cell(
+    benches: Benches,
+) -> None:
+    """The hand has moved the load, the motor gave nothing: friction holds 3 N m in the cables, of
+    which a model that starts now knows nothing."""
+    hand = Hand(starts="now", frequency_hz=0.1)
+    rig = Rig(cable=Cable(pretension_n=10.0), hand=hand)
+    host = benches(rig)
+    host.listen(2.3)  # it all but rests at the end of its first stroke
+    assert abs(read(host, "load_torque")) > 2e6
+    write(host, "cable_pretension", rig.cable.pretension_n)
+    write(host, "friction_static", 0.21)
+    write(host, "compensation_law", MODEL_INVERSION)
+    host.listen(0.5)
+    assert read(host, "compensation_rung") == WITH_CELL
+    host.enable(TUNNEL)
+    host.listen(1.5)
+    assert read(host, "compensation_rung") == WITH_CELL
+    assert warnings(host) == []
 
 
 def test_torque_mode_goes_through_the_law_as_well(benches: Benches) -> None:

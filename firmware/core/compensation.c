@@ -199,6 +199,7 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
     outputs->innovation_nm = estimator->innovation_nm;
     outputs->slip = estimator->slip;
     outputs->confidence = estimator->confidence;
+    outputs->informed = estimator->informed;
     outputs->flags = flags_of(compensation, inputs, outputs->motor_torque_unm != torque_unm,
                               passivity_back_off_q16(&compensation->passivity) > 0);
     outputs->energy_uj = passivity_energy_uj(&compensation->passivity);

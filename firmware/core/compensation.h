@@ -83,6 +83,7 @@ typedef struct {
     slip_state_t slip;
     uint8_t confidence; /* in the estimate, 0 .. 255 */
     uint8_t flags;
+    bool informed;        /* estimator.h */
     int32_t energy_uj;    /* what the rendering error has given the load beyond the wanted */
     int32_t friction_unm; /* friction of the sliding pair at the load, by the observer */
     uint32_t friction_factor_ppm; /* adaptation: friction level against the configured, one is

@@ -83,6 +83,8 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
     follow_direction(estimator, inputs->load_arc_nm);
     follow_gap(estimator, inputs);
     estimator->slip = slip_of(transmission);
+    estimator->slid[estimator->slip] = true;
+    estimator->informed = estimator->slid[SLIP_POSITIVE] && estimator->slid[SLIP_NEGATIVE];
     estimator->innovation_nm =
         fixed_subtract(inputs->motor_arc_nm, transmission->motor.arc_nm, &ignored);
     const int32_t model_unm = transmission_load_torque_unm(transmission);

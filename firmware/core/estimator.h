@@ -49,7 +49,9 @@ typedef struct {
     slip_state_t slip;
     uint8_t confidence;     /* 0 .. 255 */
     int32_t load_direction; /* 1, 0 or -1 */
-    int32_t gap_speed_nm;   /* nm a tick by which the motor pulley outruns the load pulley */
+    bool informed;        /* the pair has slid as a whole both ways: nothing of what the cables held
+                             when the model started is left */
+    int32_t gap_speed_nm; /* nm a tick by which the motor pulley outruns the load pulley */
     /* memory */
     int32_t correction_q8_unm; /* of the model by the load cell */
     int32_t doubt_q8;          /* mean disagreement, 0 .. 255 */
@@ -58,6 +60,7 @@ typedef struct {
     int32_t last_gap_nm;
     int32_t gap_speed_q8_nm;
     bool started;
+    bool slid[3]; /* by slip_state_t: has been */
 } estimator_t;
 
 /* Constants and a start at rest. `windup_nm`, `tolerance_unm`: > 0. */

@@ -10,10 +10,17 @@
 #define PRIOR_X_Q30 24159191  /* 0.15^2: friction and pretension wrong by 15 % each */
 #define PRIOR_E_Q30 10737418  /* 0.1^2 */
 #define PRIOR_D_Q30 6333186   /* 0.0768^2: 1.2 ms */
+#define PRIOR_O_Q30 42949673  /* 0.2^2, in units of B */
 #define DRIFT_Q30 1074        /* 1e-6 a sample: a tenth in 160 s of sliding */
 #define UNMODELLED_Q24 671089 /* 0.2^2 of B in each sample: what neither x nor e nor d explains */
 #define LEAST_Q16 16384       /* 1/4 */
 #define MOST_FACTOR_Q16 81920 /* 5/4 */
+
+static const int32_t PRIOR_Q30[FRICTION_OBSERVER_NUMBERS] = {PRIOR_X_Q30, PRIOR_E_Q30, PRIOR_D_Q30,
+                                                             PRIOR_O_Q30};
+/* Where row i, column j of the covariance is kept. */
+static const uint8_t AT[FRICTION_OBSERVER_NUMBERS][FRICTION_OBSERVER_NUMBERS] = {
+    {0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
 
 friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
                                          uint32_t ticks_per_s) {
@@ -48,27 +55,27 @@ static int32_t square_root_q16(int32_t square_q30) {
 }
 
 void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16) {
-    const int32_t prior_q30[6] = {PRIOR_X_Q30, 0, 0, PRIOR_E_Q30, 0, PRIOR_D_Q30};
-    for (uint32_t i = 0; i < 6; i++) {
-        observer->covariance_q30[i] = prior_q30[i];
+    for (uint32_t i = 0; i < FRICTION_OBSERVER_NUMBERS; i++) {
+        observer->mean_q24[i] = 0;
+        for (uint32_t j = i; j < FRICTION_OBSERVER_NUMBERS; j++) {
+            observer->covariance_q30[AT[i][j]] = i == j ? PRIOR_Q30[i] : 0;
+        }
     }
     observer->mean_q24[0] = ((int32_t)factor_q16 - FRICTION_OBSERVER_ONE) * 256;
-    observer->mean_q24[1] = 0;
-    observer->mean_q24[2] = 0;
     observer->deviation_q16 = square_root_q16(PRIOR_X_Q30);
 }
 
-/* One sample of (O2): `seen` is its left side, `h` what x, e and d go with; Q16. */
-static void learn(friction_observer_t *observer, int32_t seen_q16, const int32_t h_q16[3]) {
-    static const uint8_t AT[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+/* One sample of (O2): `seen` is its left side, `h` what x, e, d and o go with; Q16. */
+static void learn(friction_observer_t *observer, int32_t seen_q16,
+                  const int32_t h_q16[FRICTION_OBSERVER_NUMBERS]) {
     int32_t *p = observer->covariance_q30;
-    int32_t ph_q30[3];
-    int64_t spread_q30 = 0; /* h P h; |h| is below 24, P below 0.04: all sums stay below 2^40 */
+    int32_t ph_q30[FRICTION_OBSERVER_NUMBERS];
+    int64_t spread_q30 = 0; /* h P h; |h| is below 24, P below 0.05: all sums stay below 2^50 */
     int64_t expected_q24 = 0;
     uint32_t saturations = 0;
-    for (uint32_t i = 0; i < 3; i++) {
+    for (uint32_t i = 0; i < FRICTION_OBSERVER_NUMBERS; i++) {
         int64_t sum = 0;
-        for (uint32_t j = 0; j < 3; j++) {
+        for (uint32_t j = 0; j < FRICTION_OBSERVER_NUMBERS; j++) {
             sum += (int64_t)p[AT[i][j]] * h_q16[j];
         }
         ph_q30[i] = fixed_saturate(sum / 65536, &saturations);
@@ -81,13 +88,13 @@ static void learn(friction_observer_t *observer, int32_t seen_q16, const int32_t
     const int32_t surprise_q24 =
         fixed_clamp(fixed_saturate((int64_t)seen_q16 * 256 - expected_q24, &saturations),
                     -SURPRISE_Q24, SURPRISE_Q24);
-    for (uint32_t i = 0; i < 3; i++) {
+    for (uint32_t i = 0; i < FRICTION_OBSERVER_NUMBERS; i++) {
         const int32_t gain_q24 = fixed_scale(ph_q30[i], per_variance, &saturations);
         observer->mean_q24[i] += (int32_t)((int64_t)gain_q24 * surprise_q24 / ONE_Q24);
-        for (uint32_t j = i; j < 3; j++) {
+        for (uint32_t j = i; j < FRICTION_OBSERVER_NUMBERS; j++) {
             p[AT[i][j]] -= (int32_t)((int64_t)gain_q24 * ph_q30[j] / ONE_Q24);
         }
-        p[AT[i][i]] = fixed_clamp(p[AT[i][i]], 0, PRIOR_X_Q30) + DRIFT_Q30;
+        p[AT[i][i]] = fixed_clamp(p[AT[i][i]], 0, PRIOR_Q30[i]) + DRIFT_Q30;
     }
     observer->deviation_q16 = square_root_q16(p[0]);
 }
@@ -104,10 +111,11 @@ static void close_window(friction_observer_t *observer, int32_t load_arc_nm) {
     if (!slid || observer->slack || travel_nm < observer->least_travel_nm) {
         return;
     }
-    const int32_t h_q16[3] = {
+    const int32_t h_q16[FRICTION_OBSERVER_NUMBERS] = {
         -FRICTION_OBSERVER_ONE,
         fixed_scale(gap_nm, observer->q16_per_nm, &saturations),
         fixed_scale(travel_nm, observer->q16_per_nm, &saturations),
+        side * FRICTION_OBSERVER_ONE,
     };
     const int32_t size_q16 = h_q16[1] < 0 ? -h_q16[1] : h_q16[1];
     if (size_q16 < MOST_Q16 && h_q16[2] < MOST_Q16) {

@@ -7,11 +7,12 @@
  *   (O1)  gap = r_m theta_m - r_l theta_l = L/(4 EA) (f + g) = L/(4 EA) (2 f - s F)
  * and so the innovation (estimator.h), the measured gap less the model's, in units of the model's
  * B = F L/(4 EA), tells by how much the model is wrong:
- *   (O2)  s innovation/B = -x + e (s gap/B) + d (|v|/B)
- * with x the relative error of the friction, e that of the compliance, and d the time by which the
- * load encoder is late, v its speed. The three differ in what they go with, the direction, the load
- * and the speed; what has not been excited stays at its prior, with its deviation. A Kalman filter
- * of these three numbers, 64 times a second.
+ *   (O2)  s innovation/B = -x + e (s gap/B) + d (|v|/B) + s o
+ * with x the relative error of the friction, e that of the compliance, d the time by which the load
+ * encoder is late, v its speed, and o what is the same both ways: torque that the cables held when
+ * the model started, or a motor torque that is off. The four differ in what they go with; what has
+ * not been excited stays at its prior, with its deviation. A Kalman filter of these four numbers,
+ * 64 times a second.
  *
  * *Sure* is that friction less one standard deviation: what may be compensated without giving the
  * hand energy. Of more friction than the model's only half is believed, because play at the load
@@ -28,6 +29,7 @@
 #include "fixed.h"
 
 #define FRICTION_OBSERVER_ONE 65536
+#define FRICTION_OBSERVER_NUMBERS 4
 
 typedef struct {
     /* constants */
@@ -35,9 +37,9 @@ typedef struct {
     int32_t noise_q24;  /* variance of a sample, in units of B */
     uint32_t window_ticks;
     int32_t least_travel_nm; /* in a window, to be a direction */
-    /* x, e and d (in windows) in Q24; their covariance, upper triangle row by row, in Q30 */
-    int32_t mean_q24[3];
-    int32_t covariance_q30[6];
+    /* x, e, d (in windows) and o in Q24; their covariance, upper triangle row by row, in Q30 */
+    int32_t mean_q24[FRICTION_OBSERVER_NUMBERS];
+    int32_t covariance_q30[FRICTION_OBSERVER_NUMBERS * (FRICTION_OBSERVER_NUMBERS + 1) / 2];
     int32_t deviation_q16; /* of x */
     /* the window so far */
     uint32_t ticks;

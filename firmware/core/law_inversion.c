@@ -7,6 +7,7 @@
 #define REST_BAND 32      /* at rest 1/32 of it is left alone: less than stiction makes it jump */
 #define STROKES_PER_S 6   /* no hand turns around faster */
 #define WAIT_LAGS 32      /* each time that a side has stayed so long halves the band */
+#define CORRECTING 2      /* at rest an error is corrected so much slower: the cell is late */
 #define PATIENCE_MOST 3   /* 4/3 of the friction; a load that is moved back makes twice that */
 
 #define EXTRA_MOST (1 << 26) /* uN m; in Q4 that is the range of int32_t */
@@ -68,14 +69,15 @@ static int32_t magnitude(int32_t value) {
 }
 
 /* How much the error may be before the side changes: less the longer the side has stayed, twice as
- * much for each unit of patience lost. */
-static int32_t side_band_unm(const inversion_t *inversion) {
+ * much for each unit of patience lost; at rest half more than the last change left. */
+static int32_t side_band_unm(const inversion_t *inversion, int32_t direction) {
     const uint32_t stayed = inversion->side_ticks / (WAIT_LAGS * (uint32_t)inversion->lag_ticks);
     const uint32_t eager = PATIENCE_MOST - inversion->patience;
     const int32_t band_unm = inversion->friction_unm / SIDE_BAND << inversion->patience;
     const int32_t waited_unm =
         (band_unm >> (stayed < eager ? stayed : eager)) + 2 * inversion->rest_band_unm;
-    return waited_unm > 2 * inversion->left_unm ? waited_unm : 2 * inversion->left_unm;
+    const int32_t left_unm = direction == 0 ? inversion->left_unm + inversion->left_unm / 2 : 0;
+    return waited_unm > left_unm ? waited_unm : left_unm;
 }
 
 /* Chooses the side. */
@@ -83,7 +85,7 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
                         const inversion_inputs_t *inputs, int32_t error_unm) {
     uint32_t saturations = 0; /* far travel is far */
     const int32_t direction = estimator->load_direction;
-    const int32_t band_unm = side_band_unm(inversion);
+    const int32_t band_unm = side_band_unm(inversion, direction);
     if (inversion->side_ticks < UINT32_MAX) {
         inversion->side_ticks++;
     }
@@ -94,15 +96,17 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
         inversion->patience = 0;
         inversion->left_unm = 0;
         inversion->settled_unm = inputs->wanted_unm;
+        inversion->called_for = true;
     }
     const int32_t towards = error_unm > band_unm ? 1 : (error_unm < -band_unm ? -1 : 0);
     if (inversion->side == 0) { /* what is there stays until it is wrong, or the load moves */
         inversion->side = direction != 0 ? direction : towards;
         inversion->side_ticks = inversion->side == 0 ? inversion->side_ticks : 0;
         inversion->side_arc_nm = estimator->mark_nm;
+        inversion->called_for = inversion->called_for && inversion->side == 0;
         return;
     }
-    if (direction == 0 &&
+    if (direction == 0 && inversion->patience > 0 &&
         inversion->side_ticks == 2 * SETTLED_LAGS * (uint32_t)inversion->lag_ticks) {
         inversion->left_unm = magnitude(fixed_clamp(error_unm, -EXTRA_MOST, EXTRA_MOST));
     }
@@ -117,9 +121,10 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
     if (calm && stroke && !inputs->owes) {
         inversion->patience = 0;
         inversion->left_unm = 0;
-    } else if (inversion->patience < PATIENCE_MOST) {
+    } else if (!inversion->called_for && inversion->patience < PATIENCE_MOST) {
         inversion->patience++;
     }
+    inversion->called_for = false;
     inversion->side = -inversion->side;
     inversion->side_ticks = 0;
     inversion->side_arc_nm = estimator->mark_nm;
@@ -166,8 +171,14 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
     int32_t *lag = inversion->lag_q4_unm;
     const int32_t target_unm =
         side == 0 ? lag[0] / 16 : fixed_clamp((int32_t)extra_unm, -EXTRA_MOST, EXTRA_MOST);
-    lag[0] += (target_unm * 16 - lag[0]) / inversion->lag_ticks;
-    lag[1] += (lag[0] - lag[1]) / inversion->lag_ticks;
+    const bool feels_its_way = inputs->cell && direction == 0;
+    if (feels_its_way && side * fixed_clamp(error_unm, -1, 1) <= 0) {
+        lag[0] = lag[1]; /* enough has arrived, and friction holds it */
+    } else {
+        const int32_t slower = feels_its_way && inversion->patience > 0 ? CORRECTING : 1;
+        lag[0] += (target_unm * 16 - lag[0]) / (slower * inversion->lag_ticks);
+        lag[1] += (lag[0] - lag[1]) / (slower * inversion->lag_ticks);
+    }
     const int32_t damping_unm =
         fixed_scale(estimator->gap_speed_nm, inversion->damping, &saturations);
     return fixed_subtract(plain_unm + lag[1] / 16, damping_unm, &saturations);

@@ -10,14 +10,15 @@
  *
  * Each side has a *shift* of the wanted torque, an integral of the load cell's error: what the
  * model's friction is wrong by that way. It stays when the side changes, and when the cell dies.
- * Without a cell only the friction that friction_observer.h is sure of is compensated:
- * overcompensation would push.
+ * At rest it also says when it is enough: the torque goes towards that of the side only until what
+ * is wanted has arrived, so that a wrong model does not overshoot. Without a cell only the friction
+ * that friction_observer.h is sure of is compensated: overcompensation would push.
  *
- * A change of side that no stroke of the load has called for costs patience: the next one needs
- * twice the error, and at least twice what the last change left at rest, and twice as much is left
- * alone; until the hand makes a stroke or something else is wanted. A stroke while the passivity
- * observer is owed energy is the drive's own and counts for nothing. So however wrong the model is,
- * the law comes to rest.
+ * A change of side that neither a stroke of the load nor a new wish has called for costs patience:
+ * the next one needs twice the error, and at least twice what this one left at rest, and twice as
+ * much is left alone; until the hand makes a stroke or something else is wanted. A stroke while the
+ * passivity observer is owed energy is the drive's own and counts for nothing. So however wrong the
+ * model is, the law comes to rest.
  */
 #ifndef BOWDEN_CORE_LAW_INVERSION_H
 #define BOWDEN_CORE_LAW_INVERSION_H
@@ -53,9 +54,10 @@ typedef struct {
     int32_t side;            /* 1 or -1; 0: not yet */
     uint32_t side_ticks;     /* since it changed */
     uint32_t patience;       /* lost: changes of side without a stroke of the load; 0 .. 3 */
-    int32_t left_unm;        /* error that the last change of side left at rest */
+    int32_t left_unm;        /* error that the last such change left at rest */
     int32_t side_arc_nm;     /* where the load was then */
     int32_t settled_unm;     /* the wanted torque that the patience is for */
+    bool called_for;         /* something else is wanted: the next change of side is free */
     int32_t shift_q8_unm[2]; /* of the wanted torque; [negative, positive side] */
     int32_t lag_q4_unm[2];   /* motor torque behind one and two lags */
     bool resting;

@@ -10,8 +10,9 @@
  * has it: both are over in less. */
 #define IMPLAUSIBLE_TICKS (50u * TICKS_PER_MS)
 
-/* A step of the innovation that lasts; the noise of the current measurement does not. */
-#define SLIPPED_TICKS (5u * TICKS_PER_MS)
+/* A slip of an encoder stays. What a motor makes that swings on its cables, or takes up a slack
+ * one, goes to and fro: the model has no masses. */
+#define SLIPPED_TICKS (50u * TICKS_PER_MS)
 
 /* A stuck cell shows when the estimate has moved on by this part of the tolerance, and for so long:
  * a cell with little noise may well read the same twice. */
@@ -107,6 +108,9 @@ bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
     if (found->model_saturates) {
         causes |= FALLBACK_MODEL_SATURATES;
     }
+    const bool back = found->innovation_nm < 0;
+    fallback->slipped_ticks = back == fallback->slipped_back ? fallback->slipped_ticks : 0;
+    fallback->slipped_back = back;
     if (lasts(distance(found->innovation_nm, 0) > slip_limit_nm, &fallback->slipped_ticks,
               SLIPPED_TICKS)) {
         causes |= FALLBACK_ENCODER_SLIPPED;

@@ -71,6 +71,7 @@ typedef struct {
     uint32_t absent_ticks[FALLBACK_CAUSES];
     int32_t quiet_counts, quiet_model_unm; /* cell and estimate when the cell last moved */
     uint32_t quiet_ticks, implausible_ticks, slipped_ticks;
+    bool slipped_back;             /* the innovation was negative */
     int32_t given_unm, offset_unm; /* of the blend */
 } fallback_t;
 

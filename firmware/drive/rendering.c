@@ -30,9 +30,14 @@ static int32_t magnitude(int32_t value) {
 }
 
 /* What a sane model may be off by: with friction that is wrong by 15 % and effects that it lacks it
- * stays within half of what the cables carry and of the friction in them. */
-static int32_t torque_margin_unm(int32_t friction_unm, int32_t torque_unm) {
-    return magnitude(friction_unm) / 2 + magnitude(torque_unm) / 2;
+ * stays within half of what the cables carry and of the friction in them. The model starts with
+ * virgin cables. What the true ones may hold of an earlier motion is the friction more, until the
+ * pair has slid both ways. */
+static int32_t torque_margin_unm(const compensation_outputs_t *outputs, int32_t torque_unm) {
+    uint32_t saturations = 0; /* a margin of 2 kN m is as good as none */
+    const int32_t friction_unm = magnitude(outputs->friction_unm);
+    const int32_t held_unm = outputs->informed ? 0 : friction_unm;
+    return fixed_add(held_unm, friction_unm / 2 + magnitude(torque_unm) / 2, &saturations);
 }
 
 /* The same for the place of the motor: the stretch of the pretension, and half of what the motor's
@@ -63,7 +68,7 @@ static bool watch(rendering_t *rendering, transmission_t *transmission,
             .cell_counts = inputs->load_cell_counts,
             .cell_torque_unm = inputs->load_cell_unm,
             .model_torque_unm = model_unm,
-            .model_margin_unm = torque_margin_unm(outputs->friction_unm, model_unm),
+            .model_margin_unm = torque_margin_unm(outputs, model_unm),
             .innovation_nm = outputs->innovation_nm,
             .innovation_margin_nm = arc_margin_nm(transmission, inputs->motor_torque_unm),
             .model_saturates = saturates,

@@ -266,6 +266,20 @@ def test_at_rest_there_is_no_limit_cycle(factor: float, cell: bool) -> None:
         assert back < 1e-3 * FRICTION_NM / RATIO * 1e6
 
 
+@pytest.mark.parametrize("factor", [0.85, 1.0, 1.15])
+def test_at_rest_the_cell_tells_when_it_is_enough(factor: float) -> None:
+    """A still load: turning the profile over as a wrong model has it would end up to 15 % of twice
+    the friction off, 0.9 N m; the cell stops it on the way. What is left is below the rest band and
+    1/32 of the friction."""
+    wrong = settings(pretension_n=10 * factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
+    one = Controlled(model=wrong)
+    one.run(0.0, np.concatenate([stroke(0.0, 0.3, 0.25), np.full(1000, 0.3)]), cell=True)
+    for wanted_nm in (0.8, -0.8, 0.1):
+        arrives = one.run(wanted_nm, np.full(4000, 0.3), cell=True)
+        left_nm = 0.01 + 1.15 * FRICTION_NM / 32
+        assert arrives[-1] == pytest.approx(wanted_nm, abs=left_nm)
+
+
 def test_beyond_the_motor_it_saturates_and_says_so() -> None:
     one = Controlled(torque_limit_unm=300_000)
     one.run(-1.0, stroke(0.0, -0.5))
