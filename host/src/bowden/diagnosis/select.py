@@ -41,7 +41,7 @@ AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a fur
 STRAINED = 3.0  # tolerances
 BY_CHANCE = 1.35  # of the noise: what a model that lacks nothing may leave
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
-FAVOURITES = 3  # hypotheses that are fitted from everywhere
+FAVOURITES = 3  # hypotheses that are fitted from everywhere; with more effects, fewer
 MOST_ROUNDS = 6
 NEARER = 0.9  # of the rest: less than that is worth another round
 ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
@@ -157,7 +157,8 @@ def select(
         if not tried:
             break
         tried = _distinct(tried)
-        problem, tried = _under_their_noise(problem, tried, pool)
+        favourites = max(FAVOURITES - count + 1, 1)
+        problem, tried = _under_their_noise(problem, tried, favourites, pool)
         chosen = _again(chosen, problem)
         known |= {one.key: one for one in [*tried, chosen]}
         # A number that had to leave its tolerance far behind is a finding, not a calibration.
@@ -271,7 +272,7 @@ def _again(one: Hypothesis, problem: Problem) -> Hypothesis:
 
 
 def _under_their_noise(
-    problem: Problem, tried: Sequence[Hypothesis], pool: ThreadPoolExecutor
+    problem: Problem, tried: Sequence[Hypothesis], favourites: int, pool: ThreadPoolExecutor
 ) -> tuple[Problem, list[Hypothesis]]:
     """Judge by the noise that the best leaves: of all models it is the nearest to the truth.
 
@@ -279,7 +280,7 @@ def _under_their_noise(
     where it belongs. So each of the favourites is fitted under its own.
     """
     order = sorted(tried, key=lambda one: one.fitted.cost + one.fitted.judged)
-    order[:FAVOURITES] = [_under_its_own(_again(one, problem), pool) for one in order[:FAVOURITES]]
+    order[:favourites] = [_under_its_own(_again(one, problem), pool) for one in order[:favourites]]
     best = min(order, key=lambda one: problem.rest(one.fitted.model))
     nearer = problem.with_noise_of(best.fitted.model)
     return nearer, _judged_again(order, nearer, pool)
