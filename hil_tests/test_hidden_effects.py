@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from hil_tests.benchmarks.diagnosis_score import Answer, Rate, Result, rates
 from hil_tests.hidden_effects import draws, effects, unlisted
-from hil_tests.hidden_effects.cable_profile import Law
+from hil_tests.hidden_effects.cable_law import Law
 from hil_tests.hidden_effects.continuum import Answer as Motion
-from hil_tests.hidden_effects.continuum import Ends, Histories, Pair, solve
+from hil_tests.hidden_effects.continuum import Histories, Pair, solve
 from hil_tests.hidden_effects.hidden import Signals, Vector
+from hil_tests.hidden_effects.pair_motion import Ends
 from hil_tests.hidden_effects.recordings import KINDS, draw_case
 
 # Table I with EA = 4000 N and mu_s = mu_d; the figures are the closed forms of docs/physics.md.

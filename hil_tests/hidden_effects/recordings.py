@@ -16,9 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from hil_tests.hidden_effects import draws, effects, excitation, unlisted
-from hil_tests.hidden_effects.cable_profile import Law
-from hil_tests.hidden_effects.continuum import Ends, Pair
+from hil_tests.hidden_effects.cable_law import Law
+from hil_tests.hidden_effects.continuum import Pair
 from hil_tests.hidden_effects.hidden import Draw, Hidden, Values, Vector
+from hil_tests.hidden_effects.pair_motion import Ends
 from hil_tests.hidden_effects.strength import (
     CELL_NOISE_NM,
     LOAD_COUNTS,
