@@ -26,7 +26,6 @@ Verdict = Literal["named", "complete", "unlisted", "ambiguous", "insufficient_ex
 
 TIE = 3.0  # of score: odds of 20 to 1
 MOST_TIED = 3
-AS_GOOD_AS = 0.03  # of what an effect explains: no part follows its law more closely than that
 SIGNIFICANT = 4.0  # standard errors by which what chance leaves must be exceeded
 LOOK_ALIKE = 0.98  # cosine between what two effects do to the data, calibration taken out
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
@@ -97,12 +96,27 @@ class Rest:
     after: float
     samples: float
 
-    @property
-    def allowed(self) -> float:
-        """What a model may leave that lacks nothing."""
+    def allowed(self, leeway: float) -> float:
+        """Return what a model may leave that lacks nothing.
+
+        Parameters
+        ----------
+        leeway : float
+            `bowden.model.effects.Effect.leeway` of its effects.
+        """
         # The relative standard error of an RMS is 1 / sqrt(2 n).
         floor = BY_CHANCE + SIGNIFICANT / math.sqrt(2.0 * self.samples)
-        return math.hypot(floor, AS_GOOD_AS * max(self.before - self.after, 0.0))
+        return math.hypot(floor, leeway * self._explained)
+
+    @property
+    def astray(self) -> float:
+        """How far the chosen laws are from the rig's, as a share of what they explain, 0..1."""
+        left = math.sqrt(max(self.after**2 - self.allowed(0.0) ** 2, 0.0))
+        return min(1.0, left / self._explained) if self._explained else 0.0
+
+    @property
+    def _explained(self) -> float:
+        return math.sqrt(max(self.before**2 - self.after**2, 0.0))
 
 
 def decide(selection: Selection, rest: Rest) -> Decision:
@@ -115,13 +129,13 @@ def decide(selection: Selection, rest: Rest) -> Decision:
     """
     chosen = selection.chosen
     tie = tied(selection)
-    if rest.after > rest.allowed:
+    if rest.after > rest.allowed(chosen.leeway):
         return Decision("unlisted", (), chosen)
     if not chosen.effects:
         return Decision("complete", (), chosen)
     names = {frozenset(one.names) for one in tie}
     verdict: Verdict = "ambiguous" if len(names) > 1 else "named"
-    return Decision(verdict, _named(selection, tie), chosen)
+    return Decision(verdict, _named(selection, tie, rest.astray), chosen)
 
 
 def tied(selection: Selection) -> list[Hypothesis]:
@@ -138,11 +152,13 @@ def tied(selection: Selection) -> list[Hypothesis]:
     return found if chosen.effects else [chosen]
 
 
-def _named(selection: Selection, tie: Sequence[Hypothesis]) -> tuple[NamedEffect, ...]:
+def _named(
+    selection: Selection, tie: Sequence[Hypothesis], astray: float
+) -> tuple[NamedEffect, ...]:
     sure = confidences(selection)
     found: dict[str, NamedEffect] = {}
     for hypothesis in tie:
-        values = intervals(hypothesis)
+        values = intervals(hypothesis, astray)
         for index, one in enumerate(hypothesis.effects):
             found.setdefault(
                 one.name,
@@ -180,8 +196,15 @@ def covariance(fitted: Fitted) -> _Floats:
     return np.asarray(np.linalg.pinv(fitted.jacobian.T @ fitted.jacobian), np.float64)
 
 
-def intervals(hypothesis: Hypothesis) -> list[dict[str, Value]]:
-    """Return each effect's parameters with their 95 % intervals, effect by effect."""
+def intervals(hypothesis: Hypothesis, astray: float = 0.0) -> list[dict[str, Value]]:
+    """Return each effect's parameters with their 95 % intervals, effect by effect.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    astray : float, default 0.0
+        `Rest.astray`: numbers of a law that the rig does not quite follow are not known better.
+    """
     fit, fitted = hypothesis.fit, hypothesis.fitted
     sigma = np.sqrt(np.maximum(np.diag(covariance(fitted)), 0.0)) if fitted.at.size else np.zeros(0)
     found = []
@@ -209,6 +232,11 @@ def intervals(hypothesis: Hypothesis) -> list[dict[str, Value]]:
                     number.value_at(float(np.clip(x + sign * spread, number.low, number.high)))
                     for sign in (-1.0, 1.0)
                 ]
+            if parameter.period is None and astray > 0.0:
+                wide = 1.96 * astray * abs(value)
+                low = value - math.hypot(value - min(ends), wide)
+                high = value + math.hypot(max(ends) - value, wide)
+                ends = [max(low, parameter.low), min(high, parameter.high)]
             values[parameter.name] = Value(value, min(ends), max(ends), parameter.unit)
         found.append(values)
     return found

@@ -73,6 +73,11 @@ class Hypothesis:
         return tuple(one.name for one in self.effects)
 
     @property
+    def leeway(self) -> float:
+        """Share of what the effects do that a rig which has them may leave."""
+        return max((one.effect.leeway for one in self.effects), default=0.0)
+
+    @property
     def score(self) -> float:
         """Logarithm of how well the recordings speak for it, less the price of its numbers.
 
@@ -197,13 +202,18 @@ def _matters(one: Hypothesis, known: Mapping[frozenset[tuple[str, str]], Hypothe
 
     A sample may be far more precise than the rest, so less can be seen, but also a model's own
     errors can, and they are no effect of the rig. Without the effect means as well as it can be
-    done without, where that was tried.
+    done without, where that was tried; then it has to do more, too, than mend what the others' laws
+    may leave.
     """
-    model, first = one.fitted.model, len(one.fitted.model.document.effects) - len(one.effects)
+    problem, model = one.fit.problem, one.fitted.model
+    base, first = known[frozenset()], len(model.document.effects) - len(one.effects)
     for place, effect in enumerate(one.effects, first):
         rest = known.get(one.key - {effect.key})
         without = rest.fitted.model if rest else model.without_effect(place)
-        if one.fit.problem.distance(model, without) < MATTERS:
+        enough = MATTERS
+        if rest and rest.effects:
+            enough = max(enough, rest.leeway * problem.distance(without, base.fitted.model))
+        if problem.distance(model, without) < enough:
             return False
     return True
 

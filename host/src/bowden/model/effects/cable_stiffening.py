@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bowden.model.effects.effect import Effect, Parameter, Values, Variant
+from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Values, Variant
 from bowden.model.transmission import Transmission
 
 
@@ -51,4 +51,5 @@ EFFECT = Effect(
         "tension_dependent_friction",
         "presliding_compliance",
     ),
+    leeway=ONE_OF_SEVERAL,
 )

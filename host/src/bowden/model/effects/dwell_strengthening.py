@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from bowden.model.compiled import compiled
-from bowden.model.effects.effect import Effect, Parameter, Signals, Values, Variant
+from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Signals, Values, Variant
 from bowden.model.histories import Histories
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
@@ -76,4 +76,5 @@ EFFECT = Effect(
     signature="a peak of torque on the first motion after a rest",
     excited_by=("reversal", "rest"),
     confused_with=("stribeck_friction", "viscoelastic_cable"),
+    leeway=ONE_OF_SEVERAL,
 )

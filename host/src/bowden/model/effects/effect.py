@@ -51,6 +51,11 @@ Excitation = Literal[
 
 Scale = Literal["linear", "log", "reciprocal"]
 
+EXACT = 0.03
+ONE_OF_SEVERAL = (
+    0.3  # what two ways to solve Stribeck's law differ by (docs/diagnosis-benchmark.md)
+)
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -210,6 +215,10 @@ class Effect:
         Names of effects that look alike on many recordings.
     on_drive : bool
         Whether `bowden apply` can send it to the drive's reduced model.
+    leeway : float
+        Share of what the effect does (RMS) that a rig which has it may leave: `EXACT` where the
+        name is the law, but for the parts' own errors; `ONE_OF_SEVERAL` where the name stands for
+        several laws in use, or for one whose answer is not unique.
     """
 
     name: str
@@ -221,6 +230,7 @@ class Effect:
     excited_by: tuple[Excitation, ...]
     confused_with: tuple[str, ...]
     on_drive: bool = False
+    leeway: float = EXACT
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

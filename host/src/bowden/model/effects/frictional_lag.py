@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bowden.model.effects.effect import Effect, Parameter, Values, Variant
+from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Values, Variant
 from bowden.model.transmission import Transmission
 
 
@@ -38,4 +38,5 @@ EFFECT = Effect(
         "viscous_friction",
         "presliding_compliance",
     ),
+    leeway=ONE_OF_SEVERAL,
 )

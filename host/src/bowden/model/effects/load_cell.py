@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from bowden.model.compiled import compiled
-from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
+from bowden.model.effects.effect import (
+    ONE_OF_SEVERAL,
+    Channel,
+    Effect,
+    Parameter,
+    Signals,
+    Values,
+    Variant,
+)
 from bowden.model.trajectory import FloatArray
 
 CHANNEL = "load_torque_nm"
@@ -141,4 +149,5 @@ HYSTERESIS = Effect(
     signature="the reading lags every change of torque by the same amount, at any speed",
     excited_by=("reversal",),
     confused_with=("bearing_friction", "presliding_compliance", "termination_backlash"),
+    leeway=ONE_OF_SEVERAL,
 )

@@ -9,7 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from bowden.model.effects.effect import Effect, Parameter, Signals, Values, Variant, phase
+from bowden.model.effects.effect import (
+    ONE_OF_SEVERAL,
+    Effect,
+    Parameter,
+    Signals,
+    Values,
+    Variant,
+    phase,
+)
 from bowden.model.histories import Histories
 from bowden.model.transmission import Transmission
 
@@ -77,4 +85,5 @@ EFFECT = Effect(
     signature="the loop's width changes along the stroke, at the same angles both ways",
     excited_by=("reversal", "angle_range"),
     confused_with=("gravity_imbalance", "cogging", "pulley_eccentricity"),
+    leeway=ONE_OF_SEVERAL,
 )

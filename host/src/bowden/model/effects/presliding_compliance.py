@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bowden.model.effects.effect import Effect, Parameter, Values, Variant
+from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Values, Variant
 from bowden.model.transmission import Transmission
 
 
@@ -36,4 +36,5 @@ EFFECT = Effect(
         "load_cell_hysteresis",
         "time_delay",
     ),
+    leeway=ONE_OF_SEVERAL,
 )

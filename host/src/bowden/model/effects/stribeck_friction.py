@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bowden.model.effects.effect import Effect, Parameter, Values, Variant
+from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Values, Variant
 from bowden.model.transmission import Transmission
 
 
@@ -43,4 +43,5 @@ EFFECT = Effect(
     signature="more friction below v_s than above: the torque dips as a stroke gets going",
     excited_by=("reversal", "slow_motion", "speed_range"),
     confused_with=("dwell_strengthening", "viscous_friction", "presliding_compliance"),
+    leeway=ONE_OF_SEVERAL,
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bowden.model.effects.effect import Effect, Parameter, Values, Variant
+from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Values, Variant
 from bowden.model.transmission import Transmission
 
 
@@ -54,4 +54,5 @@ EFFECT = Effect(
         "viscous_friction",
         "pretension_loss",
     ),
+    leeway=ONE_OF_SEVERAL,
 )

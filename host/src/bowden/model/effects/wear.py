@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bowden.model.effects.effect import Effect, Parameter, Signals, Values, Variant
+from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Signals, Values, Variant
 from bowden.model.histories import Histories
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
@@ -50,4 +50,5 @@ EFFECT = Effect(
     signature="the loop's width changes with travel, for good",
     excited_by=("reversal", "many_cycles"),
     confused_with=("thermal_friction", "pretension_loss", "dwell_strengthening"),
+    leeway=ONE_OF_SEVERAL,
 )

@@ -71,6 +71,12 @@ def without_stiction_length(model: Model) -> Model:
     return _with(model, friction=friction)
 
 
+def with_memory(model: Model, memory_s: float) -> Model:
+    """Return the model with another memory of the sliding speed, where friction falls with it."""
+    friction = _changed(model.document.friction, memory_s=Quantity(value=memory_s))
+    return _with(model, friction=friction)
+
+
 def with_viscous_term(model: Model, mu_v_s_per_m: float) -> Model:
     """Return the model with ``mu(v) = mu_d + mu_v abs(v)`` in place of any such term it has."""
     others = tuple(e for e in model.document.effects if e.get("name") != "viscous_friction")
