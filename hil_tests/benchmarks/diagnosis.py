@@ -122,7 +122,8 @@ def run(job: Job) -> dict[str, Result]:
         failed = Answer(f"failed: {error}", (), seconds=time.perf_counter() - start)
         return {OURS: result(failed)}
     answers = {OURS: ours(found, time.perf_counter() - start)}
-    answers |= baselines.answers(found, recording)
+    if not baselines.missing():
+        answers |= baselines.answers(found, recording)
     return {method: result(answer) for method, answer in answers.items()}
 
 
@@ -171,6 +172,8 @@ def main() -> int:
     args = parser.parse_args()
     args.output.parent.mkdir(parents=True, exist_ok=True)
     todo = jobs(args.seed, args.cases_per_effect, args.only, args.length_s, args.source)
+    if lacking := baselines.missing():
+        sys.stderr.write(f"no baselines without {', '.join(lacking)}: make setup-baselines\n")
     methods: dict[str, list[Result]] = {}
     start = time.monotonic()
     try:

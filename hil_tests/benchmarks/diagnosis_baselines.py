@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from importlib.util import find_spec
 
 import numpy as np
 from bowden.diagnosis.diagnose import Diagnosis
@@ -67,6 +68,11 @@ IN_ANGLE = {
     "d tau_m/dt": ("amplifier_lag", "viscoelastic_cable"),
     "d^2 theta_m/dt^2": ("motor_inertia",),
 }
+
+
+def missing() -> list[str]:
+    """Return the packages of the baselines that are not installed."""
+    return [name for name in ("pysindy", "sysidentpy") if find_spec(name) is None]
 
 
 def answers(found: Diagnosis, recording: Recording) -> dict[str, Answer]:
