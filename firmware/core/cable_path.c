@@ -134,6 +134,10 @@ bool cable_configure(cable_path_t *path, const cable_settings_t *settings) {
     }
     uint32_t saturations = 0; /* cable_check() has seen that there are none */
     path->segments = settings->segments;
+    path->wrap_q24 = 0;
+    for (uint8_t i = 0; i < settings->segments; i++) {
+        path->wrap_q24 += segments[i].wrap_q24;
+    }
     path->pretension_stretch_nm =
         fixed_scale(settings->pretension_un, whole_compliance(settings), &saturations);
     path->start_tension_un =

@@ -51,6 +51,7 @@ typedef struct {
 /* The configured cable: constants only. Both cables of a pair share one. About 7 KB. */
 typedef struct {
     uint8_t segments;
+    uint32_t wrap_q24;                                 /* m, the wrap exponent of the whole cable */
     int32_t pretension_stretch_nm;                     /* T0 L/EA */
     int32_t start_tension_un;                          /* of the nodes at that stretch */
     int32_t slider_start_nm[CABLE_SEGMENTS_MAX];       /* u of each slider at the start */

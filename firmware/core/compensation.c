@@ -29,11 +29,14 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
                                   : settings->motor_count_nm;
     *compensation = (compensation_t){
         .settings = *settings,
-        .outputs = {.friction_factor_ppm = PPM, .friction_unm = friction_unm},
+        .outputs = {.friction_factor_ppm = PPM,
+                    .pretension_factor_ppm = PPM,
+                    .friction_unm = friction_unm},
         .motor_per_load_torque = ratio_reciprocal(ratio),
         .friction_unm = friction_unm,
         .adaptation = adaptation_of(ratio, friction_unm, settings->ticks_per_s),
         .share_q16 = q16(settings->friction_share_ppm),
+        .configured = sliding,
         .sliding = sliding,
         .estimator =
             estimator_of(settings->ticks_per_s, settings->load_count_nm, windup_nm, friction_unm),
@@ -47,11 +50,23 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
     };
 }
 
-void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm) {
-    adaptation_set_ppm(&compensation->adaptation, friction_factor_ppm);
+static void take_adapted(compensation_t *compensation) {
+    const adaptation_t *adaptation = &compensation->adaptation;
+    compensation->sliding =
+        sliding_adapted(&compensation->configured, adaptation_friction_q16(adaptation),
+                        adaptation_pretension_q16(adaptation));
+    compensation->outputs.friction_factor_ppm = adaptation_friction_ppm(adaptation);
+    compensation->outputs.pretension_factor_ppm = adaptation_pretension_ppm(adaptation);
+}
+
+void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm,
+                          uint32_t pretension_factor_ppm) {
+    adaptation_t *adaptation = &compensation->adaptation;
+    adaptation_set_ppm(adaptation, friction_factor_ppm, pretension_factor_ppm);
     friction_observer_expect(&compensation->observer,
-                             adaptation_factor_q16(&compensation->adaptation));
-    compensation->outputs.friction_factor_ppm = adaptation_factor_ppm(&compensation->adaptation);
+                             (uint32_t)((uint64_t)adaptation_friction_q16(adaptation) *
+                                        adaptation_pretension_q16(adaptation) / ADAPTATION_ONE));
+    take_adapted(compensation);
 }
 
 /* Part of the model's friction to compensate, in Q16. With a load cell all of it, as adapted: the
@@ -60,8 +75,7 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
 static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
     const uint32_t left = INVERSION_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
     if (cell) {
-        const uint64_t factor = adaptation_factor_q16(&compensation->adaptation);
-        return (uint32_t)(factor * left / INVERSION_SHARE_ONE);
+        return left;
     }
     const uint64_t sure = friction_observer_sure_q16(&compensation->observer);
     const uint32_t share = (uint32_t)(sure * compensation->share_q16 / INVERSION_SHARE_ONE);
@@ -88,7 +102,10 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
         return fixed_add(naive_unm, published_hysteresis_unm(published), &saturations);
     case COMPENSATION_MODEL_INVERSION:
         return inversion_step(
-            &compensation->inversion, &compensation->sliding, &compensation->estimator,
+            &compensation->inversion,
+            /* without a cell the observer's friction is that of the pair as it is configured */
+            inputs->load_cell_valid ? &compensation->sliding : &compensation->configured,
+            &compensation->estimator,
             &(inversion_inputs_t){
                 .wanted_unm = wanted_unm,
                 .load_torque_unm = load_torque_unm,
@@ -113,15 +130,33 @@ static int32_t side_of(const estimator_t *estimator) {
 static void adapt(compensation_t *compensation, const transmission_t *transmission,
                   const compensation_inputs_t *inputs) {
     const int32_t side = side_of(&compensation->estimator);
-    const bool slides =
-        side != 0 && transmission->flags == 0 && compensation->estimator.load_direction == side;
+    const bool slides = side != 0 && compensation->estimator.load_direction == side;
     const bool limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0;
     if (!compensation->settings.adapt || !inputs->load_cell_valid || !slides || limited) {
         return;
     }
-    adaptation_step(&compensation->adaptation, side, inputs->motor_torque_unm,
-                    inputs->load_cell_unm);
-    compensation->outputs.friction_factor_ppm = adaptation_factor_ppm(&compensation->adaptation);
+    /* well away from where a cable goes slack, which the levels are still off by */
+    const sliding_t *sliding = &compensation->sliding;
+    const int32_t halves = sliding_slack_halves(sliding, inputs->load_cell_unm, side);
+    const bool taut = halves == 0 && transmission->flags == 0;
+    const bool slack = halves == 3 && transmission->flags != 0;
+    if (!taut && !slack) {
+        return;
+    }
+    uint32_t saturations = 0; /* beyond the range nothing is learned either */
+    const int32_t motor_unm = sliding_motor_torque_unm(sliding, inputs->load_cell_unm, side);
+    const int32_t model_unm = fixed_subtract(
+        fixed_scale(motor_unm, compensation->adaptation.load_per_motor_torque, &saturations),
+        inputs->load_cell_unm, &saturations);
+    adaptation_step(&compensation->adaptation,
+                    &(adaptation_seen_t){
+                        .side = side,
+                        .cables = slack ? ADAPTATION_SLACK : ADAPTATION_TAUT,
+                        .motor_torque_unm = inputs->motor_torque_unm,
+                        .load_torque_unm = inputs->load_cell_unm,
+                        .model_unm = side * model_unm,
+                    });
+    take_adapted(compensation);
 }
 
 static uint8_t flags_of(const compensation_t *compensation, const compensation_inputs_t *inputs,

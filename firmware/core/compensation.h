@@ -52,7 +52,7 @@ typedef struct {
     uint32_t integral_gain_mhz;  /* of force control, 1/(1000 s) */
     int32_t slack_floor_un;      /* no cable is brought below this tension on purpose; 0: a cable
                                     may go slack where the wanted torque takes it */
-    bool adapt;                  /* friction level follows what the drive observes */
+    bool adapt;                  /* friction and pretension follow what the drive observes */
 } compensation_settings_t;
 
 /* What the drive measured, and what it wants, in one tick. */
@@ -86,8 +86,9 @@ typedef struct {
     bool informed;        /* estimator.h */
     int32_t energy_uj;    /* what the rendering error has given the load beyond the wanted */
     int32_t friction_unm; /* friction of the sliding pair at the load, by the observer */
-    uint32_t friction_factor_ppm; /* adaptation: friction level against the configured, one is
-                                     1000000 */
+    uint32_t friction_factor_ppm; /* adaptation: friction and pretension against the configured,
+                                     one is 1000000 */
+    uint32_t pretension_factor_ppm;
 } compensation_outputs_t;
 
 typedef struct {
@@ -96,7 +97,8 @@ typedef struct {
     ratio_t motor_per_load_torque; /* 1 / rho */
     int32_t friction_unm;          /* of the model's sliding pair, at the load */
     uint32_t share_q16;            /* settings.friction_share_ppm */
-    sliding_t sliding;
+    sliding_t configured;          /* the pair as it is configured */
+    sliding_t sliding;             /* with the pretension as adapted */
     estimator_t estimator;
     adaptation_t adaptation;
     friction_observer_t observer;
@@ -115,7 +117,8 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
 void compensation_step(compensation_t *compensation, transmission_t *transmission,
                        const compensation_inputs_t *inputs);
 
-/* Adaptation: continues from a friction level that was saved; outside the bounds it is limited. */
-void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm);
+/* Adaptation: continues from levels that were saved; outside the bounds they are limited. */
+void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm,
+                          uint32_t pretension_factor_ppm);
 
 #endif

@@ -1,6 +1,8 @@
 /* sliding.c: see sliding.h. */
 #include "sliding.h"
 
+#define ONE_Q16 65536
+
 /* Motor forces between which both cables keep the floor tension at their slackest ends: the
  * released one at the motor, T_b = (2 S - C_p f) / (C_p + C_r), the pulled one at the load. */
 static void keep_taut(sliding_t *sliding, const cable_front_t *pull, const cable_front_t *release,
@@ -49,6 +51,7 @@ sliding_t sliding_of(const transmission_t *transmission, int32_t slack_floor_un)
             twice_nm, ratio_multiply(release->stiffness, release->tension), &saturations),
         .taut_most_unm = INT32_MAX,
         .taut_least_unm = -INT32_MAX,
+        .wrap_q24 = path->wrap_q24,
         .motor_unm_per_rad = fixed_scale((int32_t)transmission->settings.motor_pulley_radius_nm,
                                          unm_per_nm, &saturations),
     };
@@ -73,6 +76,48 @@ int32_t sliding_motor_torque_unm(const sliding_t *sliding, int32_t load_torque_u
     }
     const int32_t motor_unm = fixed_scale(motor_un, sliding->motor_torque_per_force, &saturations);
     return sign * fixed_clamp(motor_unm, sliding->taut_least_unm, sliding->taut_most_unm);
+}
+
+/* Where friction / (steep - flat) is, the slopes in Q16: two lines of (S1) to (S3) meet there. */
+static int32_t meeting_un(int32_t friction_un, int32_t steep_q16, int32_t flat_q16) {
+    uint32_t saturations = 0; /* without friction there is no slope: far away */
+    const int32_t slope_q16 = steep_q16 > flat_q16 ? steep_q16 - flat_q16 : 1;
+    return fixed_saturate((int64_t)friction_un * ONE_Q16 / slope_q16, &saturations);
+}
+
+sliding_t sliding_adapted(const sliding_t *sliding, uint32_t friction_q16,
+                          uint32_t pretension_q16) {
+    sliding_t other = *sliding;
+    if (friction_q16 == ONE_Q16 && pretension_q16 == ONE_Q16) {
+        return other;
+    }
+    uint32_t saturations = 0; /* a tension beyond the range is beyond every limit */
+    const bool more = friction_q16 >= ONE_Q16;
+    const uint32_t change_q16 = more ? friction_q16 - ONE_Q16 : ONE_Q16 - friction_q16;
+    const uint32_t change_q24 = (uint32_t)((uint64_t)sliding->wrap_q24 * change_q16 / ONE_Q16);
+    const ratio_t down = ratio_of(fixed_exp_minus(change_q24), FIXED_Q31_ONE);
+    const ratio_t up = ratio_reciprocal(down);
+    other.fall = ratio_multiply(sliding->fall, more ? down : up);
+    other.rise = ratio_multiply(sliding->rise, more ? up : down);
+    const uint64_t product_q16 = (uint64_t)friction_q16 * pretension_q16 / ONE_Q16;
+    other.friction_un = fixed_saturate(
+        (int64_t)sliding->friction_un * (int64_t)product_q16 / ONE_Q16, &saturations);
+    const int32_t rise_q16 = fixed_scale(ONE_Q16, other.rise, &saturations);
+    const int32_t fall_q16 = fixed_scale(ONE_Q16, other.fall, &saturations);
+    const int32_t alpha_q16 = fixed_scale(ONE_Q16, other.inverse_alpha, &saturations);
+    other.slack_b_above_un = meeting_un(other.friction_un, rise_q16, alpha_q16);
+    other.slack_a_below_un = -meeting_un(other.friction_un, alpha_q16, fall_q16);
+    return other;
+}
+
+int32_t sliding_slack_halves(const sliding_t *sliding, int32_t load_torque_unm, int32_t sign) {
+    uint32_t saturations = 0;
+    const int32_t load_un =
+        sign * fixed_scale(load_torque_unm, sliding->force_per_load_torque, &saturations);
+    const int32_t edge_un = load_un >= 0 ? sliding->slack_b_above_un : sliding->slack_a_below_un;
+    const int64_t twice = 2 * (int64_t)(load_un < 0 ? -load_un : load_un);
+    const int64_t edge = edge_un < 0 ? -edge_un : edge_un;
+    return twice < edge ? 0 : (twice < 2 * edge ? 1 : (twice < 3 * edge ? 2 : 3));
 }
 
 bool sliding_holds_taut(const sliding_t *sliding, int32_t motor_torque_unm, int32_t sign) {

@@ -35,6 +35,7 @@ typedef struct {
     int32_t slack_a_below_un;  /* load force at which (S1) meets (S3); <= 0 */
     int32_t taut_most_unm;     /* motor torque that leaves b the floor tension */
     int32_t taut_least_unm;    /* motor torque that leaves a the floor tension */
+    uint32_t wrap_q24;         /* m */
     int32_t motor_unm_per_rad; /* stiffness that the motor feels, load at rest */
 } sliding_t;
 
@@ -45,6 +46,13 @@ sliding_t sliding_of(const transmission_t *transmission, int32_t slack_floor_un)
 /* The motor torque at which `load_torque_unm` arrives while the pair slides; `sign` 1 or -1: for
  * positive or negative angles. Odd: (-load, -sign) gives exactly minus. */
 int32_t sliding_motor_torque_unm(const sliding_t *sliding, int32_t load_torque_unm, int32_t sign);
+
+/* The same pair with other levels of friction and pretension, factors on the given ones' in Q16,
+ * 1/2 .. 3/2; with both one it is the same to the bit. The slack floor stays where it is. */
+sliding_t sliding_adapted(const sliding_t *sliding, uint32_t friction_q16, uint32_t pretension_q16);
+
+/* Load torque in halves of the one at which a cable goes slack: 0, 1, 2, and 3 for all beyond. */
+int32_t sliding_slack_halves(const sliding_t *sliding, int32_t load_torque_unm, int32_t sign);
 
 /* Is this motor torque one that the slack floor has cut? */
 bool sliding_holds_taut(const sliding_t *sliding, int32_t motor_torque_unm, int32_t sign);

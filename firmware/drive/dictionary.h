@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xDBFAB42C)
+#define DICTIONARY_HASH UINT32_C(0xFC5C7762)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 180
+#define DICTIONARY_COUNT 181
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -166,6 +166,7 @@ typedef struct {
     uint32_t motor_inertia_gmm2;                       /* 0x213A */
     uint8_t adaptation_enabled;                        /* 0x213B */
     uint32_t adapted_friction_factor_ppm;              /* 0x213C */
+    uint32_t adapted_pretension_factor_ppm;            /* 0x213D */
     uint16_t error_code;                               /* 0x603F */
     uint16_t controlword;                              /* 0x6040 */
     uint16_t statusword;                               /* 0x6041 */

@@ -21,7 +21,8 @@ void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
     if (model_runs) {
         const compensation_settings_t settings = parameters_compensation(dictionary);
         compensation_configure(&rendering->compensation, transmission, &settings);
-        compensation_restore(&rendering->compensation, dictionary->adapted_friction_factor_ppm);
+        compensation_restore(&rendering->compensation, dictionary->adapted_friction_factor_ppm,
+                             dictionary->adapted_pretension_factor_ppm);
     }
 }
 
@@ -148,6 +149,7 @@ bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
     /* At rest the entry is the host's to write, and this has to wait. */
     if (dictionary->adaptation_enabled != 0 && rendering->model_runs && rendering->active) {
         dictionary->adapted_friction_factor_ppm = outputs->friction_factor_ppm;
+        dictionary->adapted_pretension_factor_ppm = outputs->pretension_factor_ppm;
     }
     dictionary->compensation_active_law = (uint8_t)law_on(fallback->rung, rendering->law);
     dictionary->compensation_rung = (uint8_t)fallback->rung;

@@ -353,10 +353,39 @@ def test_adaptation_finds_the_friction_and_freezes_without_excitation(factor: fl
         one.run(0.0, np.concatenate([stroke(0.0, 0.7, 1.0), stroke(0.7, 0.0, 1.0)]), cell=True)
     # 12 s against a time constant of 2 s of sliding
     assert outputs.friction_factor_ppm == pytest.approx(factor * 1e6, rel=0.03)
+    one.run(0.0, np.zeros(400), cell=True)  # until the stroke counts as over
     learned = outputs.friction_factor_ppm
     one.run(0.5, np.zeros(2000), cell=True)
     one.run(0.0, stroke(0.0, 0.5), cell=False)
     assert outputs.friction_factor_ppm == learned
+    assert outputs.pretension_factor_ppm == 1_000_000  # no cable was slack: nothing tells
+
+
+@pytest.mark.parametrize(("friction", "pretension"), [(1.0, 0.75), (1.2, 1.0), (0.85, 1.25)])
+def test_strokes_with_a_slack_cable_tell_pretension_from_friction(
+    friction: float, pretension: float
+) -> None:
+    """A wall of 4 N m takes a cable slack, between the walls both are taut."""
+    wrong = settings(
+        pretension_n=10 / pretension,
+        mu_d=0.2 / friction,
+        motor_dead_band_unm=500,
+        load_dead_band_nm=COUNT_NM,
+    )
+    one = Controlled(model=wrong, rig=settings(mu_d=0.2), adapt=True, torque_limit_unm=8_000_000)
+    outputs = one.raw.outputs
+    path = np.concatenate([stroke(-0.5, 0.5, 1.0), stroke(0.5, -0.5, 1.0)])
+    wall_nm = np.clip(-40.0 * (path - np.clip(path, -0.25, 0.25)), -4.0, 4.0)
+    one.run(0.0, stroke(0.0, -0.5), cell=True)
+    for _ in range(10):
+        one.run(wall_nm, path, cell=True)
+    assert outputs.friction_factor_ppm == pytest.approx(friction * 1e6, rel=0.04)
+    assert outputs.pretension_factor_ppm == pytest.approx(pretension * 1e6, rel=0.06)
+    one.run(wall_nm[-1], np.full(400, -0.5), cell=True)  # until the stroke counts as over
+    learned = outputs.friction_factor_ppm, outputs.pretension_factor_ppm
+    one.run(0.5, np.full(2000, -0.5), cell=True)
+    one.run(0.0, stroke(-0.5, 0.5), cell=False)
+    assert (outputs.friction_factor_ppm, outputs.pretension_factor_ppm) == learned
 
 
 def test_adaptation_is_bounded_and_off_unless_asked_for() -> None:
@@ -364,6 +393,7 @@ def test_adaptation_is_bounded_and_off_unless_asked_for() -> None:
     one.run(0.0, stroke(0.0, 0.5), cell=True)
     assert one.raw.outputs.friction_factor_ppm == 1_000_000
     for given_ppm, kept_ppm in ((0, 500_000), (700_000, 700_000), (2**32 - 1, 1_500_000)):
-        lib.compensation_restore(one.raw, given_ppm)
+        lib.compensation_restore(one.raw, given_ppm, given_ppm)
         # Q24: 60 ppb
         assert one.raw.outputs.friction_factor_ppm == pytest.approx(kept_ppm, abs=1)
+        assert one.raw.outputs.pretension_factor_ppm == pytest.approx(kept_ppm, abs=1)

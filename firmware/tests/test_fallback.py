@@ -346,3 +346,4 @@ def test_what_was_adapted_is_kept_and_can_be_reset() -> None:
     assert drive.enable().bridge_enabled
     drive.tick(250)
     assert drive.values.adapted_friction_factor_ppm == 900_000  # nothing moves: it stays
+    assert drive.values.adapted_pretension_factor_ppm == 1_000_000

@@ -29,6 +29,7 @@ configurations = st.fixed_dictionaries(
         "motor_inertia_gmm2": st.integers(0, 10_000_000),
         "adaptation_enabled": st.integers(0, 1),
         "adapted_friction_factor_ppm": st.integers(500_000, 1_500_000),
+        "adapted_pretension_factor_ppm": st.integers(500_000, 1_500_000),
         "cable_pretension_un": st.integers(0, 40_000_000),
         "friction_dynamic_ppm": st.integers(0, 600_000),
         "motor_torque_limit_unm": st.integers(0, 8_000_000),

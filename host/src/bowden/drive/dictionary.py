@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0xDBFAB42C
+HASH = 0xFC5C7762
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -111,7 +111,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xdbfab42c, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xfc5c7762, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -190,8 +190,9 @@ TABLE = Table(
         Entry(0x2138, 0, 'compensation_integral_gain', 'u32', 'rw', 'config', 10000, high=1000000, unit='1/s', scale=0.001, persist=True, doc='of force control on the load cell'),
         Entry(0x2139, 0, 'compensation_slack_floor', 'u32', 'rw', 'config', 0, high=100000000, unit='N', scale=1e-06, persist=True, doc='no cable is brought below this tension on purpose; 0: a cable may go slack'),
         Entry(0x213A, 0, 'motor_inertia', 'u32', 'rw', 'config', 30000, high=10000000, unit='kg m2', scale=1e-09, persist=True, doc='motor and pulley'),
-        Entry(0x213B, 0, 'adaptation_enabled', 'u8', 'rw', 'config', 0, high=1, persist=True, doc='1: the friction of the model follows slowly what the drive observes'),
+        Entry(0x213B, 0, 'adaptation_enabled', 'u8', 'rw', 'config', 0, high=1, persist=True, doc='1: friction and pretension of the model follow slowly what the drive observes'),
         Entry(0x213C, 0, 'adapted_friction_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc="what the adaptation multiplies the model's friction by, and where it goes on after a start; write 1 to begin anew"),
+        Entry(0x213D, 0, 'adapted_pretension_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc='the same for its pretension, which shows where strokes take a cable slack'),
         Entry(0x603F, 0, 'error_code', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
         Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx'),
         Entry(0x6041, 0, 'statusword', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
