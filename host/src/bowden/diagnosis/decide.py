@@ -18,7 +18,8 @@ from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import EffectNumber
 from bowden.diagnosis.fit import Fitted
 from bowden.diagnosis.free_parameters import Free
-from bowden.diagnosis.select import BY_CHANCE, Hypothesis, Selection
+from bowden.diagnosis.problem import BY_CHANCE
+from bowden.diagnosis.select import Hypothesis, Selection
 
 _Floats = NDArray[np.float64]
 
@@ -28,6 +29,7 @@ TIE = 3.0  # of score: odds of 20 to 1
 MOST_TIED = 3
 SIGNIFICANT = 4.0  # standard errors by which what chance leaves must be exceeded
 LOOK_ALIKE = 0.98  # cosine between what two effects do to the data, calibration taken out
+SOLVED = 0.005  # to which two solvers of the same law agree, so no number is known better
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
 
 
@@ -232,8 +234,8 @@ def intervals(hypothesis: Hypothesis, astray: float = 0.0) -> list[dict[str, Val
                     number.value_at(float(np.clip(x + sign * spread, number.low, number.high)))
                     for sign in (-1.0, 1.0)
                 ]
-            if parameter.period is None and astray > 0.0:
-                wide = 1.96 * astray * abs(value)
+            if parameter.period is None and math.isfinite(value):
+                wide = 1.96 * math.hypot(astray, SOLVED) * abs(value)
                 low = value - math.hypot(value - min(ends), wide)
                 high = value + math.hypot(max(ends) - value, wide)
                 ends = [max(low, parameter.low), min(high, parameter.high)]

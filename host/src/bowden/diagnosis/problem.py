@@ -22,6 +22,10 @@ _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
+BY_CHANCE = 1.35  # of the noise: what a model that lacks nothing may leave
+HEARD = (
+    200.0  # effective samples of a channel at least while the model is wrong: prior beliefs are few
+)
 WHITE = 0.5  # effective samples a sample that white noise is given at least: the sum ends by chance
 
 
@@ -236,8 +240,9 @@ class Problem:
         independent samples. Where it is not, the slow rest makes the share small, what it leaves
         typically counts as noise of every sample (or the most precise ones would lead each search
         into the nearest corner), and a rest above that makes each sigma larger, so that every
-        judgement becomes careful. It is read off the samples that are fitted: what only the others
-        hold must not make these weightless.
+        judgement becomes careful; but not so careful that the data weigh less than what is
+        believed beforehand, or no model would be led to where it belongs. It is read off the
+        samples that are fitted: what only the others hold must not make these weightless.
         """
         parts = []
         try:
@@ -253,10 +258,14 @@ class Problem:
                 typical = _typical(left, sigma)
                 z = _about_its_mean(left / np.hypot(sigma, typical), channel)
                 w = np.sqrt(share) * z
+                common = float(effective_samples(w) / w.size) / WHITE
+                wrong = _about_its_mean(left / sigma, channel)
+                if np.sum(share * wrong**2) > BY_CHANCE**2 * np.sum(share):
+                    common = max(common, HEARD / float(np.sum(share)))
                 channels[name] = replace(
                     channel,
                     typical=typical,
-                    common=min(1.0, float(effective_samples(w) / w.size) / WHITE),
+                    common=min(1.0, common),
                     inflation=max(1.0, float(np.sqrt(np.sum(w**2) / np.sum(share)))),
                 )
             parts.append(replace(part, channels=channels))

@@ -24,7 +24,7 @@ from bowden.diagnosis.candidates import (
     with_candidate,
 )
 from bowden.diagnosis.fit import Fit, Fitted, Movable, solve, solve_widely
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.problem import BY_CHANCE, Problem
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
@@ -39,7 +39,6 @@ WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 WITHIN = 50.0  # of score: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 STRAINED = 3.0  # tolerances
-BY_CHANCE = 1.35  # of the noise: what a model that lacks nothing may leave
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere; with more effects, fewer
 MOST_ROUNDS = 6
