@@ -1,29 +1,16 @@
 """One cable of the mesh as a chain of springs and sliders: linearise, solve, revise, go on.
 
-Compiled helpers; `mesh_implicit` drives them for both cables through time.
+Compiled helpers; `mesh_implicit` drives them for both cables through time, `mesh_sliders` has what
+one segment bears.
 
 Slider j gives way by w_j within the sample, and the stretch of the spring at node i, between
 sliders i - 1 and i, becomes e_i + w_i - w_{i-1}, the ends' own displacements standing in for w_{-1}
-and w_N. A slider bears the log-ratio of tensions E_j = ln(T_{j+1}/T_j):
+and w_N. A spring's tension is a parabola in its elastic stretch (`cable_stiffening`), and part of
+the stretch follows with a delay (`viscoelastic_cable`).
 
-    w_j > 0: E_j = upper bound     w_j < 0: E_j = lower bound     w_j = 0: E_j between the two
-
-With Coulomb friction, eq. (1), the bounds are +-A_j, A_j = mu ds/R. They depend on
-
-    speed, tension      mu = (f mu_d (1 + b exp(-(v/v_s)^2)) + mu_v |v|) (T/T0)^-p
-    the last sample     with frictional lag E comes nearer to +-A by a share dt/(lag + dt) a step
-    rest                a segment at rest holds (mu_s - mu_d) l_s/R more
-
-f is the friction factor of the sample, v_s's speed the segment's own behind a low-pass filter as it
-was at the last sample: with a slope below zero the present speed would have no unique answer. With
-presliding a slider is in series with an elastic bristle: within the bounds E_j follows w_j with the
-slope A_j over the presliding length. A spring's tension is a parabola in its elastic stretch
-(`cable_stiffening`), and part of the stretch follows with a delay (`viscoelastic_cable`).
-
-Newton's method works on T_{j+1} - T_j = tanh(E_j/2) (T_{j+1} + T_j), the same law without
-exponentials that grow: a tridiagonal system. It is swept from both ends, and a sweep that comes to
-a segment at rest knows at once whether that one gives way too, so a front runs as far as it has to
-in one round.
+The rows of all sliders are a tridiagonal system. It is swept from both ends, and a sweep that comes
+to a segment at rest knows at once whether that one gives way too, so a front runs as far as it has
+to in one round.
 """
 
 # ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
@@ -31,213 +18,21 @@ in one round.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from bowden.model.compiled import compiled_in_place, inlined
-from bowden.model.friction.stribeck import filtered, stribeck_term
-from bowden.model.friction.tension_dependent import tension_factor
-from bowden.model.trajectory import FloatArray
-
-MOST_WRAP = 50.0  # mu ds/R of one segment: beyond any cable, but exp of it is still a number
-HELD = 2e-9  # share of the tensions by which a segment at rest may seem overloaded
-
-
-class ChainTables(NamedTuple):
-    """Constants; axes: cable, direction (0 towards the motor, 1 towards the load), place."""
-
-    wrap: FloatArray  # ds/R, times (1 +- direction asymmetry)
-    mu_d: float
-    mu_v_s_per_m: float
-    excess: FloatArray  # (mu_s - mu_d) l_s/R of a segment
-    stiffness: FloatArray  # of the spring at each node, N/m, before it stiffens or creeps
-    share: FloatArray  # of each node's spring in the length of the cable
-    stribeck_gain: float
-    stribeck_speed_m_per_s: float
-    tension_exponent: float
-    reference_n: float
-    memory_s: float
-    presliding_m: float
-    lag_s: float
-    linear: float  # T = linear tau + quadratic tau^2, tau = stiffness * elastic stretch
-    quadratic: float
-    creep_share: float
-    creep_time_s: float
-    tiny_m: float  # a slip that is none
-
-
-class ChainState(NamedTuple):
-    """What the cables remember, then room to work in; axes: cable, place.
-
-    A slack cable keeps its total stretch, a negative one for a gap, in the spring of node 0.
-    """
-
-    stretch: FloatArray  # e
-    tension: FloatArray
-    creep_n: FloatArray  # tau that the slow part of the stretch has followed so far
-    speed: FloatArray  # filtered, m/s
-    went_m: FloatArray  # slip of the last sample
-    slides: NDArray[np.int64]  # -1 towards the motor, 0 at rest, +1 towards the load
-    rested: NDArray[np.int64]  # 1 where a segment was at rest at the last sample
-    held: FloatArray  # E, where the law asks for it
-    reserve_m: FloatArray  # stretch that shows when a segment first slides, see `mesh`
-    gap_m: FloatArray  # of a slack cable; -1 while taut
-    limit: FloatArray  # (cable, direction, N): A without its viscous and tension terms
-    grip: FloatArray  # tanh(limit/2)
-    slip: FloatArray  # w
-    now: FloatArray  # tensions of the trial
-    tangent: FloatArray  # and what they gain per stretch, N/m
-    row: FloatArray  # (cable, 4, N): below, diagonal, above, right hand side
-    change: FloatArray  # (cable, 3, N): of w; per motor displacement; per load displacement
-    ahead: FloatArray  # (cable, N): of the elimination
-    saved: FloatArray  # (cable, 9, N + 1): the state at the last sample
-
-
-BELOW, DIAGONAL, ABOVE, RIGHT = 0, 1, 2, 3
-
-
-@inlined
-def half_tanh(x: float) -> float:
-    """Return tanh(x/2); by its continued fraction where that is good to rounding."""
-    h = 0.5 * x
-    s = h * h
-    if s > 0.1:
-        return float(math.tanh(h))
-    return float(h * (945.0 + s * (105.0 + s)) / (945.0 + s * (420.0 + 15.0 * s)))
-
-
-@inlined
-def constant_bounds(t: ChainTables) -> bool:
-    """Whether the bounds stay the same through a sample, +-A."""
-    return bool(
-        t.mu_v_s_per_m == 0 and t.tension_exponent == 0 and t.lag_s == 0 and t.presliding_m == 0
-    )
-
-
-@inlined
-def has_friction(t: ChainTables, cable: int, j: int) -> bool:
-    """Whether anything holds a segment at rest; without, it slides either way."""
-    return bool(t.mu_d > 0 and t.wrap[cable, 0, j] > 0)
-
-
-@compiled_in_place
-def prepare(t: ChainTables, s: ChainState, cable: int, factor: float) -> None:
-    """Set the limits of friction for a sample, and start from the slips of the last one."""
-    n = t.wrap.shape[2]
-    for j in range(n):
-        mu = t.mu_d * factor
-        mu *= 1.0 + stribeck_term(t.stribeck_gain, t.stribeck_speed_m_per_s, s.speed[cable, j])
-        for d in range(2):
-            limit = min(t.wrap[cable, d, j] * mu, MOST_WRAP)
-            if limit != s.limit[cable, d, j]:
-                s.limit[cable, d, j] = limit
-                s.grip[cable, d, j] = half_tanh(limit)
-        s.slip[cable, j] = s.went_m[cable, j] if s.slides[cable, j] != 0 else 0.0
-
-
-@inlined
-def bound(
-    t: ChainTables, s: ChainState, cable: int, j: int, towards: int, dt: float
-) -> tuple[float, float, float]:
-    """Return E of a segment that slides, its derivative by the slip (1/m) and by ln T."""
-    d = (towards + 1) // 2
-    slip = s.slip[cable, j]
-    a, slope, by_tension = s.limit[cable, d, j], 0.0, 0.0
-    if t.mu_v_s_per_m > 0:
-        drag = t.wrap[cable, d, j] * t.mu_v_s_per_m / dt
-        a += drag * abs(slip)
-        slope = drag * towards if slip * towards >= 0 else -drag * towards
-    if t.tension_exponent > 0:
-        mean = 0.5 * (s.now[cable, j] + s.now[cable, j + 1])
-        factor = tension_factor(mean, t.reference_n, t.tension_exponent)
-        a *= factor
-        slope *= factor
-        by_tension = -t.tension_exponent * a
-    a = min(a, MOST_WRAP)
-    if t.lag_s > 0:
-        new = dt / (t.lag_s + dt)
-        e = (1.0 - new) * towards * max(towards * s.held[cable, j], 0.0) + new * towards * a
-        return e, new * towards * slope, new * towards * by_tension
-    return towards * a, towards * slope, towards * by_tension
-
-
-@inlined
-def gives_way(
-    t: ChainTables, s: ChainState, cable: int, j: int, here: float, there: float, dt: float
-) -> int:
-    """Direction in which a segment at rest has to slide between two tensions; 0: it holds."""
-    trial = 1 if there > here else -1
-    d = (trial + 1) // 2
-    if constant_bounds(t):
-        grip = trial * s.grip[cable, d, j]
-    else:
-        e, _, _ = bound(t, s, cable, j, trial, dt)
-        grip = half_tanh(e)
-    if s.rested[cable, j] == 1 and t.excess[j] > 0:
-        grip = half_tanh(2.0 * math.atanh(grip) + trial * t.excess[j])
-    if trial * (there - here - grip * (there + here)) > HELD * (abs(there) + abs(here)):
-        return trial
-    return 0
-
-
-@inlined
-def bent(t: ChainTables, s: ChainState, cable: int, j: int, slip: float) -> tuple[float, float]:
-    """Return E of a bristle that has not given way, and its derivative by the slip, 1/m."""
-    side = 1 if s.held[cable, j] + slip >= 0 else 0
-    slope = s.limit[cable, side, j] / t.presliding_m
-    return s.held[cable, j] + slope * slip, slope
-
-
-@inlined
-def slides_over(t: ChainTables, s: ChainState, cable: int, j: int, slip: float, dt: float) -> int:
-    """Direction in which a slip bends a bristle until it gives way; 0: it does not.
-
-    One that slides already does so until it is clearly unbent.
-    """
-    e, _ = bent(t, s, cable, j, slip)
-    high, _, _ = bound(t, s, cable, j, 1, dt)
-    low, _, _ = bound(t, s, cable, j, -1, dt)
-    towards = s.slides[cable, j]
-    return (
-        1
-        if e > high + HELD * (1 - 2 * towards)
-        else -1
-        if e < low - HELD * (1 + 2 * towards)
-        else 0
-    )
-
-
-@inlined
-def set_row(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> float:
-    """Linearise the law of a segment that is not at rest; return its error over the tensions."""
-    slip = s.slip[cable, j]
-    towards = s.slides[cable, j]
-    slope, lean = 0.0, 0.0
-    if not has_friction(t, cable, j):
-        towards = 1 if slip >= 0 else -1
-    if constant_bounds(t):
-        g = towards * s.grip[cable, (towards + 1) // 2, j]
-    else:
-        if t.presliding_m > 0 and s.slides[cable, j] == 0 and has_friction(t, cable, j):
-            e, slope = bent(t, s, cable, j, slip)
-            by_tension = 0.0
-        else:
-            e, slope, by_tension = bound(t, s, cable, j, towards, dt)
-        g = half_tanh(e)
-        slope *= 0.5 * (1.0 - g * g)
-        lean = 0.5 * (1.0 - g * g) * by_tension
-    here, there = s.now[cable, j], s.now[cable, j + 1]
-    both = max(here + there, 0.0)
-    error = there - here - g * (there + here)
-    below = (1.0 + g + lean) * s.tangent[cable, j]
-    above = (1.0 - g - lean) * s.tangent[cable, j + 1]
-    s.row[cable, BELOW, j] = below
-    s.row[cable, ABOVE, j] = above
-    s.row[cable, DIAGONAL, j] = -below - above - max(slope, 0.0) * both
-    s.row[cable, RIGHT, j] = -error
-    return float(abs(error) / (both + HELD * t.reference_n))
+from bowden.model.friction.stribeck import filtered
+from bowden.model.mesh_sliders import (
+    ABOVE,
+    BELOW,
+    DIAGONAL,
+    RIGHT,
+    ChainState,
+    ChainTables,
+    gives_way,
+    has_friction,
+    set_row,
+    slides_over,
+)
 
 
 @inlined

@@ -21,8 +21,8 @@ from bowden.model.mesh import (
     sliding_weight,
     tables,
 )
-from bowden.model.mesh_chain import ChainState, ChainTables
-from bowden.model.mesh_implicit import Pulleys
+from bowden.model.mesh_pulleys import Pulleys
+from bowden.model.mesh_sliders import ChainState, ChainTables
 from bowden.model.trajectory import FloatArray, Mode, Trajectory
 from bowden.model.transmission import Transmission
 
