@@ -9,6 +9,7 @@ import pytest
 from bowden.diagnosis.compare import simulate_recording
 from bowden.diagnosis.propagate import LocalNoise, local_noise, noise_floor
 from bowden.model import Inputs, Mode, parse_model, simulate
+from bowden.model.experiments.variants import with_memory
 from bowden.recording.recording import Recording
 
 from .rigs import TABLE_1
@@ -152,3 +153,17 @@ def test_the_floor_of_chosen_samples() -> None:
     assert noise_floor(sigma, np.array([True, True, False])) == pytest.approx(np.sqrt(12.5))
     assert noise_floor([sigma[:1], sigma[1:2]]) == pytest.approx(np.sqrt(12.5))
     assert noise_floor(sigma, np.zeros(3, dtype=bool)) == 0.0
+
+
+def test_where_friction_falls_with_speed_another_memory_is_within_the_noise() -> None:
+    slow = {"a": 0.4, "v_s_m_per_s": 0.05}
+    model = MODEL.with_effect("stribeck_friction", slow)
+    noise = local_noise(model, MODE, measured("sine"), draws=4)
+    assert not np.any(noise_of("sine").parts["load_torque_nm"]["memory"])
+    other = with_memory(model, 2.0 * model.transmission.friction.memory_s)
+    apart = [
+        simulate_recording(one, MODE, noise.recording).load_torque_nm for one in (model, other)
+    ]
+    # Twice the memory is not more than the three times that the noise allows for.
+    scaled = np.abs(apart[1] - apart[0]) / noise.sigma["load_torque_nm"]
+    assert np.sqrt(np.mean(scaled**2)) < 1.0
