@@ -34,6 +34,7 @@ from hil_tests.hidden_effects.strength import (
 )
 
 KINDS = ("complete", "single", "pair", "unlisted")
+WARMS = ("thermal_friction", "cell_temperature_crosstalk")  # no recording of them without it
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def draw_case(
         "motor_torque_nm": signals.motor_torque_nm,
         "load_torque_nm": read.load_torque_nm + rng.normal(0.0, CELL_NOISE_NM, signals.time_s.size),
     }
-    warm = rng.random() < 0.5 or {"thermal_friction", "cell_temperature_crosstalk"} & set(names)
+    warm = rng.random() < 0.5 or set(WARMS) & set(names)
     if warm:
         noise = rng.normal(0.0, 0.02, signals.time_s.size)
         columns["conduit_temperature_c"] = signals.temperature_c + noise

@@ -21,6 +21,7 @@ import numpy as np
 from hil_tests.hidden_effects import effects, excitation, unlisted
 from hil_tests.hidden_effects.hidden import Hidden, Signals, Values, Vector, together
 from hil_tests.hidden_effects.recordings import (
+    WARMS,
     Case,
     Truth,
     draw_effect,
@@ -48,10 +49,9 @@ from hil_tests.rig_cases.recording import MOST_LOAD_NM, record
 
 LINER_N_PER_M2: Final = 1.5e8
 STRANDS_S: Final = 1e-4  # of damping: a motor that rings for long shows its cables' mass
-ELEMENTS: Final = 24  # 48 change the load torque by a twentieth of a noise floor
+ELEMENTS: Final = 24  # 32, 64 and 128 differ by a twentieth of a noise floor
 LIGHT_KG_M2: Final = 1e-6  # a motor whose inertia is not to be seen
 TAUT: Final = 0.85  # of the motor torque at which a cable of the sliding pair goes slack
-WARMS: Final = ("thermal_friction", "cell_temperature_crosstalk")
 UNSTATED: Final = ("motor_inertia",)
 
 

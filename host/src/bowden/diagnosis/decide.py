@@ -198,13 +198,13 @@ def covariance(fitted: Fitted) -> _Floats:
     return np.asarray(np.linalg.pinv(fitted.jacobian.T @ fitted.jacobian), np.float64)
 
 
-def intervals(hypothesis: Hypothesis, astray: float = 0.0) -> list[dict[str, Value]]:
+def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
     """Return each effect's parameters with their 95 % intervals, effect by effect.
 
     Parameters
     ----------
     hypothesis : Hypothesis
-    astray : float, default 0.0
+    astray : float
         `Rest.astray`: numbers of a law that the rig does not quite follow are not known better.
     """
     fit, fitted = hypothesis.fit, hypothesis.fitted

@@ -23,9 +23,7 @@ _Flags = NDArray[np.bool_]
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 BY_CHANCE = 1.35  # of the noise: what a model that lacks nothing may leave
-HEARD = (
-    200.0  # effective samples of a channel at least while the model is wrong: prior beliefs are few
-)
+HEARD = 200.0  # effective samples of a channel while the model is wrong: beliefs are a handful
 WHITE = 0.5  # effective samples a sample that white noise is given at least: the sum ends by chance
 
 

@@ -1,8 +1,8 @@
 """Forward selection: which effects, one after the other, the recordings ask for.
 
 Calibrate; screen every candidate on top of what is there; fit the promising ones together with all
-that moves; take the best if it is worth its price; again, until nothing is. Then look whether an
-earlier one has become idle. Hypotheses in order of their score out; `decide` words the verdict.
+that moves, each of the best under the noise that it leaves itself; take the best if it is worth its
+price; again, until nothing is. Hypotheses in order of their score out; `decide` words the verdict.
 """
 
 from __future__ import annotations

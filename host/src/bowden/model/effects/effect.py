@@ -52,9 +52,7 @@ Excitation = Literal[
 Scale = Literal["linear", "log", "reciprocal"]
 
 EXACT = 0.03
-ONE_OF_SEVERAL = (
-    0.3  # what two ways to solve Stribeck's law differ by (docs/diagnosis-benchmark.md)
-)
+ONE_OF_SEVERAL = 0.3  # two ways to solve Stribeck's law differ by that: docs/diagnosis-benchmark.md
 
 
 @dataclass(frozen=True)
