@@ -103,7 +103,7 @@ class Layers:
                     seen |= set(channel.sees)
         return bool(seen & set(self._predicted))
 
-    def begin(self, inputs: Inputs, ratio: float) -> FloatArray:
+    def begin(self, inputs: Inputs, pair: Transmission) -> FloatArray:
         """Take the series of a recording; a predicted angle follows the other one at first.
 
         Returns
@@ -119,8 +119,10 @@ class Layers:
             if channel.late_by is not None
         ]
         time_s = np.asarray(inputs.time_s, dtype=np.float64)
-        longest = min((one.variant.longest_step_s for one in self._layers), default=np.inf)
-        times = _cut(_with_earlier(time_s, delays), longest)
+        ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        longest = [one.variant.longest_step_s for one in self._layers]
+        steps_s = [step(pair) for step in longest if step is not None]
+        times = _cut(_with_earlier(time_s, delays), min(steps_s, default=np.inf))
         series: dict[str, FloatArray] = {"time_s": times}
         for name in (*self._given, "conduit_temperature_c"):
             values = getattr(inputs, name)

@@ -22,7 +22,7 @@ from bowden.model.mesh_chain import (
     set_tensions,
     solve,
 )
-from bowden.model.mesh_events import pull_of_mass
+from bowden.model.mesh_events import pull_of_mass, speed_of
 from bowden.model.mesh_pulleys import (
     SETTLED,
     Pulleys,
@@ -264,7 +264,8 @@ def run(
     Returns 0, or the number of the first sample, from 1, in which no equilibrium was found.
     `factor` and `longer` are those of `Histories`, of one sample where nothing changes.
     """
-    place, n, force_before, speed, dt_before = 0.0, t.wrap.shape[2], 0.0, 0.0, 0.0
+    place, n, force_before, dt_before = 0.0, t.wrap.shape[2], 0.0, 0.0
+    moved_before, speed, speed_before = 0.0, 0.0, 0.0
     for i in range(time.size):
         # The first sample applies the first torque; it has no duration, so it takes the next one's.
         dt = time[i] - time[i - 1] if i > 0 else time[1] - time[0]
@@ -272,7 +273,7 @@ def run(
         y = load[i] - load[i - 1] if i > 0 else 0.0
         force = motor[i] if free == 0 else load[i] if free == 1 else 0.0
         # Guessed to go on as before, but not through a gap in the recording.
-        goes_on = speed * min(dt, MOST_AHEAD * dt_before)
+        goes_on = moved_before * min(dt / dt_before, MOST_AHEAD) if dt_before > 0.0 else 0.0
         if free == 0:
             x = goes_on
         elif free == 1:
@@ -281,7 +282,7 @@ def run(
         spring = 0.0
         if free == 0 and mass_kg > 0.0 and i > 0:
             force_before = s.tension[0, 0] - s.tension[1, 0]
-            pull, spring = pull_of_mass(mass_kg, speed, dt, dt_before)
+            pull, spring = pull_of_mass(mass_kg, dt, dt_before, moved_before, speed, speed_before)
             force += pull
         moved, flags = sample(
             t, s, p, free, force_before, force, spring, x, y, factor[i % factor.size], extra, dt
@@ -289,9 +290,10 @@ def run(
         if flags & 8:
             return i + 1
         force_before = force
-        dt_before = dt
         place += moved
-        speed = moved / dt if i > 0 else 0.0
+        if i > 0:
+            speed_before, speed = speed, speed_of(dt, dt_before, moved, moved_before)
+            dt_before, moved_before = dt, moved
         out[i, 0] = place
         out[i, 1] = max(s.tension[0, 0], 0.0)
         out[i, 2] = max(s.tension[0, n], 0.0)

@@ -64,7 +64,7 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
     if layers.is_empty:
         return _solve(model, mode, time_s, Asked(motor, load, Histories()))
     pair = model.transmission
-    times = layers.begin(inputs, pair.load_pulley_radius_m / pair.motor_pulley_radius_m)
+    times = layers.begin(inputs, pair)
     asked, passes = layers.felt(pair), Passes()
     for _ in range(MOST_PASSES):
         trajectory = _solve(model, mode, times, asked)

@@ -156,7 +156,7 @@ class Variant:
     sees : tuple of str
         Which channels `histories` looks at.
     channels : tuple of Channel
-    longest_step_s : float
+    longest_step_s : callable (transmission) -> float, optional
         Between samples: where a recording has longer ones, straight lines are cut into shorter.
     """
 
@@ -166,7 +166,7 @@ class Variant:
     histories: Callable[[Signals, Transmission, Values], Histories] | None = None
     sees: tuple[str, ...] = ()
     channels: tuple[Channel, ...] = ()
-    longest_step_s: float = math.inf
+    longest_step_s: Callable[[Transmission], float] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
