@@ -9,7 +9,7 @@ import pytest
 from bowden.diagnosis.compare import simulate_recording
 from bowden.diagnosis.propagate import LocalNoise, local_noise, noise_floor
 from bowden.model import Inputs, Mode, parse_model, simulate
-from bowden.model.experiments.variants import with_memory
+from bowden.model.experiments.variants import with_damping, with_memory
 from bowden.recording.recording import Recording
 
 from .rigs import TABLE_1
@@ -159,7 +159,7 @@ def test_where_friction_falls_with_speed_another_memory_is_within_the_noise() ->
     slow = {"a": 0.4, "v_s_m_per_s": 0.05}
     model = MODEL.with_effect("stribeck_friction", slow)
     noise = local_noise(model, MODE, measured("sine"), draws=4)
-    assert not np.any(noise_of("sine").parts["load_torque_nm"]["memory"])
+    assert not np.any(noise_of("sine").parts["load_torque_nm"]["open"])
     other = with_memory(model, 2.0 * model.transmission.friction.memory_s)
     apart = [
         simulate_recording(one, MODE, noise.recording).load_torque_nm for one in (model, other)
@@ -167,3 +167,17 @@ def test_where_friction_falls_with_speed_another_memory_is_within_the_noise() ->
     # Twice the memory is not more than the three times that the noise allows for.
     scaled = np.abs(apart[1] - apart[0]) / noise.sigma["load_torque_nm"]
     assert np.sqrt(np.mean(scaled**2)) < 1.0
+
+
+def test_how_soon_a_motor_stops_ringing_is_within_the_noise() -> None:
+    model = MODEL.with_effect("motor_inertia", {"inertia_kg_m2": 3e-5})
+    noise = local_noise(model, MODE, measured("stop"), draws=4)
+    other = with_damping(model, 0.5 * model.transmission.damping_s)
+    apart = [
+        simulate_recording(one, MODE, noise.recording).motor_angle_rad for one in (model, other)
+    ]
+    rings = np.abs(apart[1] - apart[0])
+    assert rings.max() > 0.5 * 2 * np.pi / 2000  # half a count of the motor's encoder: it shows
+    # Half of the losses is not less than the third that the noise allows for.
+    where = rings > 0.3 * rings.max()
+    assert np.sqrt(np.mean((rings / noise.sigma["motor_angle_rad"])[where] ** 2)) < 1.0

@@ -9,6 +9,7 @@ import pytest
 from bowden.model import Inputs, Mode, Trajectory, simulate
 from bowden.model.effects.derivative import WINDOW_S, acceleration
 from bowden.model.effects.dwell_strengthening import rested
+from bowden.model.experiments.variants import with_damping
 from scipy.integrate import solve_ivp
 
 from .effects_rig import given, plain
@@ -79,7 +80,8 @@ def test_a_rotor_without_friction_is_a_forced_oscillator() -> None:
     rho k (theta_m - rho theta_l). Against an integration by Runge and Kutta."""
     inertia = 1e-4
     k = 2 * R_MOTOR_M**2 * EA_N / LENGTH_M
-    model = plain(mu_d=0.0).with_effect("motor_inertia", {"inertia_kg_m2": inertia})
+    model = with_damping(plain(mu_d=0.0), 0.0)
+    model = model.with_effect("motor_inertia", {"inertia_kg_m2": inertia})
     t = np.arange(3000) * 1e-3
 
     def load(time: FloatArray) -> FloatArray:
@@ -115,7 +117,8 @@ def test_a_rotor_on_a_soft_cable_rings_at_its_own_frequency() -> None:
     w = np.sqrt(k / inertia)
     t = np.arange(3000) * 1e-3
     inputs = Inputs(t, None, np.zeros_like(t), np.where(t > 0.05, torque, 0.0))
-    model = plain(mu_d=0.0).with_effect("motor_inertia", {"inertia_kg_m2": inertia})
+    model = with_damping(plain(mu_d=0.0), 0.0)
+    model = model.with_effect("motor_inertia", {"inertia_kg_m2": inertia})
     angle = simulate(model, TP, inputs).motor_angle_rad
     assert angle.max() == pytest.approx(2.0 * torque / k, rel=0.02)
     crossings = np.flatnonzero(np.diff(np.sign(angle[60:] - torque / k)) != 0)[:5]
@@ -126,6 +129,26 @@ def test_a_rotor_on_a_soft_cable_rings_at_its_own_frequency() -> None:
     assert np.abs(rung - 1.0).max() == pytest.approx(1.0, abs=0.1)
     turns = np.count_nonzero(np.diff(np.sign(rung[6:106] - 1.0)) != 0) / 2  # in one second
     assert turns == pytest.approx(w / (2 * np.pi) * 0.95, abs=1.0)
+
+
+@pytest.mark.parametrize("step_s", [3e-4, 5e-4, 1e-3])
+def test_the_strands_end_the_ringing_whatever_the_steps(step_s: float) -> None:
+    """Strands whose tension is early by tau: ringing falls as exp(-w^2 tau t / 2), and a rotor at
+    constant speed feels no drag."""
+    inertia, tau_s, speed = 1e-4, 5e-4, 2.0
+    k = 2 * R_MOTOR_M**2 * EA_N / LENGTH_M
+    w = np.sqrt(k / inertia)
+    t = np.arange(round(1.0 / step_s)) * step_s
+    model = with_damping(plain(mu_d=0.0), tau_s)
+    model = model.with_effect("motor_inertia", {"inertia_kg_m2": inertia})
+    load = speed / RHO * t
+    found = simulate(model, TP, Inputs(t, None, load, np.zeros_like(t)))
+    rings = found.motor_angle_rad - RHO * load
+    early, late = np.abs(rings[t < 0.1]).max(), np.abs(rings[(t > 0.45) & (t < 0.55)]).max()
+    # Ten per cent for what is between two peaks of the window, and for steps of w h = 0.13.
+    assert np.log(early / late) == pytest.approx(0.5 * w**2 * tau_s * 0.45, rel=0.1)
+    period = t > t[-1] - 2 * np.pi / w
+    assert np.abs(rings[period].mean()) < 1e-2 * early
 
 
 @pytest.mark.parametrize("model_of", ["coulomb", "viscous"])
@@ -141,7 +164,7 @@ def test_a_gap_and_uneven_steps_do_not_shake_the_rotor(model_of: str) -> None:
         rig = rig.with_effect("viscous_friction", {"mu_v_s_per_m": 0.1})
     still = simulate(rig, TP, inputs)
     found = simulate(rig.with_effect("motor_inertia", {"inertia_kg_m2": 2e-5}), TP, inputs)
-    late = t > 0.5  # it has settled: (w_n zeta) 0.4 s with w_n = 283/s and 16 steps a period is 2
+    late = t > 0.5  # it has settled: w_n^2 tau / 2 = 12/s
     gap = np.abs(found.load_torque_nm - still.load_torque_nm)[late]
     assert gap.max() < 0.01 * PLATEAU_NM
 

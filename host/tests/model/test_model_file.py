@@ -151,6 +151,14 @@ def test_an_impossible_value_by_path_is_refused() -> None:
             ("segments: 100", "segments: 100, solver: mesh_free"),
             "numerics: found segments with solver mesh_free",
         ),
+        (
+            ("segments: 100", "damping_s: 1e-3, solver: mesh_free"),
+            "numerics: found damping_s with solver mesh_free, accepted: solver: mesh or lumped",
+        ),
+        (
+            ("segments: 100", "segments: 100, elements: 20, damping_s: 1e-3"),
+            "numerics: found elements with solver mesh, accepted: solver: lumped",
+        ),
         (("segments: 100", "solver: mesh_free"), "stiction length"),
         (("segments: 100", "solver: lumped"), "numerics.solver: found lumped with stiction"),
         (("path:\n    - {length_m: 2.0, radius_m: 0.28}", "path: []"), "rig.cable.path"),

@@ -21,7 +21,7 @@ from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.dequantise import Estimates, estimate_channels
 from bowden.diagnosis.noise import effective_samples
 from bowden.model import Mode, Model, Trajectory
-from bowden.model.experiments.variants import with_memory, with_segments
+from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import REQUIRED_COLUMNS, Recording
 
 _Floats = NDArray[np.float64]
@@ -31,7 +31,7 @@ _Index = NDArray[np.intp]
 DRAWS = 24  # a turn that only one path in twenty takes still has to show
 SMOOTHED_S = 0.02  # neighbours share their spread
 MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
-OTHER_MEMORIES = (1 / 3, 3.0)  # of the one that falling friction is given: nobody knows it better
+OTHERWISE = (1 / 3, 3.0)  # times numbers that nobody knows better
 LEAST_SHARE = 1e-6  # of a channel's range: sigma never falls below, so that gaps can be weighed
 
 
@@ -48,8 +48,9 @@ class LocalNoise:
     parts : dict of str to dict of str to ndarray of shape (n,)
         What sigma consists of, added in squares: ``sensor`` (of the measured channel), ``inputs``
         (pushed through the model), ``mesh`` and ``steps`` (the model's own discretisation in
-        space, and in time where samples are left out), ``memory`` (what the model itself leaves
-        open where friction falls with speed: `bowden.model.friction.stribeck`).
+        space, and in time where samples are left out), ``open`` (what the model itself leaves open:
+        with which memory friction falls with speed, `bowden.model.friction.stribeck`, and how soon
+        a motor's ringing ends).
     recording : Recording
         What sigma holds for, both as what is given and as what is measured: the best estimate.
     index : ndarray of int, shape (n,)
@@ -135,7 +136,7 @@ def local_noise(
         jobs.append((finer, best))
     if thinned:
         jobs.append((model, estimates.recording))
-    others = _other_memories(model)
+    others = _others(model)
     jobs += [(other, best) for other in others]
 
     def run(job: tuple[Model, Recording]) -> Trajectory:
@@ -151,14 +152,14 @@ def local_noise(
     for name in PREDICTED[mode]:
         centre: _Floats = getattr(runs[0], name)
         errors = np.array([getattr(run, name) - centre for run in runs[1 : draws + 1]])
-        mesh = steps = memory = np.zeros(centre.size)
+        mesh = steps = left_open = np.zeros(centre.size)
         if finer is not None:
             mesh = MESH_FACTOR * (getattr(runs[draws + 1], name) - centre)
         if thinned:
             steps = getattr(runs[draws + (finer is not None) + 1], name)[index] - centre
         if others:
             apart = [getattr(run, name) - centre for run in runs[-len(others) :]]
-            memory = np.sqrt(np.mean(np.square(apart), axis=0))
+            left_open = np.sqrt(np.mean(np.square(apart), axis=0))
         smooth = _Smoothing(best.time_s)
         sensor = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
         parts[name] = {
@@ -166,7 +167,7 @@ def local_noise(
             "inputs": smooth(np.mean(errors**2, axis=0)) ** 0.5,
             "mesh": smooth(mesh**2) ** 0.5,
             "steps": smooth(steps**2) ** 0.5,
-            "memory": smooth(memory**2) ** 0.5,
+            "open": smooth(left_open**2) ** 0.5,
         }
         least = LEAST_SHARE * max(float(np.ptp(getattr(best, name))), float(np.ptp(centre)), 1e-9)
         total = sum(part**2 for part in parts[name].values())
@@ -217,12 +218,14 @@ def _finer(model: Model) -> Model | None:
     return with_segments(model, 2 * segments) if model.solver == "mesh" and segments else None
 
 
-def _other_memories(model: Model) -> list[Model]:
-    """Return the model with other memories of the speed, where its answer depends on that."""
-    law = model.transmission.friction
-    if law.stribeck_gain == 0.0 or law.memory_s == 0.0:
-        return []
-    return [with_memory(model, factor * law.memory_s) for factor in OTHER_MEMORIES]
+def _others(model: Model) -> list[Model]:
+    """Return the model with other numbers where its answer depends on some that nobody knows."""
+    pair, others = model.transmission, []
+    if pair.friction.stribeck_gain > 0.0 and pair.friction.memory_s > 0.0:
+        others += [with_memory(model, factor * pair.friction.memory_s) for factor in OTHERWISE]
+    if pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh":
+        others += [with_damping(model, factor * pair.damping_s) for factor in OTHERWISE]
+    return others
 
 
 class _Smoothing:

@@ -171,43 +171,40 @@ def step(
 
 
 @compiled_in_place
-def differences(dt: float, dt_before: float) -> tuple[float, float]:
-    """Return the weights of this step's change and of the last one's in dt times a derivative.
+def beyond(dt: float, dt_before: float, damping_s: float) -> float:
+    """Return how far a step's mean speed is carried on to its end, as a share of its last change.
 
-    Second-order backward differences for uneven steps (Curtiss and Hirschfelder 1952); of the first
-    order where there is no last step, or a gap.
+    With all of it, differences are of the second order, for uneven steps (Curtiss and Hirschfelder
+    1952), and what rings goes on ringing. With none, as after a gap, backward Euler: the inertia is
+    late by dt, which damps as strands do whose tension is early by dt. So by `damping_s`, as far as
+    that is stable: up to 1.7 steps.
     """
-    ratio = dt / dt_before if dt_before > 0.0 else GAP
-    if ratio >= GAP:
-        return 1.0, 0.0
-    return (1.0 + 2.0 * ratio) / (1.0 + ratio), ratio * ratio / (1.0 + ratio)
-
-
-@compiled_in_place
-def speed_of(dt: float, dt_before: float, moved: float, moved_before: float) -> float:
-    """Return the motor's speed after a displacement, and one before."""
-    now, then = differences(dt, dt_before)
-    return (now * moved - then * moved_before) / dt
+    if dt >= GAP * dt_before:
+        return 0.0
+    return max(1.0 - damping_s / dt, -0.7) * dt / (dt + dt_before)
 
 
 @compiled_in_place
 def pull_of_mass(
-    mass_kg: float,
-    dt: float,
-    dt_before: float,
-    moved_before: float,
-    speed: float,
-    speed_before: float,
+    mass_kg: float, share: float, dt: float, mean_speed: float, speed: float, acceleration: float
 ) -> tuple[float, float]:
     """Return the pull of the motor's inertia on the cables and its fall with the motor's motion.
 
-    Mass times acceleration for a displacement x in this sample: -(pull - fall x), pull in N, fall
-    in N/m. What rings in ten steps or more goes on ringing; faster, it dies out.
+    Mass times acceleration for a displacement x in this step is fall x - pull, in N and N/m;
+    `share` is that of `beyond`, the rest what `moved_on` returned.
     """
-    now, then = differences(dt, dt_before)
-    speeds = now * speed + then * (speed - speed_before)
-    pull = mass_kg / dt * (now * then * moved_before / dt + speeds)
-    return pull, mass_kg * (now / dt) ** 2
+    pull = (1.0 + share) * (share * mean_speed + speed) / dt + share * acceleration
+    return mass_kg * pull, mass_kg * ((1.0 + share) / dt) ** 2
+
+
+@compiled_in_place
+def moved_on(
+    share: float, dt: float, moved: float, mean_speed: float, speed: float
+) -> tuple[float, float, float]:
+    """Return mean speed, speed at the end and mean acceleration of a step."""
+    mean = moved / dt
+    at_end = mean + share * (mean - mean_speed)
+    return mean, at_end, (at_end - speed) / dt
 
 
 @compiled_in_place
@@ -237,6 +234,7 @@ def run(
     motor: FloatArray,
     load: FloatArray,
     mass_kg: float,
+    damping_s: float,
     dead_band: float,
     rest_s: float,
     out: FloatArray,
@@ -246,9 +244,11 @@ def run(
     `motor` and `load` are forces (difference of tensions, N) at the free pulley and displacements
     (of cable a's end, outward, m) at the other. Row of `out`: free pulley's displacement, T1a, TLa,
     T1b, TLb, flags. Returns the number of samples in which a step did not end (always 0).
-    `mass_kg` is the motor's inertia over its radius squared; it counts where the motor is free.
+    `mass_kg` is the motor's inertia over its radius squared; it counts where the motor is free, and
+    `damping_s` with it.
     """
-    failed, place, dt_before, moved_before, speed, speed_before = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    failed, place, dt_before, share = 0, 0.0, 0.0, 0.0
+    mean_speed, speed, acceleration = 0.0, 0.0, 0.0
     force_before, x_before, y_before = 0.0, motor[0], load[0]
     for i in range(time.size):
         dt = time[i] - time[i - 1] if i > 0 else 0.0
@@ -261,12 +261,13 @@ def run(
         before, spring = force_before if i > 0 else force, 0.0
         if free == 0 and mass_kg > 0.0 and i > 0:
             before = s.end_n[0, 0] - s.end_n[1, 0]
-            pull, spring = pull_of_mass(mass_kg, dt, dt_before, moved_before, speed, speed_before)
+            share = beyond(dt, dt_before, damping_s)
+            pull, spring = pull_of_mass(mass_kg, share, dt, mean_speed, speed, acceleration)
             force += pull
         moved, flags = step(t, s, free, before, force, spring, x, y)
         if i > 0:
-            speed_before, speed = speed, speed_of(dt, dt_before, moved, moved_before)
-            dt_before, moved_before = dt, moved
+            mean_speed, speed, acceleration = moved_on(share, dt, moved, mean_speed, speed)
+            dt_before = dt
         place += moved
         if free == 0:
             x = moved

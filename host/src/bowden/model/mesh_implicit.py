@@ -22,7 +22,7 @@ from bowden.model.mesh_chain import (
     set_tensions,
     solve,
 )
-from bowden.model.mesh_events import pull_of_mass, speed_of
+from bowden.model.mesh_events import beyond, moved_on, pull_of_mass
 from bowden.model.mesh_pulleys import (
     SETTLED,
     Pulleys,
@@ -255,6 +255,7 @@ def run(
     motor: FloatArray,
     load: FloatArray,
     mass_kg: float,
+    damping_s: float,
     factor: FloatArray,
     longer: FloatArray,
     out: FloatArray,
@@ -264,8 +265,8 @@ def run(
     Returns 0, or the number of the first sample, from 1, in which no equilibrium was found.
     `factor` and `longer` are those of `Histories`, of one sample where nothing changes.
     """
-    place, n, force_before, dt_before = 0.0, t.wrap.shape[2], 0.0, 0.0
-    moved_before, speed, speed_before = 0.0, 0.0, 0.0
+    place, n, force_before, dt_before, share = 0.0, t.wrap.shape[2], 0.0, 0.0, 0.0
+    mean_speed, speed, acceleration = 0.0, 0.0, 0.0
     for i in range(time.size):
         # The first sample applies the first torque; it has no duration, so it takes the next one's.
         dt = time[i] - time[i - 1] if i > 0 else time[1] - time[0]
@@ -273,7 +274,7 @@ def run(
         y = load[i] - load[i - 1] if i > 0 else 0.0
         force = motor[i] if free == 0 else load[i] if free == 1 else 0.0
         # Guessed to go on as before, but not through a gap in the recording.
-        goes_on = moved_before * min(dt / dt_before, MOST_AHEAD) if dt_before > 0.0 else 0.0
+        goes_on = mean_speed * min(dt, MOST_AHEAD * dt_before)
         if free == 0:
             x = goes_on
         elif free == 1:
@@ -282,7 +283,8 @@ def run(
         spring = 0.0
         if free == 0 and mass_kg > 0.0 and i > 0:
             force_before = s.tension[0, 0] - s.tension[1, 0]
-            pull, spring = pull_of_mass(mass_kg, dt, dt_before, moved_before, speed, speed_before)
+            share = beyond(dt, dt_before, damping_s)
+            pull, spring = pull_of_mass(mass_kg, share, dt, mean_speed, speed, acceleration)
             force += pull
         moved, flags = sample(
             t, s, p, free, force_before, force, spring, x, y, factor[i % factor.size], extra, dt
@@ -292,8 +294,8 @@ def run(
         force_before = force
         place += moved
         if i > 0:
-            speed_before, speed = speed, speed_of(dt, dt_before, moved, moved_before)
-            dt_before, moved_before = dt, moved
+            mean_speed, speed, acceleration = moved_on(share, dt, moved, mean_speed, speed)
+            dt_before = dt
         out[i, 0] = place
         out[i, 1] = max(s.tension[0, 0], 0.0)
         out[i, 2] = max(s.tension[0, n], 0.0)

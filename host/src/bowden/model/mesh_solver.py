@@ -68,6 +68,7 @@ def simulate_mesh(  # noqa: PLR0917
     load_end = load / r_load if free == 1 else load * -r_load
     out = np.zeros((time_s.size, 6))
     mass_kg = transmission.motor_inertia_kg_m2 / r_motor**2
+    damping_s = transmission.damping_s
     factor, longer = _series(histories or Histories(), time_s.size)
     changing = bool(np.any(factor != 1.0) or np.any(longer != 0.0))
     if needs_implicit_steps(transmission) or changing:
@@ -80,6 +81,7 @@ def simulate_mesh(  # noqa: PLR0917
             motor_end,
             load_end,
             mass_kg,
+            damping_s,
             factor,
             longer,
             out,
@@ -93,6 +95,7 @@ def simulate_mesh(  # noqa: PLR0917
             motor_end,
             load_end,
             mass_kg,
+            damping_s,
             transmission.velocity_dead_band_m_per_s,
             transmission.rest_time_s,
             out,

@@ -256,7 +256,7 @@ class Friction(Part):
 
 
 SOLVER_KEYS: dict[str, tuple[str, ...]] = {
-    "mesh": ("segments", "grading", "rest_time_s", "velocity_dead_band_m_per_s"),
+    "mesh": ("segments", "grading", "rest_time_s", "velocity_dead_band_m_per_s", "damping_s"),
     "mesh_free": (),
     "lumped": ("elements", "cable_mass_kg_per_m", "damping_s", "motor_inertia_kg_m2"),
 }
@@ -278,24 +278,27 @@ class Numerics(Part):
 
     @model_validator(mode="after")
     def _fits_solver(self) -> Numerics:
-        for solver, keys in SOLVER_KEYS.items():
-            for key in keys:
-                if getattr(self, key) is not None and self.chosen() != solver:
-                    raise PydanticCustomError(
-                        "solver",
-                        "found {key} with solver {found}, accepted: solver: {solver}",
-                        {"key": key, "found": str(self.chosen()), "solver": solver},
-                    )
+        for key in self._given():
+            solvers = [solver for solver, keys in SOLVER_KEYS.items() if key in keys]
+            if self.chosen() not in solvers:
+                raise PydanticCustomError(
+                    "solver",
+                    "found {key} with solver {found}, accepted: solver: {solver}",
+                    {"key": key, "found": str(self.chosen()), "solver": " or ".join(solvers)},
+                )
         return self
 
     def chosen(self) -> str | None:
         """Return the solver that the file names, or that a key of it implies."""
         if self.solver is not None:
             return self.solver
-        implied = [
-            s for s, keys in SOLVER_KEYS.items() for k in keys if getattr(self, k) is not None
-        ]
-        return implied[0] if implied else None
+        given = self._given()
+        most = max(SOLVER_KEYS, key=lambda solver: len(given & set(SOLVER_KEYS[solver])))
+        return most if given else None
+
+    def _given(self) -> set[str]:
+        keys = {key for keys in SOLVER_KEYS.values() for key in keys}
+        return {key for key in keys if getattr(self, key) is not None}
 
 
 class ModelFile(Part):

@@ -171,6 +171,8 @@ def _pair(document: ModelFile) -> Transmission:
     if numerics.velocity_dead_band_m_per_s is not None:
         band = numerics.velocity_dead_band_m_per_s.value
         pair = replace(pair, velocity_dead_band_m_per_s=band)
+    if numerics.damping_s is not None:
+        pair = replace(pair, damping_s=numerics.damping_s.value)
     return pair
 
 

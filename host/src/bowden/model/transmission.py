@@ -115,6 +115,9 @@ class Transmission:
         Time constant of that delay, at constant tension.
     motor_inertia_kg_m2 : float, kg m2, >= 0
         Of the motor and its pulley; counts with the motor's torque given.
+    damping_s : float, s, >= 0
+        Of the cables' strands: their tension feels the strain that will be so much later. Counts
+        with the motor's inertia, where it ends ringing. Wire ropes lose some per cent of critical.
     motor_bearing_nm, load_bearing_nm : float, N m, >= 0
         Dry friction between a torque that is given and its pulley.
     load_play_rad : float, rad, >= 0
@@ -138,6 +141,7 @@ class Transmission:
     creep_share: float = 0.0
     creep_time_s: float = 1.0
     motor_inertia_kg_m2: float = 0.0
+    damping_s: float = 3e-4
     motor_bearing_nm: float = 0.0
     load_bearing_nm: float = 0.0
     load_play_rad: float = 0.0
@@ -200,6 +204,7 @@ class Transmission:
                 0 <= self.motor_inertia_kg_m2 < np.inf,
                 ">= 0",
             ),
+            ("damping_s", self.damping_s, 0 <= self.damping_s < np.inf, ">= 0"),
             ("stiffening", self.stiffening, 0 <= self.stiffening < 1, "0 .. 1"),
             ("creep_share", self.creep_share, 0 <= self.creep_share < np.inf, ">= 0"),
             ("creep_time_s", self.creep_time_s, _positive(self.creep_time_s), "> 0"),

@@ -77,6 +77,13 @@ def with_memory(model: Model, memory_s: float) -> Model:
     return _with(model, friction=friction)
 
 
+def with_damping(model: Model, damping_s: float) -> Model:
+    """Return the model with other losses in the strands, which count with a motor's inertia."""
+    return _with(
+        model, numerics=_changed(model.document.numerics, damping_s=Quantity(value=damping_s))
+    )
+
+
 def with_viscous_term(model: Model, mu_v_s_per_m: float) -> Model:
     """Return the model with ``mu(v) = mu_d + mu_v abs(v)`` in place of any such term it has."""
     others = tuple(e for e in model.document.effects if e.get("name") != "viscous_friction")
