@@ -38,13 +38,15 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
         .share_q16 = q16(settings->friction_share_ppm),
         .configured = sliding,
         .sliding = sliding,
-        .estimator =
-            estimator_of(settings->ticks_per_s, settings->load_count_nm, windup_nm, friction_unm),
+        .estimator = estimator_of(
+            settings->ticks_per_s, settings->load_count_nm, windup_nm,
+            fixed_add(windup_nm, transmission->path.pretension_stretch_nm / 4, &saturations),
+            friction_unm),
         .observer = friction_observer_of(windup_nm / 2, coarse_nm, settings->ticks_per_s),
         .passivity = passivity_of(pair->load_pulley_radius_nm, friction_unm),
         .inversion = inversion_of(transmission, &sliding, settings->ticks_per_s,
-                                  settings->motor_inertia_gmm2, settings->rest_band_unm,
-                                  settings->integral_gain_mhz),
+                                  settings->motor_inertia_gmm2, settings->torque_limit_unm,
+                                  settings->rest_band_unm, settings->integral_gain_mhz),
         .published = published_of(transmission, &sliding, settings->ticks_per_s,
                                   settings->integral_gain_mhz),
     };
@@ -77,7 +79,9 @@ static uint32_t friction_share_q16(const compensation_t *compensation, bool cell
     if (cell) {
         return left;
     }
-    const uint64_t sure = friction_observer_sure_q16(&compensation->observer);
+    const uint64_t sure = compensation->inversion.wished
+                              ? friction_observer_mean_q16(&compensation->observer)
+                              : friction_observer_sure_q16(&compensation->observer);
     const uint32_t share = (uint32_t)(sure * compensation->share_q16 / INVERSION_SHARE_ONE);
     const uint32_t confidence = compensation->estimator.confidence;
     const uint32_t trust = confidence < TRUSTED ? confidence : TRUSTED;
@@ -108,6 +112,7 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
             &compensation->estimator,
             &(inversion_inputs_t){
                 .wanted_unm = wanted_unm,
+                .asked_unm = inputs->wanted_unm,
                 .load_torque_unm = load_torque_unm,
                 .cell = inputs->load_cell_valid,
                 .limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0,
@@ -185,11 +190,14 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
     compensation_outputs_t *outputs = &compensation->outputs;
     estimator_t *estimator = &compensation->estimator;
     uint32_t saturations = 0;
+    /* what turns the motor's inertia does not pull the cables */
+    const int32_t pulls_unm = fixed_subtract(
+        inputs->motor_torque_unm, compensation->inversion.move.inertia_unm, &saturations);
     estimator_step(estimator, transmission,
                    &(estimator_inputs_t){
                        .motor_arc_nm = inputs->motor_arc_nm,
                        .load_arc_nm = inputs->load_arc_nm,
-                       .motor_torque_unm = inputs->motor_torque_unm,
+                       .motor_torque_unm = pulls_unm,
                        .load_cell_unm = inputs->load_cell_unm,
                        .load_cell_valid = inputs->load_cell_valid,
                    });

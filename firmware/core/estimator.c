@@ -6,15 +6,16 @@
 #define DIRECTION_FORGOTTEN 50 /* ... which is forgotten 1/50 s after the last such travel */
 #define GAP_SPEED_TICKS 8      /* time constant; an encoder count spread over 2 ms */
 #define CORRECTION_TICKS 32    /* time constant of the load cell's correction, 8 ms */
+#define SANE_PART 4            /* of the stretch: stiffness that the model is wrong by, and more */
 #define DOUBT_TICKS 512        /* the turn of the motor at a reversal is no reason for doubt */
 
 estimator_t estimator_of(uint32_t ticks_per_s, int32_t load_count_nm, int32_t windup_nm,
-                         int32_t tolerance_unm) {
+                         int32_t tolerance_nm, int32_t tolerance_unm) {
     return (estimator_t){
         .ticks_per_s = ticks_per_s,
         .load_count_nm = load_count_nm,
         .windup_nm = windup_nm > 0 ? windup_nm : 1,
-        .doubt_per_nm = ratio_of(128, windup_nm > 0 ? (uint32_t)windup_nm : 1u),
+        .doubt_per_nm = ratio_of(128, tolerance_nm > 0 ? (uint32_t)tolerance_nm : 1u),
         .doubt_per_unm = ratio_of(128, tolerance_unm > 0 ? (uint32_t)tolerance_unm : 1u),
         .confidence = 255,
     };
@@ -88,7 +89,10 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
     estimator->innovation_nm =
         fixed_subtract(inputs->motor_arc_nm, transmission->motor.arc_nm, &ignored);
     const int32_t model_unm = transmission_load_torque_unm(transmission);
-    int32_t doubted = doubt(estimator->innovation_nm, estimator->doubt_per_nm);
+    const int32_t gap_nm =
+        fixed_subtract(transmission->motor.arc_nm, transmission->load.arc_nm, &ignored);
+    const int32_t off_nm = magnitude(estimator->innovation_nm) - magnitude(gap_nm) / SANE_PART;
+    int32_t doubted = off_nm > 0 ? doubt(off_nm, estimator->doubt_per_nm) : 0;
     if (inputs->load_cell_valid) {
         const int32_t error_unm = fixed_subtract(inputs->load_cell_unm, model_unm, saturations);
         const int32_t limited_unm = fixed_clamp(error_unm, -(1 << 22), 1 << 22);

@@ -31,7 +31,7 @@ typedef enum {
 typedef struct {
     int32_t motor_arc_nm; /* radius times angle, from where the model started */
     int32_t load_arc_nm;
-    int32_t motor_torque_unm;
+    int32_t motor_torque_unm; /* that pulls the cables: without what turns the motor's inertia */
     int32_t load_cell_unm;
     bool load_cell_valid;
 } estimator_inputs_t;
@@ -41,7 +41,8 @@ typedef struct {
     uint32_t ticks_per_s;
     int32_t load_count_nm;
     int32_t windup_nm; /* motor travel in which the friction of the pair turns over */
-    /* what a disagreement takes of the confidence: half of it at `windup_nm` and `tolerance_unm` */
+    /* what a disagreement takes of the confidence: half of it at `tolerance_nm`, beyond a quarter
+     * of the model's stretch, and at `tolerance_unm` */
     ratio_t doubt_per_nm, doubt_per_unm;
     /* result */
     int32_t load_torque_unm; /* by the cables on the load */
@@ -63,9 +64,9 @@ typedef struct {
     bool slid[3]; /* by slip_state_t: has been */
 } estimator_t;
 
-/* Constants and a start at rest. `windup_nm`, `tolerance_unm`: > 0. */
+/* Constants and a start at rest. `windup_nm` and the tolerances: > 0. */
 estimator_t estimator_of(uint32_t ticks_per_s, int32_t load_count_nm, int32_t windup_nm,
-                         int32_t tolerance_unm);
+                         int32_t tolerance_nm, int32_t tolerance_unm);
 
 /* One tick; steps the model once. */
 void estimator_step(estimator_t *estimator, transmission_t *transmission,

@@ -2,6 +2,7 @@
 #include "law_inversion.h"
 
 #define DAMPING_PER_S 100 /* D / J: below what 2 ms of delay in the encoders allow */
+#define MOVE_DAMPING 3    /* times that in a move, whose plan knows the speed */
 #define SETTLED_LAGS 8    /* a change of side has settled; at rest twice this */
 #define SIDE_BAND 6       /* an error above 1/6 of the friction changes the side */
 #define REST_BAND 32      /* at rest 1/32 of it is left alone: less than stiction makes it jump */
@@ -26,7 +27,8 @@ static uint32_t square_root(uint64_t square) {
 }
 
 inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sliding,
-                         uint32_t ticks_per_s, uint32_t motor_inertia_gmm2, int32_t rest_band_unm,
+                         uint32_t ticks_per_s, uint32_t motor_inertia_gmm2,
+                         int32_t torque_limit_unm, int32_t rest_band_unm,
                          uint32_t integral_gain_mhz) {
     const transmission_settings_t *pair = &transmission->settings;
     const uint32_t inertia = motor_inertia_gmm2 > 0 ? motor_inertia_gmm2 : 1;
@@ -48,6 +50,8 @@ inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sl
         .lag_ticks = (int32_t)(lag > 0 ? lag : 1u),
         .friction_unm = fixed_clamp(friction_unm, 0, 1 << 30), /* 8/6 of it is still in range */
         .rest_band_unm = rest_band_unm,
+        .move = move_of((int32_t)(lag > 0 ? lag : 1u), torque_limit_unm,
+                        MOVE_DAMPING * DAMPING_PER_S, ticks_per_s),
         .integral_ticks =
             integral_gain_mhz > 0 ? (int32_t)(ticks_per_s * 1000u / integral_gain_mhz) + 1 : 0,
     };
@@ -62,6 +66,10 @@ void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm, int32_t 
     inversion->lag_q4_unm[0] = limited_unm * 16;
     inversion->lag_q4_unm[1] = limited_unm * 16;
     inversion->side = 0;
+    inversion->held_unm = motor_torque_unm;
+    inversion->last_asked_unm = wanted_unm;
+    inversion->wished = false;
+    move_end(&inversion->move);
 }
 
 static int32_t magnitude(int32_t value) {
@@ -130,6 +138,24 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
     inversion->side_arc_nm = estimator->mark_nm;
 }
 
+/* Something else is wanted at once: the side is that of the error, as the motor outruns the load.
+ */
+static void take_wish(inversion_t *inversion, const estimator_t *estimator,
+                      const inversion_inputs_t *inputs, int32_t error_unm) {
+    const int32_t towards =
+        (error_unm > inversion->rest_band_unm) - (error_unm < -inversion->rest_band_unm);
+    if (towards != 0) {
+        inversion->side = towards;
+    }
+    inversion->wished = true;
+    inversion->side_ticks = 0;
+    inversion->side_arc_nm = estimator->mark_nm;
+    inversion->patience = 0;
+    inversion->left_unm = 0;
+    inversion->settled_unm = inputs->wanted_unm;
+    inversion->called_for = true;
+}
+
 /* Takes the load cell's error up into the shift of this side. */
 static void learn(inversion_t *inversion, int32_t error_unm, int32_t direction, bool limited) {
     const int32_t towards = inversion->side > 0 ? error_unm : -error_unm;
@@ -146,12 +172,50 @@ static void learn(inversion_t *inversion, int32_t error_unm, int32_t direction, 
     *shift = fixed_clamp(*shift + step_q8, -most_q8, most_q8);
 }
 
+/* The motor torque at which the side holds `extra_unm` more than the plain one: at once by a move
+ * when a wish has begun one, else along two lags. `enough`: friction holds what is there. */
+static int32_t go_over(inversion_t *inversion, int32_t plain_unm, int32_t extra_unm,
+                       int32_t damping_unm, bool enough, int32_t slower) {
+    uint32_t saturations = 0; /* the motor's limit is far below */
+    int32_t *lag = inversion->lag_q4_unm;
+    if (move_runs(&inversion->move)) {
+        const int32_t to_unm = fixed_add(plain_unm, extra_unm, &saturations);
+        const int32_t moving_unm = move_step(&inversion->move, to_unm);
+        inversion->held_unm = move_static_unm(&inversion->move);
+        const int32_t held_extra_unm = fixed_subtract(inversion->held_unm, plain_unm, &saturations);
+        lag[0] = fixed_clamp(held_extra_unm, -EXTRA_MOST, EXTRA_MOST) * 16;
+        lag[1] = lag[0];
+        if (enough) {
+            move_end(&inversion->move);
+        }
+        return fixed_subtract(moving_unm, MOVE_DAMPING * damping_unm, &saturations);
+    }
+    move_end(&inversion->move);
+    if (enough) {
+        lag[0] = lag[1];
+    } else {
+        lag[0] += (extra_unm * 16 - lag[0]) / (slower * inversion->lag_ticks);
+        lag[1] += (lag[0] - lag[1]) / (slower * inversion->lag_ticks);
+    }
+    inversion->held_unm = fixed_add(plain_unm, lag[1] / 16, &saturations);
+    return fixed_subtract(inversion->held_unm, damping_unm, &saturations);
+}
+
 int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
                        const estimator_t *estimator, const inversion_inputs_t *inputs) {
     uint32_t saturations = 0; /* the motor's limit is far below */
     const int32_t direction = estimator->load_direction;
     const int32_t error_unm =
         fixed_subtract(inputs->wanted_unm, inputs->load_torque_unm, &saturations);
+    const int32_t jump_unm =
+        fixed_subtract(inputs->asked_unm, inversion->last_asked_unm, &saturations);
+    inversion->last_asked_unm = inputs->asked_unm;
+    const bool wish = magnitude(jump_unm) > inversion->rest_band_unm;
+    if (wish) {
+        take_wish(inversion, estimator, inputs, error_unm);
+    } else if (direction != 0 && !move_runs(&inversion->move)) {
+        inversion->wished = false;
+    }
     choose_side(inversion, estimator, inputs, error_unm);
     const int32_t rest_unm = (inversion->rest_band_unm + inversion->friction_unm / REST_BAND)
                              << inversion->patience;
@@ -168,18 +232,18 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
     inversion->held_taut = sliding_holds_taut(sliding, full_unm, side);
     const int64_t extra_unm =
         ((int64_t)full_unm - plain_unm) * (int64_t)inputs->share_q16 / INVERSION_SHARE_ONE;
-    int32_t *lag = inversion->lag_q4_unm;
-    const int32_t target_unm =
-        side == 0 ? lag[0] / 16 : fixed_clamp((int32_t)extra_unm, -EXTRA_MOST, EXTRA_MOST);
-    const bool feels_its_way = inputs->cell && direction == 0;
-    if (feels_its_way && side * fixed_clamp(error_unm, -1, 1) <= 0) {
-        lag[0] = lag[1]; /* enough has arrived, and friction holds it */
-    } else {
-        const int32_t slower = feels_its_way && inversion->patience > 0 ? CORRECTING : 1;
-        lag[0] += (target_unm * 16 - lag[0]) / (slower * inversion->lag_ticks);
-        lag[1] += (lag[0] - lag[1]) / (slower * inversion->lag_ticks);
+    const int32_t target_unm = side == 0 ? inversion->lag_q4_unm[0] / 16
+                                         : fixed_clamp((int32_t)extra_unm, -EXTRA_MOST, EXTRA_MOST);
+    if (wish) {
+        move_start(&inversion->move, inversion->held_unm,
+                   fixed_add(plain_unm, target_unm, &saturations),
+                   sliding_slack_motor_unm(sliding));
     }
+    const bool feels_its_way = inputs->cell && direction == 0;
+    const bool enough = feels_its_way && side * fixed_clamp(error_unm, -1, 1) <= 0;
+    const int32_t slower = feels_its_way && inversion->patience > 0 ? CORRECTING : 1;
     const int32_t damping_unm =
-        fixed_scale(estimator->gap_speed_nm, inversion->damping, &saturations);
-    return fixed_subtract(plain_unm + lag[1] / 16, damping_unm, &saturations);
+        fixed_clamp(fixed_scale(estimator->gap_speed_nm, inversion->damping, &saturations),
+                    -EXTRA_MOST, EXTRA_MOST);
+    return go_over(inversion, plain_unm, target_unm, damping_unm, enough, slower);
 }

@@ -14,6 +14,11 @@
  * is wanted has arrived, so that a wrong model does not overshoot. Without a cell only the friction
  * that friction_observer.h is sure of is compensated: overcompensation would push.
  *
+ * When something else is wanted at once, more than the rest band within a tick, the motor goes
+ * there by move.h: friction and all, the side being that of the error. Until the load moves on, the
+ * friction that is expected is compensated then, not only what is sure: nothing moves that could be
+ * pushed.
+ *
  * A change of side that neither a stroke of the load nor a new wish has called for costs patience:
  * the next one needs twice the error, and at least twice what this one left at rest, and twice as
  * much is left alone; until the hand makes a stroke or something else is wanted. A stroke while the
@@ -28,13 +33,15 @@
 
 #include "estimator.h"
 #include "fixed.h"
+#include "move.h"
 #include "sliding.h"
 
 #define INVERSION_SHARE_ONE 65536
 
 /* What the law is told in a tick; torques by the cables on the load unless motor_ is said. */
 typedef struct {
-    int32_t wanted_unm;
+    int32_t wanted_unm;      /* with what is left of the friction on purpose */
+    int32_t asked_unm;       /* without */
     int32_t load_torque_unm; /* the cell's, or the estimate */
     bool cell;               /* it is the cell's */
     bool limited;            /* the motor's limit cut the last answer */
@@ -51,13 +58,17 @@ typedef struct {
     int32_t rest_band_unm;
     int32_t integral_ticks; /* in which a shift takes up an error; 0: never */
     /* state */
-    int32_t side;            /* 1 or -1; 0: not yet */
-    uint32_t side_ticks;     /* since it changed */
-    uint32_t patience;       /* lost: changes of side without a stroke of the load; 0 .. 3 */
-    int32_t left_unm;        /* error that the last such change left at rest */
-    int32_t side_arc_nm;     /* where the load was then */
-    int32_t settled_unm;     /* the wanted torque that the patience is for */
-    bool called_for;         /* something else is wanted: the next change of side is free */
+    int32_t side;        /* 1 or -1; 0: not yet */
+    uint32_t side_ticks; /* since it changed */
+    uint32_t patience;   /* lost: changes of side without a stroke of the load; 0 .. 3 */
+    int32_t left_unm;    /* error that the last such change left at rest */
+    int32_t side_arc_nm; /* where the load was then */
+    int32_t settled_unm; /* the wanted torque that the patience is for */
+    bool called_for;     /* something else is wanted: the next change of side is free */
+    int32_t last_asked_unm;
+    bool wished; /* the load has not moved on since something else was wanted at once */
+    move_t move;
+    int32_t held_unm;        /* motor torque of the last tick without inertia and damping */
     int32_t shift_q8_unm[2]; /* of the wanted torque; [negative, positive side] */
     int32_t lag_q4_unm[2];   /* motor torque behind one and two lags */
     bool resting;
@@ -66,7 +77,8 @@ typedef struct {
 
 /* Constants and a start with nothing learned. `motor_inertia_gmm2`: 0 is taken for 1. */
 inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sliding,
-                         uint32_t ticks_per_s, uint32_t motor_inertia_gmm2, int32_t rest_band_unm,
+                         uint32_t ticks_per_s, uint32_t motor_inertia_gmm2,
+                         int32_t torque_limit_unm, int32_t rest_band_unm,
                          uint32_t integral_gain_mhz);
 
 /* The law rests and another gives this motor torque for this wanted one: it will go on from there.

@@ -120,6 +120,12 @@ int32_t sliding_slack_halves(const sliding_t *sliding, int32_t load_torque_unm, 
     return twice < edge ? 0 : (twice < 2 * edge ? 1 : (twice < 3 * edge ? 2 : 3));
 }
 
+int32_t sliding_slack_motor_unm(const sliding_t *sliding) {
+    uint32_t saturations = 0; /* never slack is as good */
+    const int32_t motor_un = fixed_scale(sliding->slack_b_above_un, sliding->rise, &saturations);
+    return fixed_scale(motor_un, sliding->motor_torque_per_force, &saturations);
+}
+
 bool sliding_holds_taut(const sliding_t *sliding, int32_t motor_torque_unm, int32_t sign) {
     const int32_t mirrored_unm = sign * motor_torque_unm;
     return mirrored_unm == sliding->taut_most_unm || mirrored_unm == sliding->taut_least_unm;

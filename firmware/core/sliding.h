@@ -54,6 +54,9 @@ sliding_t sliding_adapted(const sliding_t *sliding, uint32_t friction_q16, uint3
 /* Load torque in halves of the one at which a cable goes slack: 0, 1, 2, and 3 for all beyond. */
 int32_t sliding_slack_halves(const sliding_t *sliding, int32_t load_torque_unm, int32_t sign);
 
+/* Motor torque at which the released cable goes slack while the pair slides. */
+int32_t sliding_slack_motor_unm(const sliding_t *sliding);
+
 /* Is this motor torque one that the slack floor has cut? */
 bool sliding_holds_taut(const sliding_t *sliding, int32_t motor_torque_unm, int32_t sign);
 
