@@ -72,17 +72,18 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
 }
 
 /* Part of the model's friction to compensate, in Q16. With a load cell all of it, as adapted: the
- * cell sees to the rest. Without one what the observer is sure of, moving or not, and less of it
- * when the model cannot be believed. */
+ * cell sees to the rest. Without one, while the load moves, what the observer is sure of, so that
+ * it is not pushed; at rest what it expects, since a motor within its friction moves nothing at
+ * all. Less of it when the model cannot be believed. */
 static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
     const uint32_t left = INVERSION_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
     if (cell) {
         return left;
     }
-    const uint64_t sure = compensation->inversion.wished
-                              ? friction_observer_mean_q16(&compensation->observer)
-                              : friction_observer_sure_q16(&compensation->observer);
-    const uint32_t share = (uint32_t)(sure * compensation->share_q16 / INVERSION_SHARE_ONE);
+    const bool rests = compensation->estimator.load_direction == 0;
+    const uint64_t friction = rests ? friction_observer_mean_q16(&compensation->observer)
+                                    : friction_observer_sure_q16(&compensation->observer);
+    const uint32_t share = (uint32_t)(friction * compensation->share_q16 / INVERSION_SHARE_ONE);
     const uint32_t confidence = compensation->estimator.confidence;
     const uint32_t trust = confidence < TRUSTED ? confidence : TRUSTED;
     return (uint32_t)((uint64_t)(share * trust / TRUSTED) * left / INVERSION_SHARE_ONE);

@@ -68,7 +68,6 @@ void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm, int32_t 
     inversion->side = 0;
     inversion->held_unm = motor_torque_unm;
     inversion->last_asked_unm = wanted_unm;
-    inversion->wished = false;
     move_end(&inversion->move);
 }
 
@@ -76,11 +75,12 @@ static int32_t magnitude(int32_t value) {
     return value < 0 ? -value : value;
 }
 
-/* How much the error may be before the side changes: less the longer the side has stayed, twice as
- * much for each unit of patience lost; at rest half more than the last change left. */
-static int32_t side_band_unm(const inversion_t *inversion, int32_t direction) {
+/* How much the error may be before the side changes: with a cell less the longer the side has
+ * stayed, twice as much for each unit of patience lost; at rest half more than the last change
+ * left. */
+static int32_t side_band_unm(const inversion_t *inversion, int32_t direction, bool cell) {
     const uint32_t stayed = inversion->side_ticks / (WAIT_LAGS * (uint32_t)inversion->lag_ticks);
-    const uint32_t eager = PATIENCE_MOST - inversion->patience;
+    const uint32_t eager = cell ? PATIENCE_MOST - inversion->patience : 0;
     const int32_t band_unm = inversion->friction_unm / SIDE_BAND << inversion->patience;
     const int32_t waited_unm =
         (band_unm >> (stayed < eager ? stayed : eager)) + 2 * inversion->rest_band_unm;
@@ -93,7 +93,7 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
                         const inversion_inputs_t *inputs, int32_t error_unm) {
     uint32_t saturations = 0; /* far travel is far */
     const int32_t direction = estimator->load_direction;
-    const int32_t band_unm = side_band_unm(inversion, direction);
+    const int32_t band_unm = side_band_unm(inversion, direction, inputs->cell);
     if (inversion->side_ticks < UINT32_MAX) {
         inversion->side_ticks++;
     }
@@ -147,7 +147,6 @@ static void take_wish(inversion_t *inversion, const estimator_t *estimator,
     if (towards != 0) {
         inversion->side = towards;
     }
-    inversion->wished = true;
     inversion->side_ticks = 0;
     inversion->side_arc_nm = estimator->mark_nm;
     inversion->patience = 0;
@@ -213,8 +212,6 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
     const bool wish = magnitude(jump_unm) > inversion->rest_band_unm;
     if (wish) {
         take_wish(inversion, estimator, inputs, error_unm);
-    } else if (direction != 0 && !move_runs(&inversion->move)) {
-        inversion->wished = false;
     }
     choose_side(inversion, estimator, inputs, error_unm);
     const int32_t rest_unm = (inversion->rest_band_unm + inversion->friction_unm / REST_BAND)

@@ -12,12 +12,11 @@
  * model's friction is wrong by that way. It stays when the side changes, and when the cell dies.
  * At rest it also says when it is enough: the torque goes towards that of the side only until what
  * is wanted has arrived, so that a wrong model does not overshoot. Without a cell only the friction
- * that friction_observer.h is sure of is compensated: overcompensation would push.
+ * that friction_observer.h is sure of is compensated while the load moves: overcompensation would
+ * push. At rest it is the friction that is expected: less may not arrive at all.
  *
  * When something else is wanted at once, more than the rest band within a tick, the motor goes
- * there by move.h: friction and all, the side being that of the error. Until the load moves on, the
- * friction that is expected is compensated then, not only what is sure: nothing moves that could be
- * pushed.
+ * there by move.h, friction and all; the side is that of the error.
  *
  * A change of side that neither a stroke of the load nor a new wish has called for costs patience:
  * the next one needs twice the error, and at least twice what this one left at rest, and twice as
@@ -66,7 +65,6 @@ typedef struct {
     int32_t settled_unm; /* the wanted torque that the patience is for */
     bool called_for;     /* something else is wanted: the next change of side is free */
     int32_t last_asked_unm;
-    bool wished; /* the load has not moved on since something else was wanted at once */
     move_t move;
     int32_t held_unm;        /* motor torque of the last tick without inertia and damping */
     int32_t shift_q8_unm[2]; /* of the wanted torque; [negative, positive side] */
