@@ -151,6 +151,23 @@ def test_the_strands_end_the_ringing_whatever_the_steps(step_s: float) -> None:
     assert np.abs(rings[period].mean()) < 1e-2 * early
 
 
+def test_a_late_cell_changes_nothing_of_the_ringing() -> None:
+    """A delay puts samples between the samples; what the cables do stays, and is read later."""
+    t = np.arange(1000) * 1e-3
+    stop = Inputs(t, None, np.minimum(0.5 * t, 0.15), np.zeros_like(t))
+    model = plain(mu_d=0.0).with_effect("motor_inertia", {"inertia_kg_m2": 3e-5})
+    found = simulate(model, TP, stop).load_torque_nm
+    late = model.with_effect("time_delay", {"load_cell_delay_s": 3e-4})
+    read = simulate(late, TP, stop).load_torque_nm
+    shifted = np.interp(t - 3e-4, t, found)
+    ringing = t > 0.3
+    # Steps of 0.3 and 0.7 ms in place of 1 ms: w h = 0.23, which is w^2 h^2 / 3 = 1.8 % slow, after
+    # 10 rad of ringing 0.2 rad; and the losses of the strands take their part.
+    size = np.abs(shifted[ringing]).max()
+    np.testing.assert_allclose(read[ringing], shifted[ringing], atol=0.25 * size)
+    assert np.ptp(read[600:]) == pytest.approx(np.ptp(shifted[600:]), rel=0.3)
+
+
 @pytest.mark.parametrize("model_of", ["coulomb", "viscous"])
 def test_a_gap_and_uneven_steps_do_not_shake_the_rotor(model_of: str) -> None:
     """Second-order differences are unstable where steps more than double, so there they are not

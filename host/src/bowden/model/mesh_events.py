@@ -34,7 +34,7 @@ from bowden.model.mesh_zones import (
 from bowden.model.trajectory import NOT_CARRIED, FloatArray
 
 BALANCED = 1e-13
-GAP = 2.0  # times the last step: second-order differences are stable below 2.41
+STABLE = 2.0  # times the last step: second-order differences are, below 2.41
 
 
 @compiled_in_place
@@ -175,13 +175,15 @@ def beyond(dt: float, dt_before: float, damping_s: float) -> float:
     """Return how far a step's mean speed is carried on to its end, as a share of its last change.
 
     With all of it, differences are of the second order, for uneven steps (Curtiss and Hirschfelder
-    1952), and what rings goes on ringing. With none, as after a gap, backward Euler: the inertia is
-    late by dt, which damps as strands do whose tension is early by dt. So by `damping_s`, as far as
-    that is stable: up to 1.7 steps.
+    1952), and what rings goes on ringing. With none, backward Euler: the inertia is late by dt,
+    which damps as strands do whose tension is early by dt. So by `damping_s`, as far as that is
+    stable: up to 1.7 steps. The more a step exceeds the last one, the less is carried over it.
     """
-    if dt >= GAP * dt_before:
+    if dt_before == 0.0:
         return 0.0
-    return max(1.0 - damping_s / dt, -0.7) * dt / (dt + dt_before)
+    ratio = dt / dt_before
+    ratio = min(ratio, STABLE * STABLE / ratio)
+    return max(1.0 - damping_s / dt, -0.7) * ratio / (1.0 + ratio)
 
 
 @compiled_in_place
