@@ -76,6 +76,22 @@ def test_a_hidden_effect_is_named_with_its_size(name: str) -> None:
     assert found.ranking[0].name == name
 
 
+@pytest.mark.parametrize(
+    ("asymmetry", "weight_nm", "first"),
+    [(0.10, 0.03, "direction_asymmetry"), (0.015, 0.40, "gravity_imbalance")],
+)
+def test_of_two_effects_the_one_that_explains_more_comes_first(
+    asymmetry: float, weight_nm: float, first: str
+) -> None:
+    truth = TRUTH.with_effect("direction_asymmetry", {"a": asymmetry})
+    weight = {"amplitude_nm": weight_nm, "phase_rad": 0.8}
+    truth = truth.with_effect("gravity_imbalance", weight)
+    found = diagnose(MODEL, [measured(truth)], names=NAMES, seed=1)
+    names = [one.name for one in found.effects]
+    assert set(names) == {"direction_asymmetry", "gravity_imbalance"}
+    assert names[0] == first
+
+
 def test_nothing_is_invented_for_a_complete_model() -> None:
     found = diagnosed("")
     assert found.verdict == "complete"

@@ -159,9 +159,12 @@ def _named(
 ) -> tuple[NamedEffect, ...]:
     sure = confidences(selection)
     found: dict[str, NamedEffect] = {}
+    order = [one.key for one in selection.needed]
     for hypothesis in tie:
         values = intervals(hypothesis, astray)
-        for index, one in enumerate(hypothesis.effects):
+        effects = list(enumerate(hypothesis.effects))
+        effects.sort(key=lambda each: order.index(each[1].key) if each[1].key in order else -1)
+        for index, one in effects:
             found.setdefault(
                 one.name,
                 NamedEffect(

@@ -97,6 +97,8 @@ class Selection:
     base : Hypothesis
         The calibrated model without effects.
     chosen : Hypothesis
+    needed : tuple of Candidate
+        Its effects; that which it can least do without first.
     rivals : list of Hypothesis
         Every fitted hypothesis with as many effects as the chosen one (or one, when none was
         chosen), under the final noise model, best first.
@@ -110,6 +112,7 @@ class Selection:
 
     base: Hypothesis
     chosen: Hypothesis
+    needed: tuple[Candidate, ...]
     rivals: list[Hypothesis]
     looks: list[Screened]
     looked_from: Fitted
@@ -165,6 +168,14 @@ def select(
         problem, tried = _under_their_noise(problem, tried, favourites, pool)
         chosen = _again(chosen, problem)
         known |= {one.key: one for one in [*tried, chosen]}
+        if count > 1:
+            # A first effect that was a mistake is done without, once the right one is there.
+            for one in _without_each(tried[0], base, pool).values():
+                if one.key not in known or _weighed(known[one.key], problem).score < one.score:
+                    known[one.key] = one
+                if one.score > chosen.score:
+                    chosen = one
+                    rivals = _distinct([one, *_judged_again(rivals, problem, pool)])
         # A number that had to leave its tolerance far behind is a finding, not a calibration.
         strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
         enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
@@ -193,7 +204,8 @@ def select(
         replace(look[0], secants=under_other_weights(look[0].secants, sharper)) for look in looks
     ]
     looked_from = replace(base.fitted, jacobian=under_other_weights(base.fitted.jacobian, sharper))
-    return Selection(_again(base, problem), chosen, rivals, first, looked_from, problem)
+    needed = _most_needed_first(chosen, base, pool)
+    return Selection(_again(base, problem), chosen, needed, rivals, first, looked_from, problem)
 
 
 def _matters(one: Hypothesis, known: Mapping[frozenset[tuple[str, str]], Hypothesis]) -> bool:
@@ -311,6 +323,47 @@ def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
             break
         widely = stuck
     return best
+
+
+def _most_needed_first(
+    one: Hypothesis, base: Hypothesis, pool: ThreadPoolExecutor
+) -> tuple[Candidate, ...]:
+    """Put the effects in order of what is lost without them."""
+    if len(one.effects) < 2:
+        return one.effects
+    rest = _without_each(one, base, pool)
+    left = {key: hypothesis.score for key, hypothesis in rest.items()}
+    return tuple(sorted(one.effects, key=lambda effect: left.get(effect.key, -math.inf)))
+
+
+def _without_each(
+    one: Hypothesis, base: Hypothesis, pool: ThreadPoolExecutor
+) -> dict[tuple[str, str], Hypothesis]:
+    """Fit a hypothesis without each of its effects in turn, from where the others are."""
+
+    def fitted(left_out: Candidate) -> Hypothesis | None:
+        model, parameters = base.fit.model, list(base.fit.parameters)
+        at = list(one.fitted.at[: len(parameters)])
+        first = len(model.document.effects)
+        kept: list[Candidate] = []
+        for place, effect in enumerate(one.effects, first):
+            if effect is left_out:
+                continue
+            names = [each.name for each in effect.variant.parameters]
+            values = {name: one.fitted.model.value(f"effects[{place}].{name}") for name in names}
+            model = with_candidate(model, effect, values)
+            numbers = effect.numbers(first + len(kept))
+            parameters += numbers
+            at += [number.at(values[number.parameter.name]) for number in numbers]
+            kept.append(effect)
+        fit = Fit(model, parameters, one.fit.problem)
+        try:
+            return Hypothesis(tuple(kept), fit, solve(fit, np.array(at)))
+        except ModelError:
+            return None
+
+    found = zip(one.effects, pool.map(fitted, one.effects), strict=True)
+    return {effect.key: rest for effect, rest in found if rest is not None}
 
 
 def _judged_again(
