@@ -159,12 +159,11 @@ def _named(
 ) -> tuple[NamedEffect, ...]:
     sure = confidences(selection)
     found: dict[str, NamedEffect] = {}
-    order = [one.key for one in selection.needed]
+    place = {one.key: rank for rank, one in enumerate(selection.needed)}
     for hypothesis in tie:
         values = intervals(hypothesis, astray)
-        effects = list(enumerate(hypothesis.effects))
-        effects.sort(key=lambda each: order.index(each[1].key) if each[1].key in order else -1)
-        for index, one in effects:
+        effects = enumerate(hypothesis.effects)
+        for index, one in sorted(effects, key=lambda each: place.get(each[1].key, -1)):
             found.setdefault(
                 one.name,
                 NamedEffect(
