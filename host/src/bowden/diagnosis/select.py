@@ -170,7 +170,7 @@ def select(
         known |= {one.key: one for one in [*tried, chosen]}
         if count > 1:
             # A first effect that was a mistake is done without, once the right one is there.
-            for one in _without_each(tried[0], base, pool).values():
+            for one in _without_each(tried[0], base, pool):
                 if one.key not in known or _weighed(known[one.key], problem).score < one.score:
                     known[one.key] = one
                 if one.score > chosen.score:
@@ -204,7 +204,7 @@ def select(
         replace(look[0], secants=under_other_weights(look[0].secants, sharper)) for look in looks
     ]
     looked_from = replace(base.fitted, jacobian=under_other_weights(base.fitted.jacobian, sharper))
-    needed = _most_needed_first(chosen, base, pool)
+    needed = _most_needed_first(chosen, known)
     return Selection(_again(base, problem), chosen, needed, rivals, first, looked_from, problem)
 
 
@@ -326,19 +326,18 @@ def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
 
 
 def _most_needed_first(
-    one: Hypothesis, base: Hypothesis, pool: ThreadPoolExecutor
+    one: Hypothesis, known: Mapping[frozenset[tuple[str, str]], Hypothesis]
 ) -> tuple[Candidate, ...]:
-    """Put the effects in order of what is lost without them."""
-    if len(one.effects) < 2:
-        return one.effects
-    rest = _without_each(one, base, pool)
-    left = {key: hypothesis.score for key, hypothesis in rest.items()}
-    return tuple(sorted(one.effects, key=lambda effect: left.get(effect.key, -math.inf)))
+    """Put the effects in order of what is lost without them, where that was tried."""
+
+    def left(effect: Candidate) -> float:
+        rest = known.get(one.key - {effect.key})
+        return _weighed(rest, one.fit.problem).score if rest else -math.inf
+
+    return one.effects if len(one.effects) < 2 else tuple(sorted(one.effects, key=left))
 
 
-def _without_each(
-    one: Hypothesis, base: Hypothesis, pool: ThreadPoolExecutor
-) -> dict[tuple[str, str], Hypothesis]:
+def _without_each(one: Hypothesis, base: Hypothesis, pool: ThreadPoolExecutor) -> list[Hypothesis]:
     """Fit a hypothesis without each of its effects in turn, from where the others are."""
 
     def fitted(left_out: Candidate) -> Hypothesis | None:
@@ -362,8 +361,7 @@ def _without_each(
         except ModelError:
             return None
 
-    found = zip(one.effects, pool.map(fitted, one.effects), strict=True)
-    return {effect.key: rest for effect, rest in found if rest is not None}
+    return [rest for rest in pool.map(fitted, one.effects) if rest is not None]
 
 
 def _judged_again(
