@@ -196,8 +196,9 @@ def confidences(selection: Selection) -> dict[str, float]:
 
 
 def covariance(fitted: Fitted) -> _Floats:
-    """Return the covariance of what moved, on the search's scale."""
-    return np.asarray(np.linalg.pinv(fitted.jacobian.T @ fitted.jacobian), np.float64)
+    """Return the covariance of what moved, on the search's scale, by all that was recorded."""
+    matrix = fitted.joint.matrix
+    return np.asarray(np.linalg.pinv(matrix.T @ matrix), np.float64)
 
 
 def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
@@ -209,22 +210,22 @@ def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
     astray : float
         `Rest.astray`: numbers of a law that the rig does not quite follow are not known better.
     """
-    fit, fitted = hypothesis.fit, hypothesis.fitted
-    sigma = np.sqrt(np.maximum(np.diag(covariance(fitted)), 0.0)) if fitted.at.size else np.zeros(0)
-    found = []
-    known = len(fitted.model.document.effects) - len(hypothesis.effects)  # those of the file
+    fit, at = hypothesis.fit, hypothesis.fitted.joint.at
+    sigma = np.sqrt(np.maximum(np.diag(covariance(hypothesis.fitted)), 0.0)) if at.size else at
+    found, model = [], hypothesis.fitted.joint_model
+    known = len(model.document.effects) - len(hypothesis.effects)  # those of the file
     for index, candidate in enumerate(hypothesis.effects, known):
         values = {}
         for parameter in candidate.variant.parameters:
             path = f"effects[{index}].{parameter.name}"
             place = [i for i, one in enumerate(fit.parameters) if one.path == path]
             if not place:
-                value = fitted.model.value(path)
+                value = model.value(path)
                 values[parameter.name] = Value(value, value, value, parameter.unit)
                 continue
             number, x, spread = (
                 fit.parameters[place[0]],
-                fitted.at[place[0]],
+                at[place[0]],
                 1.96 * sigma[place[0]],
             )
             assert isinstance(number, EffectNumber)
@@ -248,10 +249,10 @@ def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
 
 def calibration(hypothesis: Hypothesis) -> tuple[Estimate, ...]:
     """Return the numbers of the file that moved, with their 95 % intervals."""
-    fit, fitted = hypothesis.fit, hypothesis.fitted
-    sigma = np.sqrt(np.maximum(np.diag(covariance(fitted)), 0.0)) if fitted.at.size else np.zeros(0)
+    fit, at = hypothesis.fit, hypothesis.fitted.joint.at
+    sigma = np.sqrt(np.maximum(np.diag(covariance(hypothesis.fitted)), 0.0)) if at.size else at
     found = []
-    for one, x, spread in zip(fit.parameters, fitted.at, 1.96 * sigma, strict=True):
+    for one, x, spread in zip(fit.parameters, at, 1.96 * sigma, strict=True):
         if not isinstance(one, Free):
             continue
         value, edge = one.value_at(float(x)), 1e-3 * one.scale

@@ -1,9 +1,9 @@
 """`diagnose`: a model and recordings in, the missing effect with all that is known about it out.
 
 The stages in order: `quality` and `excitation` look at the data, `prepare` makes them ready,
-`select` (with `candidates`, `fit`, `problem`) tries the catalogue, `decide` finds the verdict,
-`localise` and `next_experiment` say where the gap sits and what would tell more. Touches no file;
-`report.diagnosis` draws the result, `cli.diagnose` prints it.
+`select` (with `candidates`, `screening`, `fit`, `problem`) tries the catalogue, `decide` finds the
+verdict, `localise` and `next_experiment` say where the gap sits and what would tell more. Touches
+no file; `report.diagnosis` draws the result, `cli.diagnose` prints it.
 """
 
 from __future__ import annotations
@@ -195,9 +195,8 @@ def diagnose(
         except ModelError:  # it runs what was measured, but not every path beside it
             ready = prepare(about, mode, recordings, seed, pool, whole=True)
         series = series_of(selection, mode, ready, pool)
+        rest = rest_of(selection, Problem(mode, ready), pool)
     gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
-    whole = Problem(mode, ready)
-    rest = rest_of(selection.problem, whole, series)
     decision = decide(selection, rest)
     hidden = invisible(selection)
     verdict = decision.verdict
@@ -231,7 +230,7 @@ def diagnose(
         excitation=contents,
         next_experiment=advice.text if advice else "",
         next_command=advice.command if advice else "",
-        model=_as_solved_before(decision.model.fitted.model, model),
+        model=_as_solved_before(decision.model.fitted.joint_model, model),
         mode=mode,
         series=series,
         notes=tuple(notes),
@@ -317,14 +316,14 @@ def _where(
     """Find where the calibrated model alone is wrong, in the channel where that is clearest."""
 
     def size(name: str) -> float:
-        of = [in_sigmas(one, one.before) for one in series if one.quantity == name]
+        of = [in_sigmas(one.measured - one.before, one) for one in series if one.quantity == name]
         return float(np.mean(np.concatenate(of) ** 2))
 
     name = max(PREDICTED[mode], key=size)
     recordings = [one.recording for one in ready]
     model = selection.base.fitted.model
     return localise(
-        [in_sigmas(one, one.before) for one in series if one.quantity == name],
+        [in_sigmas(one.measured - one.before, one) for one in series if one.quantity == name],
         recordings,
         [simulate_recording(model, mode, one) for one in recordings],
         seed=seed,

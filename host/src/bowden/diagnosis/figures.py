@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.compare import PREDICTED
 from bowden.diagnosis.decide import Rest
-from bowden.diagnosis.problem import Part, Problem
+from bowden.diagnosis.problem import Channel, Part, Problem
 from bowden.diagnosis.select import Selection
 from bowden.model import Mode
 
@@ -117,28 +117,37 @@ def gap_in(name: str, series: Sequence[Series]) -> Gap:
     )
 
 
-def rest_of(problem: Problem, whole: Problem, series: Sequence[Series]) -> Rest:
+def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> Rest:
     """Return what the models leave on held-out data, in the channel where the chosen leaves more.
 
-    Each sample counts by what it is worth.
+    Each sample counts by what it is worth. The numbers have moved on within what the fitted data
+    leave open: a sample may be known far better than they foretell it.
     """
+    models = (selection.base.fitted.joint_model, selection.chosen.fitted.joint_model)
+    jobs = [(model, part) for model in models for part in ready.parts]
+    gaps = list(pool.map(lambda job: ready.gaps(*job), jobs))
+    before, after = gaps[: len(ready.parts)], gaps[len(ready.parts) :]
     found = []
-    for name in PREDICTED[problem.mode]:
-        share = np.concatenate([part.channels[name].share[~part.counts] for part in whole.parts])
-        of = [one for one in series if one.quantity == name]
+    for name in PREDICTED[ready.mode]:
+        channels = [part.channels[name] for part in ready.parts]
+        held_out = [~part.counts for part in ready.parts]
+        share = np.concatenate([x.share[out] for x, out in zip(channels, held_out, strict=True)])
 
-        def rms(which: str, of: list[Series] = of, share: _Floats = share) -> float:
-            z = np.concatenate([in_sigmas(x, getattr(x, which))[x.held_out] for x in of])
+        def rms(left: list[dict[str, _Floats]], name: str = name, share: _Floats = share) -> float:
+            z = np.concatenate(
+                [
+                    in_sigmas(gap[name], part.channels[name])[~part.counts]
+                    for gap, part in zip(left, ready.parts, strict=True)
+                ]
+            )
             return float(np.sqrt(np.sum(share * z**2) / np.sum(share)))
 
-        common = min(part.channels[name].common for part in problem.parts)
-        found.append(Rest(rms("before"), rms("after"), max(1.0, common * float(share.sum()))))
+        common = min(part.channels[name].common for part in selection.problem.parts)
+        found.append(Rest(rms(before), rms(after), max(1.0, common * float(share.sum()))))
     return max(found, key=lambda one: one.after)
 
 
-def in_sigmas(one: Series, simulated: _Floats) -> _Floats:
-    """Return what a model leaves; an angle's zero may be off by a count."""
-    gap = one.measured - simulated
-    if one.quantity.endswith("_rad"):
-        gap = gap - np.clip(np.median(gap), -one.zero_sigma, one.zero_sigma)
-    return np.asarray(gap / one.sigma)
+def in_sigmas(gap: _Floats, of: Series | Channel) -> _Floats:
+    """Return what a model leaves, over the local noise; a zero may be off by what it may."""
+    shift = np.clip(np.median(gap), -of.zero_sigma, of.zero_sigma)
+    return np.asarray((gap - shift) / of.sigma)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ STEP = 0.02  # of a parameter's scale: far above the simulator's roughness, far 
 ENOUGH = 0.02  # of chi-square / 2: a step that promises less decides nothing
 ROUGHLY = 1e-3  # of what is left: such a step decides nothing between rivals far from the optimum
 ROUNDS = 12
+FEW = 3  # rounds in which a rough fit foretells what judges
 ALONG = (-2.5, -1.2, 1.2, 2.5)  # tolerances, of the starts along a valley
 
 _Found = TypeVar("_Found")
@@ -64,6 +65,15 @@ class Movable(Protocol):
         """Return the distance from what is known of it, in tolerances."""
 
 
+class Point(NamedTuple):
+    """Where a search is: `Fit.residual` there, its derivatives, and whether those are of there."""
+
+    at: _Floats
+    every: _Floats
+    matrix: _Floats
+    fresh: bool = False
+
+
 @dataclass(frozen=True)
 class Fitted:
     """Where a search ended.
@@ -77,24 +87,45 @@ class Fitted:
         Half the chi-square of what was fitted.
     prior : float
         Half the sum of squared distances from the stated values, in tolerances.
+    joint : Point
+        Moved on from `at`, to fit what judges, too: the best that the recordings tell in all.
+    joint_model : Model
+        There.
     judged : float
-        Half the chi-square of what was not fitted.
+        What that costs: half the chi-square of what was not fitted, foretold with all that the
+        fitted leave open. For a linear model it is exactly that of the forecast under its own
+        covariance (Gelman et al., Bayesian Data Analysis, section 14.3).
     judged_gap : float
-        RMS of that in the mode's first channel, N m.
-    residual : ndarray of shape (m,)
-        Weighted residuals, then distances in tolerances.
-    jacobian : ndarray of shape (m, p)
-        Of `residual`.
+        RMS of what was not fitted in the mode's first channel, N m; of `model`.
+    every : ndarray of shape (n,)
+        Weighted residuals of what was fitted, distances in tolerances, residuals of what was not.
+    matrix : ndarray of shape (n, p)
+        Derivatives of `every`.
+    rows : int
+        How many of them were made small; the others judge.
     """
 
     at: _Floats
     model: Model
+    joint: Point
+    joint_model: Model
     misfit: float
     prior: float
     judged: float
     judged_gap: float
-    residual: _Floats
-    jacobian: _Floats
+    every: _Floats
+    matrix: _Floats
+    rows: int
+
+    @property
+    def residual(self) -> _Floats:
+        """What was made small, shape (m,)."""
+        return self.every[: self.rows]
+
+    @property
+    def jacobian(self) -> _Floats:
+        """Its derivatives, shape (m, p)."""
+        return self.matrix[: self.rows]
 
     @property
     def cost(self) -> float:
@@ -122,6 +153,7 @@ class Fit:
         self.low = np.array([one.low for one in parameters], dtype=np.float64)
         self.high = np.array([one.high for one in parameters], dtype=np.float64)
         self.scale = np.array([one.scale for one in parameters], dtype=np.float64)
+        self.fitted_rows = problem.weights().size + self.low.size
         self._spread = spread
 
     def model_at(self, at: _Floats) -> Model:
@@ -130,12 +162,16 @@ class Fit:
         return self.model.with_values({one.path: one.value_at(float(x)) for one, x in pairs})
 
     def residual(self, at: _Floats) -> _Floats | None:
-        """Return what is made small at a point; None where the point describes no rig."""
+        """Return what is made small at a point; None where the point describes no rig.
+
+        First `fitted_rows` that are fitted, the distances from what the file says among them, then
+        those that judge.
+        """
         try:
-            fitted = self.problem.misfit(self.model_at(at)).fitted
+            misfit = self.problem.misfit(self.model_at(at))
         except ModelError:
             return None
-        return np.concatenate([fitted, self.distances(at)])
+        return np.concatenate([misfit.fitted, self.distances(at), misfit.judged])
 
     def distances(self, at: _Floats) -> _Floats:
         """Return each number's distance from what the file says, in its tolerances."""
@@ -162,24 +198,43 @@ class Fit:
                 result[:, i] = (there - residual) / steps[i]
         return result
 
-    def fitted_at(self, at: _Floats, residual: _Floats, jacobian: _Floats) -> Fitted:
-        """Gather what is known at a point."""
-        model = self.model_at(at)
-        prior = 0.5 * float(np.sum(self.distances(at) ** 2))
-        misfit = self.problem.misfit(model)
+    def fitted_at(self, found: Point, rounds: int, joint_at: _Floats | None = None) -> Fitted:
+        """Gather what is known at a point.
+
+        What judges is foretold, in so many rounds: the numbers move on within what the fitted
+        samples leave open; from `joint_at` where that is the better start.
+        """
+        begin = found
+        if joint_at is not None:
+            there = self.residual(joint_at)
+            if there is not None and _half_square(there) < _half_square(found.every):
+                begin = Point(joint_at, there, found.matrix)
+        joint = descend(self, begin, found.every.size, rounds, polish=False)
+        model, cost = self.model_at(found.at), _half_square(found.every[: self.fitted_rows])
+        prior = _half_square(self.distances(found.at))
         return Fitted(
-            at=at,
+            at=found.at,
             model=model,
-            misfit=0.5 * float(residual @ residual) - prior,
+            joint=joint,
+            joint_model=self.model_at(joint.at),
+            misfit=cost - prior,
             prior=prior,
-            judged=0.5 * float(np.sum(misfit.judged**2)),
-            judged_gap=misfit.judged_gap,
-            residual=residual,
-            jacobian=jacobian,
+            judged=_half_square(joint.every) - cost,
+            judged_gap=self.problem.misfit(model).judged_gap,
+            every=found.every,
+            matrix=found.matrix,
+            rows=self.fitted_rows,
         )
 
 
-def solve(fit: Fit, start: _Floats, known: _Floats | None = None, *, polish: bool = True) -> Fitted:
+def solve(
+    fit: Fit,
+    start: _Floats,
+    known: _Floats | None = None,
+    joint_at: _Floats | None = None,
+    *,
+    polish: bool = True,
+) -> Fitted:
     """Search from a point.
 
     Parameters
@@ -188,6 +243,8 @@ def solve(fit: Fit, start: _Floats, known: _Floats | None = None, *, polish: boo
     start : ndarray of shape (p,)
     known : ndarray of shape (k, q), optional
         A guess of the derivatives by the first q numbers; the others' are taken at `start`.
+    joint_at : ndarray of shape (p,), optional
+        Where the numbers moved on to before.
     polish : bool, default True
         Whether the end has to be the optimum by derivatives that were taken there; else it is near.
 
@@ -196,33 +253,43 @@ def solve(fit: Fit, start: _Floats, known: _Floats | None = None, *, polish: boo
     ModelError
         The start describes no rig.
     """
+    found = descend(fit, _begin(fit, start, known), fit.fitted_rows, ROUNDS, polish=polish)
+    return fit.fitted_at(found, ROUNDS if polish else FEW, joint_at)
+
+
+def _begin(fit: Fit, start: _Floats, known: _Floats | None = None) -> Point:
     at = np.clip(start, fit.low, fit.high)
-    residual = fit.residual(at)
-    if residual is None:
+    every = fit.residual(at)
+    if every is None:
         fit.problem.misfit(fit.model_at(at))  # says why
         raise ModelError("the search cannot start here")
-    fresh = known is None
-    matrix = _completed(fit, at, residual, known)
+    return Point(at, every, _completed(fit, at, every, known), fresh=known is None)
+
+
+def descend(fit: Fit, begin: Point, rows: int, rounds: int, *, polish: bool) -> Point:
+    """Make the first rows small, from a point on."""
+    at, every, matrix, fresh = begin
     damping = 1e-3
-    for _ in range(ROUNDS if at.size else 0):
-        step, promised = _step(fit, at, residual, matrix, damping)
-        enough = ENOUGH if polish else max(ENOUGH, 0.5 * ROUGHLY * float(residual @ residual))
+    for _ in range(rounds if at.size else 0):
+        cost = _half_square(every[:rows])
+        step, promised = _step(fit, at, every[:rows], matrix[:rows], damping)
+        enough = ENOUGH if polish else max(ENOUGH, ROUGHLY * cost)
         if promised < enough:
             if fresh or not polish:
                 break
-            matrix, fresh = fit.jacobian(at, residual), True
+            matrix, fresh = fit.jacobian(at, every), True
             continue
         there = fit.residual(at + step)
         gained = -np.inf
         if there is not None:
-            gained = 0.5 * float(residual @ residual - there @ there)
+            gained = cost - _half_square(there[:rows])
             # Broyden: the smallest change of the matrix that explains what the step brought.
             scaled = step / fit.scale**2
-            change = there - residual - matrix @ step
+            change = there - every - matrix @ step
             if gained > 0.0 or not fresh:
                 matrix = matrix + np.outer(change, scaled) / float(step @ scaled)
         if there is not None and gained > 0.0:
-            at, residual, fresh = at + step, there, False
+            at, every, fresh = at + step, there, False
             damping = max(damping / 10.0, 1e-6)
             if gained < enough:
                 break
@@ -231,8 +298,12 @@ def solve(fit: Fit, start: _Floats, known: _Floats | None = None, *, polish: boo
             if damping > 1e5:
                 break
         else:
-            matrix, fresh = fit.jacobian(at, residual), True
-    return fit.fitted_at(at, residual, matrix)
+            matrix, fresh = fit.jacobian(at, every), True
+    return Point(at, every, matrix, fresh)
+
+
+def _half_square(values: _Floats) -> float:
+    return 0.5 * float(values @ values)
 
 
 def solve_widely(fit: Fit, fitted: Fitted, spread: Spread = map) -> Fitted:
@@ -265,15 +336,17 @@ def solve_widely(fit: Fit, fitted: Fitted, spread: Spread = map) -> Fitted:
         way[known] = fit.scale[known] * weak
         starts += [fitted.at + k * way for k in ALONG]
 
-    def search(start: _Floats) -> Fitted | None:
+    def search(start: _Floats) -> tuple[float, _Floats] | None:
         try:
-            return solve(fit, start, polish=False)
+            begin = _begin(fit, start)
         except ModelError:
             return None
+        found = descend(fit, begin, fit.fitted_rows, ROUNDS, polish=False)
+        return _half_square(found.every[: fit.fitted_rows]), found.at
 
-    found = [one for one in spread(search, starts) if one is not None]
-    best = min([fitted, *found], key=lambda one: one.cost)
-    return best if best.cost > fitted.cost - ENOUGH else solve(fit, best.at)
+    ended = [one for one in spread(search, starts) if one is not None]
+    cost, at = min(ended, key=lambda one: one[0], default=(np.inf, fitted.at))
+    return solve(fit, at) if cost < fitted.cost - ENOUGH else fitted
 
 
 def _completed(fit: Fit, at: _Floats, residual: _Floats, known: _Floats | None) -> _Floats:

@@ -15,16 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.candidates import (
-    Candidate,
-    Screened,
-    look_again,
-    screen,
-    under_other_weights,
-    with_candidate,
-)
-from bowden.diagnosis.fit import Fit, Fitted, Movable, solve, solve_widely
+from bowden.diagnosis.candidates import Candidate, with_candidate
+from bowden.diagnosis.fit import Fit, Fitted, Movable, Point, solve, solve_widely
 from bowden.diagnosis.problem import BY_CHANCE, Problem
+from bowden.diagnosis.screening import Screened, look_again, screen, under_other_weights
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
@@ -36,7 +30,7 @@ STARTS = 2  # shapes of each
 FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from one shape
 MOST_EFFECTS = 3
 WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
-WITHIN = 50.0  # of score: hypotheses that are fitted again under a better noise model
+WITHIN = 50.0  # of cost: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 STRAINED = 3.0  # tolerances
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
@@ -70,6 +64,11 @@ class Hypothesis:
     def names(self) -> tuple[str, ...]:
         """Names of the effects."""
         return tuple(one.name for one in self.effects)
+
+    @property
+    def rest(self) -> float:
+        """What it leaves, in sigmas of the noise that it was fitted under."""
+        return self.fit.problem.rest(self.fitted.joint_model)
 
     @property
     def leeway(self) -> float:
@@ -171,7 +170,7 @@ def select(
         if count > 1:
             # A first effect that was a mistake is done without, once the right one is there.
             for one in _without_each(tried[0], base, pool):
-                if one.key not in known or _weighed(known[one.key], problem).score < one.score:
+                if one.key not in known or _cost(known[one.key], problem) > one.fitted.cost:
                     known[one.key] = one
                 if one.score > chosen.score:
                     chosen = one
@@ -180,7 +179,7 @@ def select(
         strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
         enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
         # Where nothing is known to be missing yet, what cures more than noise matters, too.
-        missed = count == 1 and problem.rest(chosen.fitted.model) > BY_CHANCE
+        missed = count == 1 and chosen.rest > BY_CHANCE
         better = next(
             (one for one in tried if one.score >= enough and (missed or _matters(one, known))), None
         )
@@ -188,7 +187,7 @@ def select(
             rivals = tried
         if better:
             chosen = better
-        at_floor = problem.rest(chosen.fitted.model) < AT_FLOOR
+        at_floor = chosen.rest < AT_FLOOR
         if at_floor or (better is None and count > 1):
             break
         # Two effects that need each other: neither need be the best alone.
@@ -203,7 +202,7 @@ def select(
     first = [
         replace(look[0], secants=under_other_weights(look[0].secants, sharper)) for look in looks
     ]
-    looked_from = replace(base.fitted, jacobian=under_other_weights(base.fitted.jacobian, sharper))
+    looked_from = replace(base.fitted, matrix=under_other_weights(base.fitted.matrix, sharper))
     needed = _most_needed_first(chosen, known)
     return Selection(_again(base, problem), chosen, needed, rivals, first, looked_from, problem)
 
@@ -280,7 +279,7 @@ def _fit_one(parent: Hypothesis, look: Screened) -> Hypothesis | None:
         return Hypothesis(
             (*parent.effects, look.candidate),
             fit,
-            solve(fit, start, parent.fitted.jacobian, polish=False),
+            solve(fit, start, parent.fitted.matrix, polish=False),
         )
     except ModelError:
         return None
@@ -289,7 +288,7 @@ def _fit_one(parent: Hypothesis, look: Screened) -> Hypothesis | None:
 def _again(one: Hypothesis, problem: Problem) -> Hypothesis:
     """Fit a hypothesis once more, from where it is, under another noise model."""
     fit = Fit(one.fit.model, one.fit.parameters, problem)
-    return replace(one, fit=fit, fitted=solve(fit, one.fitted.at))
+    return replace(one, fit=fit, fitted=solve(fit, one.fitted.at, joint_at=one.fitted.joint.at))
 
 
 def _under_their_noise(
@@ -298,11 +297,14 @@ def _under_their_noise(
     """Judge by the noise that the best leaves: of all models it is the nearest to the truth.
 
     Under the noise of a model that is far from the truth the data hardly weigh, and no model gets
-    where it belongs. So each of the favourites is fitted under its own.
+    where it belongs. So each of the favourites is fitted under its own, until one leaves noise.
     """
     order = sorted(tried, key=lambda one: one.fitted.cost + one.fitted.judged)
-    order[:favourites] = [_under_its_own(_again(one, problem), pool) for one in order[:favourites]]
-    best = min(order, key=lambda one: problem.rest(one.fitted.model))
+    for place, one in enumerate(order[:favourites]):
+        order[place] = _under_its_own(_again(one, problem), pool)
+        if order[place].rest < AT_FLOOR:
+            break
+    best = min(order, key=lambda one: problem.rest(one.fitted.joint_model))
     nearer = problem.with_noise_of(best.fitted.model)
     return nearer, _judged_again(order, nearer, pool)
 
@@ -310,12 +312,12 @@ def _under_their_noise(
 def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
     """Fit under the noise that it leaves, again; from everywhere where that gets stuck."""
     best, widely = one, False
-    rest = one.fit.problem.rest(one.fitted.model)
+    rest = one.rest
     for _ in range(MOST_ROUNDS):
         nearer = _again(best, best.fit.problem.with_noise_of(best.fitted.model, anew=widely))
         if widely:
             nearer = replace(nearer, fitted=solve_widely(nearer.fit, nearer.fitted, pool.map))
-        before, rest = rest, nearer.fit.problem.rest(nearer.fitted.model)
+        before, rest = rest, nearer.rest
         if rest < before:
             best = nearer
         stuck = rest > NEARER * before
@@ -332,9 +334,9 @@ def _most_needed_first(
 
     def left(effect: Candidate) -> float:
         rest = known.get(one.key - {effect.key})
-        return _weighed(rest, one.fit.problem).score if rest else -math.inf
+        return _cost(rest, one.fit.problem) if rest else math.inf
 
-    return one.effects if len(one.effects) < 2 else tuple(sorted(one.effects, key=left))
+    return tuple(sorted(one.effects, key=left, reverse=True))
 
 
 def _without_each(one: Hypothesis, base: Hypothesis, pool: ThreadPoolExecutor) -> list[Hypothesis]:
@@ -368,21 +370,23 @@ def _judged_again(
     tried: Sequence[Hypothesis], problem: Problem, pool: ThreadPoolExecutor
 ) -> list[Hypothesis]:
     """Fit the best once more under another noise model; weigh the others by it as they are."""
-    best = max(one.score for one in tried)
-    near = [one for one in tried if best - one.score < WITHIN]
-    far = [one for one in tried if best - one.score >= WITHIN]
-    again = [
-        *pool.map(lambda one: _again(one, problem), near),
-        *pool.map(lambda one: _weighed(one, problem), far),
-    ]
-    return _distinct(again)
+    weighed = list(pool.map(lambda one: _weighed(one, problem), tried))
+    best = min(one.fitted.cost for one in weighed)
+    near = [one for one in weighed if one.fitted.cost - best < WITHIN]
+    far = [one for one in weighed if one.fitted.cost - best >= WITHIN]
+    return _distinct([*pool.map(lambda one: _again(one, problem), near), *far])
 
 
 def _weighed(one: Hypothesis, problem: Problem) -> Hypothesis:
     fit = Fit(one.fit.model, one.fit.parameters, problem)
-    residual = fit.residual(one.fitted.at)
-    assert residual is not None  # it ran before
-    return replace(one, fit=fit, fitted=fit.fitted_at(one.fitted.at, residual, one.fitted.jacobian))
+    every = fit.residual(one.fitted.at)
+    assert every is not None  # it ran before
+    found = Point(one.fitted.at, every, one.fitted.matrix)
+    return replace(one, fit=fit, fitted=fit.fitted_at(found, 0, one.fitted.joint.at))
+
+
+def _cost(one: Hypothesis, problem: Problem) -> float:
+    return _weighed(one, problem).fitted.cost
 
 
 def _distinct(tried: Sequence[Hypothesis]) -> list[Hypothesis]:
