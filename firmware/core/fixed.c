@@ -128,3 +128,14 @@ uint32_t fixed_exp_minus_mean(uint32_t x_q24) {
     const uint64_t fall_q31 = FIXED_Q31_ONE - fixed_exp_minus(x_q24);
     return (uint32_t)(((fall_q31 << 24) + x_q24 / 2) / x_q24);
 }
+
+uint32_t fixed_root(uint64_t square, uint32_t bits) {
+    uint32_t root = 0;
+    for (uint32_t bit = UINT32_C(1) << (bits - 1); bit > 0; bit >>= 1) {
+        const uint32_t larger = root | bit;
+        if ((uint64_t)larger * larger <= square) {
+            root = larger;
+        }
+    }
+    return root;
+}

@@ -9,7 +9,7 @@
  * (INT32_MIN is never a result), and each saturated result counts up the caller's counter.
  *
  * Pure functions, no state. Those named ratio_* and fixed_exp_* are for the configuration; the tick
- * uses fixed_* and one ratio_reciprocal(), the only division in a tick.
+ * uses the others and one ratio_reciprocal(), the only division in a tick.
  */
 #ifndef BOWDEN_CORE_FIXED_H
 #define BOWDEN_CORE_FIXED_H
@@ -58,6 +58,10 @@ uint32_t fixed_exp_minus(uint32_t x_q24);
 /* The mean of exp(-y) over 0 <= y <= x, (1 - exp(-x)) / x, in Q31; exactly one at 0. Absolute
  * error <= 4 units. */
 uint32_t fixed_exp_minus_mean(uint32_t x_q24);
+
+/* Square root, rounded down; below 2^bits, 1 <= bits <= 32, so that a small one costs little: of a
+ * larger number it is 2^bits - 1. */
+uint32_t fixed_root(uint64_t square, uint32_t bits);
 
 #ifndef DECLARATIONS_ONLY /* for readers of the interface that know no function bodies */
 #include "fixed_inline.h"

@@ -40,18 +40,9 @@ friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
     return observer;
 }
 
-static int32_t square_root_q16(int32_t square_q30) {
-    uint32_t rest = (uint32_t)square_q30 * 4; /* Q32 */
-    uint32_t root = 0;
-    for (uint32_t bit = UINT32_C(1) << 30; bit > 0; bit >>= 2) {
-        if (rest >= root + bit) {
-            rest -= root + bit;
-            root = (root >> 1) + bit;
-        } else {
-            root >>= 1;
-        }
-    }
-    return (int32_t)root;
+/* Q16 of Q30, both below one. */
+static int32_t root_q16(int32_t square_q30) {
+    return (int32_t)fixed_root((uint64_t)(uint32_t)square_q30 * 4u, 16);
 }
 
 void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16) {
@@ -62,7 +53,7 @@ void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16
         }
     }
     observer->mean_q24[0] = ((int32_t)factor_q16 - FRICTION_OBSERVER_ONE) * 256;
-    observer->deviation_q16 = square_root_q16(PRIOR_X_Q30);
+    observer->deviation_q16 = root_q16(PRIOR_X_Q30);
 }
 
 /* One sample of (O2): `seen` is its left side, `h` what x, e, d and o go with; Q16. */
@@ -96,7 +87,7 @@ static void learn(friction_observer_t *observer, int32_t seen_q16,
         }
         p[AT[i][i]] = fixed_clamp(p[AT[i][i]], 0, PRIOR_Q30[i]) + DRIFT_Q30;
     }
-    observer->deviation_q16 = square_root_q16(p[0]);
+    observer->deviation_q16 = root_q16(p[0]);
 }
 
 /* The window is over: its means are a sample, if the pair slid one way for most of it. */

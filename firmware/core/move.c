@@ -6,6 +6,7 @@
 #define LAST_LAGS 8        /* after which 3/1000 are left */
 #define SWIFT_LEAST 128    /* a of 1/2 */
 #define SWIFT_MOST 768     /* a of 3: faster than waves run along the cables helps no more */
+#define ROOT_BITS 9        /* of the root of SWIFT_MOST in Q8 */
 #define MOST_UNM (1 << 26) /* 67 N m: all sums of (M2) stay in range */
 
 move_t move_of(int32_t lag_ticks, int32_t limit_unm, int32_t damping_per_s, uint32_t ticks_per_s) {
@@ -29,17 +30,6 @@ static int32_t held(const move_t *move, int32_t place_unm) {
     return (place_unm + fixed_clamp(place_unm, -move->slack_unm, move->slack_unm)) / 2;
 }
 
-/* Root of a number below 2^20, rounded down. */
-static int32_t square_root(int32_t square) {
-    int32_t root = 0;
-    for (int32_t bit = 1 << 9; bit > 0; bit >>= 1) {
-        if ((root + bit) * (root + bit) <= square) {
-            root += bit;
-        }
-    }
-    return root;
-}
-
 void move_start(move_t *move, int32_t from_unm, int32_t to_unm, int32_t slack_unm) {
     move->slack_unm = fixed_clamp(slack_unm, 0, MOST_UNM);
     if (!move_runs(move)) {
@@ -51,7 +41,8 @@ void move_start(move_t *move, int32_t from_unm, int32_t to_unm, int32_t slack_un
     const int32_t limit_unm = fixed_clamp(move->limit_unm, 0, MOST_UNM);
     /* a in Q8: the way in 256ths is at least 1 */
     move->swift_q8 = fixed_clamp(limit_unm / (size_unm / 256 + 1), SWIFT_LEAST, SWIFT_MOST);
-    const int32_t ticks = move->lag_ticks * 256 / square_root(move->swift_q8 * 256);
+    const int32_t root_q8 = (int32_t)fixed_root((uint32_t)move->swift_q8 * 256u, ROOT_BITS);
+    const int32_t ticks = move->lag_ticks * 256 / root_q8;
     move->ticks = ticks > 0 ? ticks : 1;
     move->left_ticks = LAST_LAGS * move->ticks;
 }

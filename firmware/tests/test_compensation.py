@@ -1,9 +1,8 @@
 """The compensation laws on their own: closed forms of the sliding pair, and laws of any rig.
 
-The pair that is controlled here is a second transmission of the same code, so nothing is proved
-of rigs that are unlike the model: that is what hil_tests/render measures. What is proved: the
-inversion is the inverse of the closed forms of test_transmission.py, mirrored exactly, bounded, at
-rest when it should be, and gives friction back when it has been active.
+The pair that is controlled here is of the same code (controlled.py). What is proved: the inversion
+is the inverse of the closed forms of test_transmission.py, mirrored exactly, bounded, and gives
+friction back when it has been active. What it does at rest is in test_compensation_at_rest.py.
 """
 
 from __future__ import annotations
@@ -16,17 +15,21 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from firmware.tests.controlled import (
+    COUNT_NM,
+    DAMPED,
+    DISAGREES,
+    FRICTION_NM,
+    LIMITED,
+    RATIO,
+    Controlled,
+    stroke,
+)
 from firmware.tests.native import Pair, ffi, lib, settings
 
-RATIO = 5.2
-FRICTION_NM = 3.12  # 2 r_load T0 m of Table I, at the load
 WRAP = 1.5
-TICKS_PER_S = 4000
-INVERSION = 5
 LAWS = range(6)
-COUNT_NM = 65_345  # of a load encoder of 10000 counts
 MEASURED = (
     "wanted_unm",
     "motor_arc_nm",
@@ -34,87 +37,6 @@ MEASURED = (
     "motor_torque_unm",
     "load_cell_unm",
 )
-LIMITED, HELD_TAUT, RESTING, DAMPED, DISAGREES = 1, 2, 4, 8, 16
-
-
-class Controlled:
-    """A compensation, its own model, and the pair that stands for the cables, all of Table I.
-
-    The motor has no inertia, and is where the torque of the last tick puts it, or `inertia_kg_m2`.
-    """
-
-    def __init__(
-        self, rig: Any = None, model: Any = None, inertia_kg_m2: float = 0.0, **changes: int
-    ) -> None:
-        self.inertia_kg_m2 = inertia_kg_m2
-        self.motor_rad = self.motor_rad_per_s = 0.0
-        self.rig: Any = Pair(rig or settings())
-        self.model: Any = Pair(
-            model or settings(motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
-        )
-        self.raw: Any = ffi.new("compensation_t *")
-        self.settings: Any = ffi.new(
-            "compensation_settings_t *",
-            {
-                "ticks_per_s": TICKS_PER_S,
-                "torque_limit_unm": 2_000_000,
-                "motor_inertia_gmm2": 30_000,
-                "motor_count_nm": 62_832,
-                "load_count_nm": COUNT_NM,
-                "friction_share_ppm": 1_000_000,
-                "rest_band_unm": 10_000,
-                "integral_gain_mhz": 10_000,
-                **changes,
-            },
-        )
-        lib.compensation_configure(self.raw, self.model.raw, self.settings)
-        self.inputs: Any = ffi.new("compensation_inputs_t *", {"law": INVERSION, "active": True})
-        self.torque_unm = 0
-        self.encoder_slip_nm = 0
-
-    def tick(self, wanted_nm: float, load_angle_rad: float, cell: bool = False) -> float:
-        """One tick; the load torque that arrives (N m)."""
-        load_arc_nm = round(load_angle_rad * 0.104e9)
-        if self.inertia_kg_m2 > 0.0:
-            self._turn_motor(load_arc_nm)
-        else:
-            lib.transmission_step_torque(self.rig.raw, self.torque_unm, load_arc_nm)
-        arrives_unm = int(lib.transmission_load_torque_unm(self.rig.raw))
-        found = self.inputs
-        found.load_cell_valid = cell
-        found.wanted_unm = round(wanted_nm * 1e6)
-        found.motor_arc_nm = self.rig.raw.motor.arc_nm + self.encoder_slip_nm
-        found.load_arc_nm = load_arc_nm
-        found.motor_torque_unm = self.torque_unm
-        found.load_cell_unm = arrives_unm
-        lib.compensation_step(self.raw, self.model.raw, found)
-        self.torque_unm = int(self.raw.outputs.motor_torque_unm)
-        return arrives_unm * 1e-6
-
-    def _turn_motor(self, load_arc_nm: int) -> None:
-        """Semi-implicit Euler; next to a front the pair is 5 times as stiff: 0.2 rad a step."""
-        for _ in range(4):
-            pull_nm = lib.transmission_motor_torque_unm(self.rig.raw) * 1e-6
-            step_s = 0.25 / TICKS_PER_S
-            self.motor_rad_per_s += step_s / self.inertia_kg_m2 * (self.torque_unm * 1e-6 - pull_nm)
-            self.motor_rad += step_s * self.motor_rad_per_s
-            lib.transmission_step_position(
-                self.rig.raw, round(self.motor_rad * 0.020e9), load_arc_nm
-            )
-
-    def run(self, wanted_nm: Any, angle_rad: NDArray[np.float64], **kind: bool) -> Any:
-        """Load torque of each tick."""
-        wanted = np.broadcast_to(np.asarray(wanted_nm, float), angle_rad.shape)
-        return np.array(
-            [
-                self.tick(w, a, **kind)
-                for w, a in zip(wanted.tolist(), angle_rad.tolist(), strict=True)
-            ]
-        )
-
-
-def stroke(start_rad: float, end_rad: float, seconds: float = 0.5) -> NDArray[np.float64]:
-    return np.linspace(start_rad, end_rad, round(seconds * TICKS_PER_S))
 
 
 def sliding(pair: Pair, floor_un: int = 0) -> Any:
@@ -265,74 +187,6 @@ def test_inactive_asks_for_nothing(law: int) -> None:
     one.inputs.active = False
     one.run(1.0, stroke(0.0, 0.5, 0.1))
     assert one.torque_unm == 0
-
-
-def test_from_power_on_nothing_wanted_moves_nothing() -> None:
-    one = Controlled()
-    one.run(0.0, np.zeros(2000), cell=True)
-    assert one.torque_unm == 0
-    assert one.raw.outputs.flags & RESTING
-
-
-@pytest.mark.parametrize("factor", [0.7, 0.85, 1.0, 1.15, 1.4])
-@pytest.mark.parametrize("cell", [False, True])
-def test_at_rest_there_is_no_limit_cycle(factor: float, cell: bool) -> None:
-    """However wrong the model: steps of the wanted torque at a still load, then peace."""
-    wrong = settings(pretension_n=10 * factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
-    one = Controlled(model=wrong, inertia_kg_m2=3e-5)
-    one.run(0.0, np.concatenate([stroke(0.0, 0.3, 0.25), np.full(1000, 0.3)]), cell=cell)
-    for wanted_nm in (0.8, -0.8, 0.1):
-        torque = []
-        for _ in range(6000):
-            one.tick(wanted_nm, 0.3, cell)
-            torque.append(one.torque_unm)
-        # A correction comes after 0.4 s at the latest. In the last half second the motor torque
-        # creeps at most (that is the integral): what it goes back by, a swing, is less than what
-        # the encoder's count would make.
-        last = np.array(torque[4000:])
-        back = np.minimum(
-            np.max(np.maximum.accumulate(last) - last), np.max(last - np.minimum.accumulate(last))
-        )
-        assert back < 1e-3 * FRICTION_NM / RATIO * 1e6
-
-
-@pytest.mark.parametrize("factor", [0.85, 1.0, 1.15])
-def test_at_rest_the_cell_tells_when_it_is_enough(factor: float) -> None:
-    """A still load: turning the profile over as a wrong model has it would end up to 15 % of twice
-    the friction off, 0.9 N m; the cell stops it on the way. What is left is below the rest band and
-    1/32 of the friction."""
-    wrong = settings(pretension_n=10 * factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
-    one = Controlled(model=wrong)
-    one.run(0.0, np.concatenate([stroke(0.0, 0.3, 0.25), np.full(1000, 0.3)]), cell=True)
-    for wanted_nm in (0.8, -0.8, 0.1):
-        arrives = one.run(wanted_nm, np.full(4000, 0.3), cell=True)
-        left_nm = 0.01 + 1.15 * FRICTION_NM / 32
-        assert arrives[-1] == pytest.approx(wanted_nm, abs=left_nm)
-
-
-@pytest.mark.parametrize("cell", [False, True])
-def test_a_step_arrives_swiftly_and_the_motor_does_not_swing(cell: bool) -> None:
-    """A motor with inertia, a model that is right: (M1) has arrived to 1 % after 7 T, T below one
-    radian of the resonance, 8 ms here; friction would hold what it overshoots."""
-    one = Controlled(inertia_kg_m2=3e-5)
-    one.run(0.0, np.concatenate([stroke(0.0, 0.3, 0.25), np.full(1000, 0.3)]), cell=cell)
-    before_nm = 0.0
-    for wanted_nm in (0.8, -0.8, 0.4):
-        arrives = one.run(wanted_nm, np.full(2000, 0.3), cell=cell)
-        step_nm = wanted_nm - before_nm
-        assert abs(arrives[240] - wanted_nm) < 0.1 * abs(step_nm) + FRICTION_NM / 32 + 0.01
-        over_nm = np.max((arrives - wanted_nm) * np.sign(step_nm))
-        assert over_nm < 0.05 * abs(step_nm) + FRICTION_NM / 32 + 0.01
-        before_nm = wanted_nm
-
-
-def test_at_rest_without_a_cell_a_step_is_given_the_friction_that_is_expected() -> None:
-    """What is sure would leave 15 % of twice the friction, 0.9 N m, of each step of this sign."""
-    one = Controlled(inertia_kg_m2=3e-5)
-    one.run(0.0, np.concatenate([stroke(0.0, 0.3, 0.25), np.full(1000, 0.3)]))
-    for wanted_nm in (0.8, -0.8):
-        arrives = one.run(wanted_nm, np.full(2000, 0.3))
-        assert arrives[-1] == pytest.approx(wanted_nm, abs=0.05 * FRICTION_NM)
 
 
 def test_beyond_the_motor_it_saturates_and_says_so() -> None:

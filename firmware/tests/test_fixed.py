@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from decimal import Decimal, getcontext
 from fractions import Fraction
 from itertools import pairwise
@@ -176,3 +177,14 @@ def test_an_encoder_is_exact_to_a_nanometre(counts: int, radius_nm: int, per_tur
     # half a nanometre of rounding, 1.5 * 2^-31 of 2.1 m of the factor, and what 2 pi lacks
     assert abs(found - exact) <= 2 + Fraction(1, 6)
     assert saturations == 0
+
+
+@given(uint64, st.integers(1, 32))
+@example(2**64 - 1, 32)
+@example((2**32 - 1) ** 2, 32)
+@example((2**32 - 1) ** 2 - 1, 32)
+@example(0, 1)
+def test_the_root_is_rounded_down_within_its_bits(square: int, bits: int) -> None:
+    assert lib.fixed_root(square, bits) == min(math.isqrt(square), 2**bits - 1)
+    small = square % 4**bits
+    assert lib.fixed_root(small, bits) == math.isqrt(small)
