@@ -271,10 +271,15 @@ def test_every_law_runs_and_keeps_the_bridge_on(law: object) -> None:
 
 
 # Rigs on which the law did swing on at rest: a loose hand that the drive's own moves carried along,
-# and stiction that made it jump.
+# stiction that made it jump, and a correction whose own motion of the load was compensated as well.
 @pytest.mark.parametrize(
     ("seed", "task"),
-    [(271, "rest-in-wall"), (271, "rest-in-middle"), (433, "rest-in-middle")],
+    [
+        (271, "rest-in-wall"),
+        (271, "rest-in-middle"),
+        (433, "rest-in-middle"),
+        (147, "rest-in-wall"),
+    ],
 )
 def test_a_loose_hand_and_stiction_come_to_rest(seed: int, task: str) -> None:
     assert not judge(run(draw(seed), law_named(OURS), task_named(task))).limit_cycle
@@ -296,6 +301,22 @@ def test_a_step_without_friction_arrives_without_ringing(seed: int) -> None:
 # Friction that builds up late, and is not there yet when a step arrives.
 def test_late_friction_does_not_make_steps_much_worse() -> None:
     assert ratio_to_naive(100, OURS, "steps") < 1.3
+
+
+# Friction that builds up late does not hold the motor while the side changes: it threw the handle
+# of a loose hand, by 4 to 40 % of the exchanged energy.
+@pytest.mark.parametrize(
+    ("seed", "law"),
+    [(110, WITHOUT_CELL), (361, WITHOUT_CELL), (422, OURS), (541, OURS), (541, WITHOUT_CELL)],
+)
+def test_late_friction_does_not_throw_a_loose_hand(seed: int, law: str) -> None:
+    assert judge(run(draw(seed), law_named(law), task_named("wall-edge"))).net_energy < 0.01
+
+
+# The first throw cannot be known of before; it left the law waiting on the wrong side, 1.4 times
+# the naive law's error, while the hand moved the load back too slowly for a stroke.
+def test_a_load_that_is_moved_back_slowly_is_followed() -> None:
+    assert ratio_to_naive(110, OURS, "wall-edge") < 0.5
 
 
 # Rigs whose friction winds the motor up by less than the cables' stretch is uncertain.

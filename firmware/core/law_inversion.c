@@ -9,22 +9,16 @@
 #define STROKES_PER_S 6   /* no hand turns around faster */
 #define WAIT_LAGS 32      /* each time that a side has stayed so long halves the band */
 #define CORRECTING 2      /* at rest an error is corrected so much slower: the cell is late */
+#define BACK_PART 4       /* of the windup: a load that comes back so far is moved by the hand */
 #define PATIENCE_MOST 3   /* 4/3 of the friction; a load that is moved back makes twice that */
 
-#define EXTRA_MOST (1 << 26) /* uN m; in Q4 that is the range of int32_t */
+/* Friction that comes late: after a change of side the load feels this part of it too much, or the
+ * motor is ahead of the model by this part of the windup, which stiffness that is off is not. */
+#define LATE_FRICTION 3
+#define LATE_WINDUP_Q3 5
+#define LATE_MOST 2
 
-static uint32_t square_root(uint64_t square) {
-    uint64_t root = 0;
-    for (uint64_t bit = UINT64_C(1) << 62; bit > 0; bit >>= 2) {
-        if (square >= root + bit) {
-            square -= root + bit;
-            root = (root >> 1) + bit;
-        } else {
-            root >>= 1;
-        }
-    }
-    return (uint32_t)root;
-}
+#define EXTRA_MOST (1 << 26) /* uN m; in Q4 that is the range of int32_t */
 
 inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sliding,
                          uint32_t ticks_per_s, uint32_t motor_inertia_gmm2,
@@ -34,7 +28,7 @@ inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sl
     const uint32_t inertia = motor_inertia_gmm2 > 0 ? motor_inertia_gmm2 : 1;
     /* omega = sqrt(k / J); uN m and g mm^2 are 1e-6 and 1e-9 */
     const uint64_t stiffness = (uint64_t)(uint32_t)sliding->motor_unm_per_rad;
-    const uint32_t omega_rad_per_s = square_root(stiffness * 1000u / inertia);
+    const uint32_t omega_rad_per_s = fixed_root(stiffness * 1000u / inertia, 32);
     const uint32_t lag = ticks_per_s / (omega_rad_per_s > 0 ? omega_rad_per_s : 1u);
     uint32_t saturations = 0;
     const ratio_t motor_per_load =
@@ -88,6 +82,15 @@ static int32_t side_band_unm(const inversion_t *inversion, int32_t direction, bo
     return waited_unm > left_unm ? waited_unm : left_unm;
 }
 
+/* Remembers where a change of side begins. */
+static void mark_change(inversion_t *inversion, const estimator_t *estimator) {
+    inversion->side_ticks = 0;
+    inversion->side_arc_nm = estimator->mark_nm;
+    inversion->side_far_nm = estimator->mark_nm;
+    inversion->side_innovation_nm = estimator->innovation_nm;
+    inversion->outran = false;
+}
+
 /* Chooses the side. */
 static void choose_side(inversion_t *inversion, const estimator_t *estimator,
                         const inversion_inputs_t *inputs, int32_t error_unm) {
@@ -109,10 +112,19 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
     const int32_t towards = error_unm > band_unm ? 1 : (error_unm < -band_unm ? -1 : 0);
     if (inversion->side == 0) { /* what is there stays until it is wrong, or the load moves */
         inversion->side = direction != 0 ? direction : towards;
-        inversion->side_ticks = inversion->side == 0 ? inversion->side_ticks : 0;
-        inversion->side_arc_nm = estimator->mark_nm;
+        if (inversion->side != 0) {
+            mark_change(inversion, estimator);
+        }
         inversion->called_for = inversion->called_for && inversion->side == 0;
         return;
+    }
+    const int32_t back_nm =
+        inversion->side * fixed_subtract(inversion->side_far_nm, estimator->mark_nm, &saturations);
+    if (back_nm < 0) {
+        inversion->side_far_nm = estimator->mark_nm;
+    } else if (calm && back_nm > estimator->windup_nm / BACK_PART) {
+        inversion->patience = 0;
+        inversion->left_unm = 0;
     }
     if (direction == 0 && inversion->patience > 0 &&
         inversion->side_ticks == 2 * SETTLED_LAGS * (uint32_t)inversion->lag_ticks) {
@@ -134,8 +146,7 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
     }
     inversion->called_for = false;
     inversion->side = -inversion->side;
-    inversion->side_ticks = 0;
-    inversion->side_arc_nm = estimator->mark_nm;
+    mark_change(inversion, estimator);
 }
 
 /* Something else is wanted at once: the side is that of the error, as the motor outruns the load.
@@ -147,12 +158,31 @@ static void take_wish(inversion_t *inversion, const estimator_t *estimator,
     if (towards != 0) {
         inversion->side = towards;
     }
-    inversion->side_ticks = 0;
-    inversion->side_arc_nm = estimator->mark_nm;
+    mark_change(inversion, estimator);
     inversion->patience = 0;
     inversion->left_unm = 0;
     inversion->settled_unm = inputs->wanted_unm;
     inversion->called_for = true;
+}
+
+/* Where friction builds up late it does not hold the motor while the side changes: the motor runs
+ * ahead and pulls the load along. Each such change makes the next ones slower. */
+static void notice_late_friction(inversion_t *inversion, const estimator_t *estimator, bool cell,
+                                 int32_t error_unm) {
+    const int32_t side = inversion->side;
+    const uint32_t changes_ticks = (uint32_t)(SETTLED_LAGS * inversion->lag_ticks);
+    if (side == 0 || inversion->outran || inversion->side_ticks > changes_ticks) {
+        return;
+    }
+    uint32_t saturations = 0; /* far ahead is far ahead */
+    const int32_t ahead_nm =
+        fixed_subtract(estimator->innovation_nm, inversion->side_innovation_nm, &saturations);
+    const bool pulls = -side * error_unm > inversion->friction_unm / LATE_FRICTION;
+    const bool ahead = side * ahead_nm > estimator->windup_nm / 8 * LATE_WINDUP_Q3;
+    inversion->outran = cell ? pulls : ahead;
+    if (inversion->outran && inversion->late < LATE_MOST) {
+        inversion->late++;
+    }
 }
 
 /* Takes the load cell's error up into the shift of this side. */
@@ -214,6 +244,7 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
         take_wish(inversion, estimator, inputs, error_unm);
     }
     choose_side(inversion, estimator, inputs, error_unm);
+    notice_late_friction(inversion, estimator, inputs->cell, error_unm);
     const int32_t rest_unm = (inversion->rest_band_unm + inversion->friction_unm / REST_BAND)
                              << inversion->patience;
     inversion->resting = direction == 0 && magnitude(error_unm) <= rest_unm;
@@ -237,8 +268,12 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
                    sliding_slack_motor_unm(sliding));
     }
     const bool feels_its_way = inputs->cell && direction == 0;
-    const bool enough = feels_its_way && side * fixed_clamp(error_unm, -1, 1) <= 0;
-    const int32_t slower = feels_its_way && inversion->patience > 0 ? CORRECTING : 1;
+    const bool arrived = inputs->cell && side * fixed_clamp(error_unm, -1, 1) <= 0;
+    const bool more = side * (target_unm - inversion->lag_q4_unm[1] / 16) > 0;
+    const bool enough =
+        arrived && (direction == 0 || (direction == side && more && !move_runs(&inversion->move)));
+    const int32_t corrects = feels_its_way && inversion->patience > 0 ? CORRECTING - 1 : 0;
+    const int32_t slower = 1 + (corrects > inversion->late ? corrects : inversion->late);
     const int32_t damping_unm =
         fixed_clamp(fixed_scale(estimator->gap_speed_nm, inversion->damping, &saturations),
                     -EXTRA_MOST, EXTRA_MOST);

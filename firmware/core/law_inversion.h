@@ -10,19 +10,23 @@
  *
  * Each side has a *shift* of the wanted torque, an integral of the load cell's error: what the
  * model's friction is wrong by that way. It stays when the side changes, and when the cell dies.
- * At rest it also says when it is enough: the torque goes towards that of the side only until what
- * is wanted has arrived, so that a wrong model does not overshoot. Without a cell only the friction
- * that friction_observer.h is sure of is compensated while the load moves: overcompensation would
- * push. At rest it is the friction that is expected: less may not arrive at all.
+ * It also says when it is enough: the torque goes towards that of the side only until what is
+ * wanted has arrived, so that a wrong model does not overshoot, nor a load that the change itself
+ * moves be taken for a stroke and pushed on. Without a cell only the friction that
+ * friction_observer.h is sure of is compensated while the load moves: overcompensation would push.
+ * At rest it is the friction that is expected: less may not arrive at all.
  *
  * When something else is wanted at once, more than the rest band within a tick, the motor goes
  * there by move.h, friction and all; the side is that of the error.
  *
  * A change of side that neither a stroke of the load nor a new wish has called for costs patience:
  * the next one needs twice the error, and at least twice what this one left at rest, and twice as
- * much is left alone; until the hand makes a stroke or something else is wanted. A stroke while the
- * passivity observer is owed energy is the drive's own and counts for nothing. So however wrong the
- * model is, the law comes to rest.
+ * much is left alone; until the hand makes a stroke, moves the load back, however slowly, or
+ * something else is wanted. A stroke while the passivity observer is owed energy is the drive's own
+ * and counts for nothing. So however wrong the model is, the law comes to rest.
+ *
+ * Friction that builds up late does not hold the motor while the side changes: it outruns the model
+ * and the load is pulled along. Twice such a change makes all later ones slower.
  */
 #ifndef BOWDEN_CORE_LAW_INVERSION_H
 #define BOWDEN_CORE_LAW_INVERSION_H
@@ -57,13 +61,17 @@ typedef struct {
     int32_t rest_band_unm;
     int32_t integral_ticks; /* in which a shift takes up an error; 0: never */
     /* state */
-    int32_t side;        /* 1 or -1; 0: not yet */
-    uint32_t side_ticks; /* since it changed */
-    uint32_t patience;   /* lost: changes of side without a stroke of the load; 0 .. 3 */
-    int32_t left_unm;    /* error that the last such change left at rest */
-    int32_t side_arc_nm; /* where the load was then */
-    int32_t settled_unm; /* the wanted torque that the patience is for */
-    bool called_for;     /* something else is wanted: the next change of side is free */
+    int32_t side;               /* 1 or -1; 0: not yet */
+    uint32_t side_ticks;        /* since it changed */
+    uint32_t patience;          /* lost: changes of side without a stroke of the load; 0 .. 3 */
+    int32_t left_unm;           /* error that the last such change left at rest */
+    int32_t side_arc_nm;        /* where the load was then */
+    int32_t side_far_nm;        /* and how far towards the side it has got */
+    int32_t side_innovation_nm; /* and by how much the motor was ahead of the model */
+    bool outran;                /* it has got further ahead than cables with friction let it */
+    int32_t late;               /* changes of side in which it did: 0 .. 2 */
+    int32_t settled_unm;        /* the wanted torque that the patience is for */
+    bool called_for;            /* something else is wanted: the next change of side is free */
     int32_t last_asked_unm;
     move_t move;
     int32_t held_unm;        /* motor torque of the last tick without inertia and damping */
