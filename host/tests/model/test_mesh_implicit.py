@@ -44,6 +44,7 @@ LAWS: dict[str, dict[str, float]] = {
     "stribeck": {"stribeck_gain": 0.3},
     "tension": {"tension_exponent": 0.2},
     "presliding": {"presliding_m": 3e-4},
+    "rounded": {"presliding_m": 2e-4, "presliding_is_rounded": True},
     "lag": {"lag_s": 0.01},
     "stiffening": {"stiffening": 0.5},
     "creep": {"creep_share": 0.3, "creep_time_s": 0.2},
@@ -89,6 +90,33 @@ def test_presliding_of_a_single_segment() -> None:
         expected = tensions(u, w)
         assert found.motor_tension_a_n[i] == pytest.approx(expected[0], rel=1e-7)
         assert found.load_tension_a_n[i] == pytest.approx(expected[1], rel=1e-7)
+
+
+def test_rounded_presliding_of_a_single_segment_there_and_back() -> None:
+    """Dahl's law by hand: ln(T1/T0) = +-A - (+-A - its last turn's) exp(-slip since/x)."""
+    slip_m = 3e-4
+    pull = through(0, 2e-3, 1e-3, steps=50)
+    pair = printed(1, presliding_m=slip_m, presliding_is_rounded=True)
+    found = simulate_mesh(pair, PP, times(pull), pull / R_MOTOR_M, np.zeros_like(pull))
+    k = EA_N / LENGTH_M * M / np.tanh(M / 2)  # of each half: N = 1, a = m
+    turn, ratio_there, slid = 0.0, 0.0, 0.0
+    for i in range(1, pull.size):
+        towards = -1.0 if i <= 50 else 1.0  # a pull at the motor slides towards it
+        if i == 51:
+            turn, ratio_there = (
+                slid,
+                float(np.log(found.load_tension_a_n[50] / found.motor_tension_a_n[50])),
+            )
+
+        def out(w: float, i: int = i, towards: float = towards) -> float:
+            near, far = T0_N + k * (float(pull[i]) + w), T0_N - k * w
+            gone = np.exp(-abs(w - turn) / slip_m)
+            return float(np.log(far / near) - towards * M - (ratio_there - towards * M) * gone)
+
+        slid = brentq(out, turn if i > 50 else -float(pull[i]), 0.0, xtol=1e-15)
+        near = T0_N + k * (float(pull[i]) + slid)
+        assert found.motor_tension_a_n[i] == pytest.approx(near, rel=1e-7)
+        assert found.load_tension_a_n[i] == pytest.approx(T0_N - k * slid, rel=1e-7)
 
 
 def test_presliding_rounds_reversals_and_leaves_plateaus() -> None:

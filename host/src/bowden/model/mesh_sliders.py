@@ -15,7 +15,10 @@ With Coulomb friction, eq. (1), the bounds are +-A_j, A_j = mu ds/R. They depend
 f is the friction factor of the sample, v_s's speed the segment's own behind a low-pass filter as it
 was at the last sample: with a slope below zero the present speed would have no unique answer. With
 presliding a slider is in series with an elastic bristle: within the bounds E_j follows w_j with the
-slope A_j over the presliding length.
+slope A_j over the presliding length x. Rounded, it always gives way a little and never all, dE/dw =
+(+-A - E)/x, which over a sample is
+
+    E_j = +-A_j + (E_j before -+ A_j) exp(-|w_j|/x)
 
 Newton's method works on T_{j+1} - T_j = tanh(E_j/2) (T_{j+1} + T_j), the same law without
 exponentials that grow.
@@ -55,6 +58,7 @@ class ChainTables(NamedTuple):
     reference_n: float
     memory_s: float
     presliding_m: float
+    rounded: bool
     lag_s: float
     linear: float  # T = linear tau + quadratic tau^2, tau = stiffness * elastic stretch
     quadratic: float
@@ -129,7 +133,8 @@ def prepare(t: ChainTables, s: ChainState, cable: int, factor: float) -> None:
             if limit != s.limit[cable, d, j]:
                 s.limit[cable, d, j] = limit
                 s.grip[cable, d, j] = half_tanh(limit)
-        s.slip[cable, j] = s.went_m[cable, j] if s.slides[cable, j] != 0 else 0.0
+        moves = t.rounded or s.slides[cable, j] != 0
+        s.slip[cable, j] = s.went_m[cable, j] if moves else 0.0
 
 
 @inlined
@@ -185,12 +190,25 @@ def bent(t: ChainTables, s: ChainState, cable: int, j: int, slip: float) -> tupl
     return s.held[cable, j] + slope * slip, slope
 
 
+@compiled_in_place
+def nearing(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> tuple[float, float]:
+    """Return E of a bristle that nears its limit, and its derivative by the slip, 1/m."""
+    slip = s.slip[cable, j]
+    towards = 1 if slip >= 0 else -1
+    limit, steeper, _ = bound(t, s, cable, j, towards, dt)
+    left = math.exp(-abs(slip) / t.presliding_m)
+    short = (limit - s.held[cable, j]) * left
+    return limit - short, towards * short / t.presliding_m + (1.0 - left) * steeper
+
+
 @inlined
 def slides_over(t: ChainTables, s: ChainState, cable: int, j: int, slip: float, dt: float) -> int:
     """Direction in which a slip bends a bristle until it gives way; 0: it does not.
 
     One that slides already does so until it is clearly unbent.
     """
+    if t.rounded:
+        return 0
     e, _ = bent(t, s, cable, j, slip)
     high, _, _ = bound(t, s, cable, j, 1, dt)
     low, _, _ = bound(t, s, cable, j, -1, dt)
@@ -215,9 +233,11 @@ def set_row(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> flo
     if constant_bounds(t):
         g = towards * s.grip[cable, (towards + 1) // 2, j]
     else:
-        if t.presliding_m > 0 and s.slides[cable, j] == 0 and has_friction(t, cable, j):
+        by_tension = 0.0
+        if t.rounded and has_friction(t, cable, j):
+            e, slope = nearing(t, s, cable, j, dt)
+        elif t.presliding_m > 0 and s.slides[cable, j] == 0 and has_friction(t, cable, j):
             e, slope = bent(t, s, cable, j, slip)
-            by_tension = 0.0
         else:
             e, slope, by_tension = bound(t, s, cable, j, towards, dt)
         g = half_tanh(e)

@@ -47,6 +47,9 @@ class FrictionLaw:
         Time constant of the low-pass filter on the speed of the Stribeck term.
     presliding_m : float, m, >= 0
         Slip over which friction builds up before a segment slides.
+    presliding_is_rounded : bool
+        It nears its limit by a share 1 - e^(-slip/presliding_m), as Dahl's law with i = 1 has it
+        (`bowden.model.friction.dahl`), in place of rising in proportion until the segment slides.
     lag_s : float, s, >= 0
         Time constant with which friction approaches what its law says.
     """
@@ -61,6 +64,7 @@ class FrictionLaw:
     direction_asymmetry: float = 0.0
     memory_s: float = 0.015
     presliding_m: float = 0.0
+    presliding_is_rounded: bool = False
     lag_s: float = 0.0
 
     @property

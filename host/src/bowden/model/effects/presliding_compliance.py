@@ -12,6 +12,11 @@ def _pair(pair: Transmission, p: Values) -> Transmission:
     return replace(pair, friction=replace(pair.friction, presliding_m=p["slip_m"]))
 
 
+def _dahl(pair: Transmission, p: Values) -> Transmission:
+    law = replace(pair.friction, presliding_m=p["dahl_slip_m"], presliding_is_rounded=True)
+    return replace(pair, friction=law)
+
+
 EFFECT = Effect(
     name="presliding_compliance",
     title="Presliding compliance",
@@ -26,8 +31,25 @@ EFFECT = Effect(
             ),
             pair=_pair,
         ),
+        Variant(
+            "dahl",
+            (
+                Parameter(
+                    "dahl_slip_m",
+                    "m",
+                    0.0,
+                    2e-3,
+                    0.0,
+                    2e-4,
+                    "in which friction comes nearer to its limit by a factor e",
+                    least=0,
+                ),
+            ),
+            pair=_dahl,
+        ),
     ),
-    law="friction rises in proportion to local slip, to mu T at slip_m, then slides",
+    law="friction rises in proportion to local slip, to mu T at slip_m, then slides; or by Dahl's "
+    "law, dF/dx = (mu T - F)/dahl_slip_m",
     signature="reversals are rounded over a distance, whatever the speed",
     excited_by=("reversal",),
     confused_with=(
