@@ -99,23 +99,22 @@ def test_rounded_presliding_of_a_single_segment_there_and_back() -> None:
     pair = printed(1, presliding_m=slip_m, presliding_is_rounded=True)
     found = simulate_mesh(pair, PP, times(pull), pull / R_MOTOR_M, np.zeros_like(pull))
     k = EA_N / LENGTH_M * M / np.tanh(M / 2)  # of each half: N = 1, a = m
-    turn, ratio_there, slid = 0.0, 0.0, 0.0
+
+    def ratio(u: float, w: float) -> float:
+        return float(np.log((T0_N - k * w) / (T0_N + k * (u + w))))
+
+    def too_much(w: float, u: float, limit: float, turn: tuple[float, float]) -> float:
+        return ratio(u, w) - limit + (limit - turn[1]) * float(np.exp(-abs(w - turn[0]) / slip_m))
+
+    slid, start = 0.0, (0.0, 0.0)  # slip and ratio at the last turn
     for i in range(1, pull.size):
-        towards = -1.0 if i <= 50 else 1.0  # a pull at the motor slides towards it
+        there = i <= 50  # a pull at the motor slides towards it
         if i == 51:
-            turn, ratio_there = (
-                slid,
-                float(np.log(found.load_tension_a_n[50] / found.motor_tension_a_n[50])),
-            )
-
-        def out(w: float, i: int = i, towards: float = towards) -> float:
-            near, far = T0_N + k * (float(pull[i]) + w), T0_N - k * w
-            gone = np.exp(-abs(w - turn) / slip_m)
-            return float(np.log(far / near) - towards * M - (ratio_there - towards * M) * gone)
-
-        slid = brentq(out, turn if i > 50 else -float(pull[i]), 0.0, xtol=1e-15)
-        near = T0_N + k * (float(pull[i]) + slid)
-        assert found.motor_tension_a_n[i] == pytest.approx(near, rel=1e-7)
+            start = slid, ratio(float(pull[50]), slid)
+        u = float(pull[i])
+        arguments = (u, -M if there else M, start)
+        slid = brentq(too_much, -u if there else start[0], 0.0, arguments, xtol=1e-15)
+        assert found.motor_tension_a_n[i] == pytest.approx(T0_N + k * (u + slid), rel=1e-7)
         assert found.load_tension_a_n[i] == pytest.approx(T0_N - k * slid, rel=1e-7)
 
 

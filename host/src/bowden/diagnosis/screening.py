@@ -25,7 +25,7 @@ _Floats = NDArray[np.float64]
 
 OVERSHOOT = 3.0  # how far beyond its first guess a strength may be taken on one secant
 FACTORS = (0.3, 1.0, 3.0)  # of the usual strength: first looks at an effect that has no shape
-UNLIKE = 0.5  # cosine: below it, what two strengths of an effect do has little in common
+UNLIKE = 0.85  # cosine: below it, what two strengths of an effect do differs in kind
 EVERY = np.geomspace(0.1, 10.0, 25)  # of the usual strength, for those
 
 
