@@ -24,7 +24,7 @@ STEP = 0.02  # of a parameter's scale: far above the simulator's roughness, far 
 ENOUGH = 0.02  # of chi-square / 2: a step that promises less decides nothing
 ROUGHLY = 1e-3  # of what is left: such a step decides nothing between rivals far from the optimum
 ROUNDS = 12
-FEW = 3  # rounds in which a rough fit foretells what judges
+FEW = 4  # rounds in which what judges is foretold; the next fit goes on from there
 ALONG = (-2.5, -1.2, 1.2, 2.5)  # tolerances, of the starts along a valley
 
 _Found = TypeVar("_Found")
@@ -254,7 +254,7 @@ def solve(
         The start describes no rig.
     """
     found = descend(fit, _begin(fit, start, known), fit.fitted_rows, ROUNDS, polish=polish)
-    return fit.fitted_at(found, ROUNDS if polish else FEW, joint_at)
+    return fit.fitted_at(found, FEW, joint_at)
 
 
 def _begin(fit: Fit, start: _Floats, known: _Floats | None = None) -> Point:
