@@ -37,6 +37,7 @@ MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be 
 FAVOURITES = 3  # hypotheses that are fitted from everywhere; with more effects, fewer
 MOST_ROUNDS = 6
 NEARER = 0.9  # of the rest: less than that is worth another round
+CLOSER = 0.7  # of the rest: a second effect that leaves more of it makes a third hopeless
 ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
 
 
@@ -151,7 +152,7 @@ def select(
     base = Hypothesis((), fit, solve_widely(fit, stated))
     chosen, frontier = base, [base]
     rivals: list[Hypothesis] = []
-    known = {base.key: base}
+    known, left = {base.key: base}, math.inf
     progress("looking at every effect", 0.1)
     looks = _look(base, candidates, pool)
     for count in range(1, MOST_EFFECTS + 1):
@@ -187,8 +188,9 @@ def select(
             rivals = tried
         if better:
             chosen = better
-        at_floor = chosen.rest < AT_FLOOR
-        if at_floor or (better is None and count > 1):
+        before, left = left, tried[0].rest
+        hopeless = count > 1 and (better is None or left > CLOSER * before)
+        if chosen.rest < AT_FLOOR or hopeless:
             break
         # Two effects that need each other: neither need be the best alone.
         frontier = tried[: ABREAST if count == 1 else 1]
