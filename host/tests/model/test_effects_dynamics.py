@@ -311,6 +311,20 @@ def test_friction_along_the_stroke_is_that_of_the_place() -> None:
             np.testing.assert_allclose(found[part], sign * PLATEAU_NM * factor[part], rtol=0.01)
 
 
+@pytest.mark.parametrize("end", ["motor_end_n_per_m", "load_end_n_per_m"])
+def test_a_conduit_held_softly_at_an_end_is_a_spring_in_series(end: str) -> None:
+    """Without friction, theta_m - rho theta_l = tau (L/EA + 1/K)/(2 r^2), whichever end."""
+    stiffness = 8000.0
+    slippery = plain(mu_d=0.0).with_effect("conduit_compliance", {end: stiffness})
+    inputs = given(TP)
+    assert inputs.motor_torque_nm is not None
+    assert inputs.load_angle_rad is not None
+    found = simulate(slippery, TP, replace(inputs, motor_torque_nm=0.5 * inputs.motor_torque_nm))
+    gives = (LENGTH_M / EA_N + 1.0 / stiffness) / (2.0 * R_MOTOR_M**2)
+    expected = RHO * inputs.load_angle_rad + 0.5 * inputs.motor_torque_nm * gives
+    np.testing.assert_allclose(found.motor_angle_rad, expected, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("name", "values"),
     [
@@ -325,6 +339,8 @@ def test_friction_along_the_stroke_is_that_of_the_place() -> None:
         ("dwell_strengthening", {"a": 0.3, "dwell_s": 0.1, "distance_m": 0.01}),
         ("viscous_friction", {"mu_v_s_per_m": 0.3}),
         ("conduit_compliance", {"stiffness_n_per_m": 5000}),
+        ("conduit_compliance", {"motor_end_n_per_m": 5000}),
+        ("conduit_compliance", {"load_end_n_per_m": 5000}),
     ],
 )
 def test_what_has_no_side_is_mirror_symmetric(name: str, values: dict[str, float]) -> None:

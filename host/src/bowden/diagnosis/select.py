@@ -20,6 +20,7 @@ from bowden.diagnosis.fit import Fit, Fitted, Movable, Point, solve, solve_widel
 from bowden.diagnosis.problem import BY_CHANCE, Problem
 from bowden.diagnosis.screening import Screened, look_again, screen, under_other_weights
 from bowden.model import Model, ModelError
+from bowden.model.effects.effect import EXACT
 
 _Floats = NDArray[np.float64]
 
@@ -73,8 +74,9 @@ class Hypothesis:
 
     @property
     def leeway(self) -> float:
-        """Share of what the effects do that a rig which has them may leave."""
-        return max((one.effect.leeway for one in self.effects), default=0.0)
+        """Share of what the effects do that a rig which has them may leave; of many, the least."""
+        most = EXACT if len(self.effects) == MOST_EFFECTS else 1.0
+        return min(most, max((one.effect.leeway for one in self.effects), default=0.0))
 
     @property
     def score(self) -> float:
@@ -234,8 +236,7 @@ def _look(
     base: Hypothesis, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
 ) -> list[list[Screened]]:
     """Screen every candidate, best first."""
-    looks = pool.map(lambda one: screen(base.fit, base.fitted, one), candidates)
-    return _in_order(looks)
+    return _in_order(pool.map(lambda one: screen(base.fit, base.fitted, one), candidates))
 
 
 def _look_again(
