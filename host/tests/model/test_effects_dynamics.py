@@ -311,6 +311,28 @@ def test_friction_along_the_stroke_is_that_of_the_place() -> None:
             np.testing.assert_allclose(found[part], sign * PLATEAU_NM * factor[part], rtol=0.01)
 
 
+def test_a_cable_whose_stiffness_was_measured_slack_is_the_parabola_of_its_strain() -> None:
+    """Without friction, T = E e + beta e^2 with E the file's EA and slack_gain = 4 beta T0/E^2."""
+    slippery = plain(mu_d=0.0)
+    gain, pretension_n = 1.5, slippery.transmission.pretension_n
+    inputs = given(PP)
+    assert inputs.motor_angle_rad is not None
+    assert inputs.load_angle_rad is not None
+    motor = RHO * inputs.load_angle_rad + 0.1 * np.sin(9.0 * inputs.time_s)
+    found = simulate(
+        slippery.with_effect("cable_stiffening", {"slack_gain": gain}),
+        PP,
+        replace(inputs, motor_angle_rad=motor),
+    )
+    beta = gain * EA_N**2 / (4.0 * pretension_n)
+    at_first = (np.sqrt(EA_N**2 + 4.0 * beta * pretension_n) - EA_N) / (2.0 * beta)
+    pulled_m = R_MOTOR_M * motor - R_LOAD_M * inputs.load_angle_rad
+    strain = at_first + (pulled_m - pulled_m[0]) / LENGTH_M
+    expected = EA_N * strain + beta * strain**2
+    np.testing.assert_allclose(found.motor_tension_a_n, expected, rtol=1e-6)
+    np.testing.assert_allclose(found.load_tension_a_n, expected, rtol=1e-6)
+
+
 @pytest.mark.parametrize("end", ["motor_end_n_per_m", "load_end_n_per_m"])
 def test_a_conduit_held_softly_at_an_end_is_a_spring_in_series(end: str) -> None:
     """Without friction, theta_m - rho theta_l = tau (L/EA + 1/K)/(2 r^2), whichever end."""
