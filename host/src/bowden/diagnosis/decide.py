@@ -195,10 +195,12 @@ def confidences(selection: Selection) -> dict[str, float]:
     }
 
 
-def covariance(fitted: Fitted) -> _Floats:
-    """Return the covariance of what moved, on the search's scale, by all that was recorded."""
+def standard_errors(fitted: Fitted) -> _Floats:
+    """Return those of what moved, on the search's scale, by all that was recorded."""
     matrix = fitted.joint.matrix
-    return np.asarray(np.linalg.pinv(matrix.T @ matrix), np.float64)
+    if not matrix.shape[1]:
+        return np.zeros(0)
+    return np.sqrt(np.maximum(np.diag(np.linalg.pinv(matrix.T @ matrix)), 0.0))
 
 
 def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
@@ -211,7 +213,7 @@ def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
         `Rest.astray`: numbers of a law that the rig does not quite follow are not known better.
     """
     fit, at = hypothesis.fit, hypothesis.fitted.joint.at
-    sigma = np.sqrt(np.maximum(np.diag(covariance(hypothesis.fitted)), 0.0)) if at.size else at
+    sigma = standard_errors(hypothesis.fitted)
     found, model = [], hypothesis.fitted.joint_model
     known = len(model.document.effects) - len(hypothesis.effects)  # those of the file
     for index, candidate in enumerate(hypothesis.effects, known):
@@ -250,7 +252,7 @@ def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
 def calibration(hypothesis: Hypothesis) -> tuple[Estimate, ...]:
     """Return the numbers of the file that moved, with their 95 % intervals."""
     fit, at = hypothesis.fit, hypothesis.fitted.joint.at
-    sigma = np.sqrt(np.maximum(np.diag(covariance(hypothesis.fitted)), 0.0)) if at.size else at
+    sigma = standard_errors(hypothesis.fitted)
     found = []
     for one, x, spread in zip(fit.parameters, at, 1.96 * sigma, strict=True):
         if not isinstance(one, Free):

@@ -35,7 +35,7 @@ from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.prepare import prepare
 from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.quality import Finding, check_quality
-from bowden.diagnosis.select import Progress, Selection, select, silent
+from bowden.diagnosis.select import Hypothesis, Progress, Selection, select, silent
 from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
@@ -360,16 +360,20 @@ def _coarse(model: Model) -> Model:
 
 def _ranking(selection: Selection) -> tuple[Ranked, ...]:
     """Every candidate: the fitted ones by their score, then the others by what they promised."""
+
+    def gap(one: Hypothesis) -> float:
+        return one.fit.problem.misfit(one.fitted.model).judged_gap
+
     base = selection.base
-    found = []
+    found, base_gap = [], gap(base)
     seen: set[tuple[str, str]] = set()
     for one in selection.rivals:
         key = one.effects[-1].key
         if key not in seen:
             seen.add(key)
-            found.append(Ranked(*key, one.score - base.score, one.fitted.judged_gap))
+            found.append(Ranked(*key, one.score - base.score, gap(one)))
     for look in selection.looks:
         if look.candidate.key not in seen:
             seen.add(look.candidate.key)
-            found.append(Ranked(*look.candidate.key, 0.0, base.fitted.judged_gap))
+            found.append(Ranked(*look.candidate.key, 0.0, base_gap))
     return tuple(found)

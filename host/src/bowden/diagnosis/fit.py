@@ -95,8 +95,6 @@ class Fitted:
         What that costs: half the chi-square of what was not fitted, foretold with all that the
         fitted leave open. For a linear model it is exactly that of the forecast under its own
         covariance (Gelman et al., Bayesian Data Analysis, section 14.3).
-    judged_gap : float
-        RMS of what was not fitted in the mode's first channel, N m; of `model`.
     every : ndarray of shape (n,)
         Weighted residuals of what was fitted, distances in tolerances, residuals of what was not.
     matrix : ndarray of shape (n, p)
@@ -112,7 +110,6 @@ class Fitted:
     misfit: float
     prior: float
     judged: float
-    judged_gap: float
     every: _Floats
     matrix: _Floats
     rows: int
@@ -209,18 +206,17 @@ class Fit:
             there = self.residual(joint_at)
             if there is not None and _half_square(there) < _half_square(found.every):
                 begin = Point(joint_at, there, found.matrix)
-        joint = descend(self, begin, found.every.size, rounds, polish=False)
-        model, cost = self.model_at(found.at), _half_square(found.every[: self.fitted_rows])
+        joint = _descend(self, begin, found.every.size, rounds, polish=False)
+        cost = _half_square(found.every[: self.fitted_rows])
         prior = _half_square(self.distances(found.at))
         return Fitted(
             at=found.at,
-            model=model,
+            model=self.model_at(found.at),
             joint=joint,
             joint_model=self.model_at(joint.at),
             misfit=cost - prior,
             prior=prior,
             judged=_half_square(joint.every) - cost,
-            judged_gap=self.problem.misfit(model).judged_gap,
             every=found.every,
             matrix=found.matrix,
             rows=self.fitted_rows,
@@ -253,7 +249,7 @@ def solve(
     ModelError
         The start describes no rig.
     """
-    found = descend(fit, _begin(fit, start, known), fit.fitted_rows, ROUNDS, polish=polish)
+    found = _descend(fit, _begin(fit, start, known), fit.fitted_rows, ROUNDS, polish=polish)
     return fit.fitted_at(found, FEW, joint_at)
 
 
@@ -266,7 +262,7 @@ def _begin(fit: Fit, start: _Floats, known: _Floats | None = None) -> Point:
     return Point(at, every, _completed(fit, at, every, known), fresh=known is None)
 
 
-def descend(fit: Fit, begin: Point, rows: int, rounds: int, *, polish: bool) -> Point:
+def _descend(fit: Fit, begin: Point, rows: int, rounds: int, *, polish: bool) -> Point:
     """Make the first rows small, from a point on."""
     at, every, matrix, fresh = begin
     damping = 1e-3
@@ -341,7 +337,7 @@ def solve_widely(fit: Fit, fitted: Fitted, spread: Spread = map) -> Fitted:
             begin = _begin(fit, start)
         except ModelError:
             return None
-        found = descend(fit, begin, fit.fitted_rows, ROUNDS, polish=False)
+        found = _descend(fit, begin, fit.fitted_rows, ROUNDS, polish=False)
         return _half_square(found.every[: fit.fitted_rows]), found.at
 
     ended = [one for one in spread(search, starts) if one is not None]

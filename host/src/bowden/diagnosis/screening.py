@@ -147,8 +147,7 @@ def under_other_weights(columns: _Floats, reweighed: _Floats) -> _Floats:
 def _screen_shape(
     fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float], factor: float
 ) -> Screened | None:
-    strengths = candidate.strengths
-    off = {**{one.name: _off(one) for one in strengths}, **shape}
+    off = _switched_off(candidate, shape)
     probes = _probes(candidate, off, factor)
     columns = []
     for probe in probes:
@@ -166,7 +165,7 @@ def _screen_shape(
     if change is None:
         return None
     step, share, gain = _project(fit, base, change[:, None], np.zeros(1), OVERSHOOT)
-    for one in strengths:
+    for one in candidate.strengths:
         values[one.name] = _value(one, float(share[0]) * _strength(one, values[one.name]))
     return Screened(candidate, off, factor, values, gain, step, usual)
 
@@ -175,7 +174,7 @@ def _screen_as_it_is(
     fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float], factor: float
 ) -> Screened | None:
     """Look at a candidate without a guess of what it would do at another strength."""
-    off = {**{one.name: _off(one) for one in candidate.strengths}, **shape}
+    off = _switched_off(candidate, shape)
     values = _probes(candidate, off, factor)[0].values
     change = _change(fit, base, candidate, values)
     if change is None:
@@ -256,6 +255,11 @@ def _project(
     left = target - r @ solution
     gain = 0.5 * float(target @ target - left @ left)
     return solution[:moving], solution[moving:], gain
+
+
+def _switched_off(candidate: Candidate, shape: Mapping[str, float]) -> dict[str, float]:
+    """Return all its parameters: of that shape, with every strength off."""
+    return {**{one.name: _off(one) for one in candidate.strengths}, **shape}
 
 
 def _off(one: Parameter) -> float:

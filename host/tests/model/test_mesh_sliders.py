@@ -1,0 +1,107 @@
+"""Friction that remembers, on the implicit mesh: bristles and lag, each against a closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bowden.model import Mode
+from bowden.model.mesh_solver import simulate_mesh
+from scipy.optimize import brentq
+
+from .rigs import EA_N, LENGTH_M, R_LOAD_M, R_MOTOR_M, RHO, M, printed, through, times
+
+TP, PP = Mode.TORQUE_POSITION, Mode.POSITION_POSITION
+T0_N = 10.0
+PLATEAU_NM = 2 * R_LOAD_M * T0_N * M  # 3.12 N m: friction of the moving pair at the load
+
+
+def test_presliding_of_a_single_segment() -> None:
+    """ln(T1/T0) = A w/d with the two halves of the segment as springs, until it slides."""
+    slip_m = 3e-4
+    pull = through(0, 1e-3, steps=50)
+    pair = printed(1, presliding_m=slip_m)
+    found = simulate_mesh(pair, PP, times(pull), pull / R_MOTOR_M, np.zeros_like(pull))
+    k = EA_N / LENGTH_M * M / np.tanh(M / 2)  # of each half: N = 1, a = m
+
+    def tensions(u: float, w: float) -> tuple[float, float]:
+        return T0_N + k * (u + w), T0_N - k * w
+
+    for i in range(1, pull.size):
+        u = float(pull[i])
+
+        def out(w: float, u: float = u) -> float:
+            near, far = tensions(u, w)
+            return float(np.log(far / near) - M * w / slip_m)
+
+        w = brentq(out, -u, 0.0, xtol=1e-14)
+        assert abs(w) < slip_m
+        expected = tensions(u, w)
+        assert found.motor_tension_a_n[i] == pytest.approx(expected[0], rel=1e-7)
+        assert found.load_tension_a_n[i] == pytest.approx(expected[1], rel=1e-7)
+
+
+def test_rounded_presliding_of_a_single_segment_there_and_back() -> None:
+    """Dahl's law by hand: ln(T1/T0) = +-A - (+-A - its last turn's) exp(-slip since/x)."""
+    slip_m = 3e-4
+    pull = through(0, 2e-3, 1e-3, steps=50)
+    pair = printed(1, presliding_m=slip_m, presliding_is_rounded=True)
+    found = simulate_mesh(pair, PP, times(pull), pull / R_MOTOR_M, np.zeros_like(pull))
+    k = EA_N / LENGTH_M * M / np.tanh(M / 2)  # of each half: N = 1, a = m
+
+    def ratio(u: float, w: float) -> float:
+        return float(np.log((T0_N - k * w) / (T0_N + k * (u + w))))
+
+    def too_much(w: float, u: float, limit: float, turn: tuple[float, float]) -> float:
+        return ratio(u, w) - limit + (limit - turn[1]) * float(np.exp(-abs(w - turn[0]) / slip_m))
+
+    slid, start = 0.0, (0.0, 0.0)  # slip and ratio at the last turn
+    for i in range(1, pull.size):
+        there = i <= 50  # a pull at the motor slides towards it
+        if i == 51:
+            start = slid, ratio(float(pull[50]), slid)
+        u = float(pull[i])
+        arguments = (u, -M if there else M, start)
+        slid = brentq(too_much, -u if there else start[0], 0.0, arguments, xtol=1e-15)
+        assert found.motor_tension_a_n[i] == pytest.approx(T0_N + k * (u + slid), rel=1e-7)
+        assert found.load_tension_a_n[i] == pytest.approx(T0_N - k * slid, rel=1e-7)
+
+
+def test_presliding_rounds_reversals_and_leaves_plateaus() -> None:
+    angle = through(0, 0.4, -0.4, 0.4, steps=2000)
+    still = np.zeros_like(angle)
+    plain = simulate_mesh(printed(40), TP, times(angle), still, angle).load_torque_nm
+    soft = simulate_mesh(printed(40, presliding_m=5e-4), TP, times(angle), still, angle)
+    torque = soft.load_torque_nm
+    assert torque[4000] == pytest.approx(PLATEAU_NM, rel=1e-4)
+    assert torque[6000] == pytest.approx(-PLATEAU_NM, rel=1e-4)
+    # The square-root law starts with an infinite slope; a bristle does not.
+    first = slice(2000, 2004)
+    assert np.abs(np.diff(torque[first])).max() < 0.5 * np.abs(np.diff(plain[first])).max()
+
+
+def test_friction_that_lags_builds_up_with_its_time_constant() -> None:
+    """Both ends move at once, so that the whole cable slides from the first sample on."""
+    lag_s, step_s = 0.05, 1e-4
+    t = np.arange(0, 0.3, step_s)
+    angle = 20.0 * t  # 2 m/s: the end stretches within the first samples
+    found = simulate_mesh(printed(20, lag_s=lag_s), PP, t, RHO * angle, angle)
+    ratio = np.log(found.motor_tension_a_n / found.load_tension_a_n)
+    late = t > 0.02
+    # First order in the step, over the time constant.
+    np.testing.assert_allclose(ratio[late], M * -np.expm1(-t[late] / lag_s), atol=M * 2e-2)
+    assert ratio[-1] == pytest.approx(M * -np.expm1(-t[-1] / lag_s), rel=1e-3)
+
+
+def test_the_loop_of_friction_that_lags_opens_with_frequency() -> None:
+    """Over the angle it is the Coulomb loop when slow; fast, friction comes late."""
+
+    def missing(speed: float) -> float:
+        t = np.arange(0, 4 * np.pi / speed, 0.002 / speed * np.pi)
+        angle = 0.5 * np.sin(speed * t)
+        pair, lagging = printed(20), printed(20, lag_s=0.02)
+        a = simulate_mesh(pair, TP, t, np.zeros_like(t), angle).load_torque_nm
+        b = simulate_mesh(lagging, TP, t, np.zeros_like(t), angle).load_torque_nm
+        return float(np.sqrt(np.mean((a - b) ** 2)))
+
+    assert missing(0.1) < 0.02
+    assert missing(5.0) > 5 * missing(0.1)
