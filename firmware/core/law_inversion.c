@@ -18,6 +18,11 @@
 #define LATE_WINDUP_Q3 5
 #define LATE_MOST 2
 
+/* Friction is known to 15 % or so: the motor is sure to turn over 7/8 of its limit, and turning
+ * twice the friction over lands within 1/3 of it. */
+#define SURE_LIMIT_Q3 7
+#define LANDS_WITHIN 3
+
 #define EXTRA_MOST (1 << 26) /* uN m; in Q4 that is the range of int32_t */
 
 inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sliding,
@@ -34,8 +39,9 @@ inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sl
     const ratio_t motor_per_load =
         ratio_of(pair->motor_pulley_radius_nm, pair->load_pulley_radius_nm);
     /* the taut friction at the load: what arrives less when the motor gives as much */
-    const int32_t friction_unm = fixed_scale(sliding_motor_torque_unm(sliding, 0, 1),
-                                             ratio_reciprocal(motor_per_load), &saturations);
+    const int32_t motor_friction_unm = sliding_motor_torque_unm(sliding, 0, 1);
+    const int32_t friction_unm =
+        fixed_scale(motor_friction_unm, ratio_reciprocal(motor_per_load), &saturations);
     return (inversion_t){
         .motor_per_load_torque = motor_per_load,
         /* D = J DAMPING_PER_S in 1e-9 N m s; a speed of 1 nm a tick is ticks_per_s / r_nm rad/s */
@@ -44,6 +50,7 @@ inversion_t inversion_of(const transmission_t *transmission, const sliding_t *sl
         .lag_ticks = (int32_t)(lag > 0 ? lag : 1u),
         .friction_unm = fixed_clamp(friction_unm, 0, 1 << 30), /* 8/6 of it is still in range */
         .rest_band_unm = rest_band_unm,
+        .weak = motor_friction_unm > (int64_t)torque_limit_unm * SURE_LIMIT_Q3 / 8,
         .move = move_of((int32_t)(lag > 0 ? lag : 1u), torque_limit_unm,
                         MOVE_DAMPING * DAMPING_PER_S, ticks_per_s),
         .integral_ticks =
@@ -60,6 +67,7 @@ void inversion_follow(inversion_t *inversion, int32_t motor_torque_unm, int32_t 
     inversion->lag_q4_unm[0] = limited_unm * 16;
     inversion->lag_q4_unm[1] = limited_unm * 16;
     inversion->side = 0;
+    inversion->declined = false;
     inversion->held_unm = motor_torque_unm;
     inversion->last_asked_unm = wanted_unm;
     move_end(&inversion->move);
@@ -109,7 +117,8 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
         inversion->settled_unm = inputs->wanted_unm;
         inversion->called_for = true;
     }
-    const int32_t towards = error_unm > band_unm ? 1 : (error_unm < -band_unm ? -1 : 0);
+    const int32_t called_unm = inversion->declined ? 0 : error_unm;
+    const int32_t towards = called_unm > band_unm ? 1 : (called_unm < -band_unm ? -1 : 0);
     if (inversion->side == 0) { /* what is there stays until it is wrong, or the load moves */
         inversion->side = direction != 0 ? direction : towards;
         if (inversion->side != 0) {
@@ -147,6 +156,22 @@ static void choose_side(inversion_t *inversion, const estimator_t *estimator,
     inversion->called_for = false;
     inversion->side = -inversion->side;
     mark_change(inversion, estimator);
+}
+
+/* Is something else wanted at once? Not where the motor might bring it but never take it back. */
+static bool wishes(inversion_t *inversion, int32_t asked_unm, int32_t error_unm,
+                   int32_t direction) {
+    uint32_t saturations = 0; /* the motor's limit is far below */
+    const int32_t jump_unm = fixed_subtract(asked_unm, inversion->last_asked_unm, &saturations);
+    const bool jumps = magnitude(jump_unm) > inversion->rest_band_unm;
+    inversion->last_asked_unm = asked_unm;
+    if (direction != 0) {
+        inversion->declined = false;
+    } else if (jumps) {
+        inversion->declined =
+            inversion->weak && magnitude(error_unm) <= inversion->friction_unm / LANDS_WITHIN;
+    }
+    return jumps && !inversion->declined;
 }
 
 /* Something else is wanted at once: the side is that of the error, as the motor outruns the load.
@@ -190,8 +215,8 @@ static void learn(inversion_t *inversion, int32_t error_unm, int32_t direction, 
     const int32_t towards = inversion->side > 0 ? error_unm : -error_unm;
     const bool settled = inversion->side_ticks > (uint32_t)(SETTLED_LAGS * inversion->lag_ticks);
     const bool useful = direction == inversion->side || towards > 0;
-    if (inversion->integral_ticks == 0 || !settled || !useful || inversion->resting ||
-        (limited && towards > 0)) {
+    if (inversion->integral_ticks == 0 || inversion->declined || !settled || !useful ||
+        inversion->resting || (limited && towards > 0)) {
         return;
     }
     int32_t *shift = &inversion->shift_q8_unm[inversion->side > 0 ? 1 : 0];
@@ -236,10 +261,7 @@ int32_t inversion_step(inversion_t *inversion, const sliding_t *sliding,
     const int32_t direction = estimator->load_direction;
     const int32_t error_unm =
         fixed_subtract(inputs->wanted_unm, inputs->load_torque_unm, &saturations);
-    const int32_t jump_unm =
-        fixed_subtract(inputs->asked_unm, inversion->last_asked_unm, &saturations);
-    inversion->last_asked_unm = inputs->asked_unm;
-    const bool wish = magnitude(jump_unm) > inversion->rest_band_unm;
+    const bool wish = wishes(inversion, inputs->asked_unm, error_unm, direction);
     if (wish) {
         take_wish(inversion, estimator, inputs, error_unm);
     }

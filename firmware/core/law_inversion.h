@@ -19,6 +19,11 @@
  * When something else is wanted at once, more than the rest band within a tick, the motor goes
  * there by move.h, friction and all; the side is that of the error.
  *
+ * A motor that is not sure to turn the friction over at all leaves a load at rest alone when
+ * something else is wanted at once: what it brings, by its momentum or because friction is late, it
+ * could never take back. Unless the error is more than it could be wrong by the change is declined,
+ * until the load moves, and the wanted torque given as it is.
+ *
  * A change of side that neither a stroke of the load nor a new wish has called for costs patience:
  * the next one needs twice the error, and at least twice what this one left at rest, and twice as
  * much is left alone; until the hand makes a stroke, moves the load back, however slowly, or
@@ -60,6 +65,7 @@ typedef struct {
     int32_t friction_unm;          /* at the load, of the sliding pair */
     int32_t rest_band_unm;
     int32_t integral_ticks; /* in which a shift takes up an error; 0: never */
+    bool weak;              /* the motor may not be able to turn the friction over */
     /* state */
     int32_t side;               /* 1 or -1; 0: not yet */
     uint32_t side_ticks;        /* since it changed */
@@ -77,6 +83,7 @@ typedef struct {
     int32_t held_unm;        /* motor torque of the last tick without inertia and damping */
     int32_t shift_q8_unm[2]; /* of the wanted torque; [negative, positive side] */
     int32_t lag_q4_unm[2];   /* motor torque behind one and two lags */
+    bool declined;           /* something else is wanted that could not be taken back */
     bool resting;
     bool held_taut;
 } inversion_t;

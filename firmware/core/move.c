@@ -20,6 +20,12 @@ move_t move_of(int32_t lag_ticks, int32_t limit_unm, int32_t damping_per_s, uint
     };
 }
 
+/* What of a torque the motor can hold. */
+static int32_t within_limit(const move_t *move, int32_t torque_unm) {
+    const int32_t limit_unm = fixed_clamp(move->limit_unm, 0, MOST_UNM);
+    return fixed_clamp(torque_unm, -limit_unm, limit_unm);
+}
+
 /* x of what is held, and back: one cable alone stretches twice as far. */
 static int32_t place(const move_t *move, int32_t held_unm) {
     const int32_t held = fixed_clamp(held_unm, -MOST_UNM, MOST_UNM);
@@ -36,7 +42,7 @@ void move_start(move_t *move, int32_t from_unm, int32_t to_unm, int32_t slack_un
         move->at_unm[0] = place(move, from_unm);
         move->at_unm[1] = move->at_unm[0];
     }
-    const int32_t way_unm = place(move, to_unm) - move->at_unm[1];
+    const int32_t way_unm = place(move, within_limit(move, to_unm)) - move->at_unm[1];
     const int32_t size_unm = way_unm < 0 ? -way_unm : way_unm;
     const int32_t limit_unm = fixed_clamp(move->limit_unm, 0, MOST_UNM);
     /* a in Q8: the way in 256ths is at least 1 */
@@ -48,7 +54,7 @@ void move_start(move_t *move, int32_t from_unm, int32_t to_unm, int32_t slack_un
 }
 
 int32_t move_step(move_t *move, int32_t to_unm) {
-    const int32_t to = place(move, to_unm);
+    const int32_t to = place(move, within_limit(move, to_unm));
     int32_t *at = move->at_unm;
     at[0] += (to - at[0]) / move->ticks;
     at[1] += (at[0] - at[1]) / move->ticks;

@@ -9,6 +9,8 @@
  * The second term turns the motor's inertia and never pulls a cable; the third is what damping
  * (law_inversion.c) takes of the planned speed. T is as short as the motor's limit allows:
  *   (M3)  a |u - x| = limit
+ * u is within the motor's limit: beyond it, it would arrive there at full speed with no torque left
+ * to stop it, and bring the load what it can never take back.
  *
  * A mirrored move is the same move, to the bit. Pure.
  */

@@ -82,3 +82,27 @@ def test_at_rest_without_a_cell_a_step_is_given_the_friction_that_is_expected() 
     for wanted_nm in (0.8, -0.8):
         arrives = one.run(wanted_nm, np.full(2000, 0.3))
         assert arrives[-1] == pytest.approx(wanted_nm, abs=0.05 * FRICTION_NM)
+
+
+@pytest.mark.parametrize("cell", [False, True])
+def test_what_a_motor_at_its_limit_can_hold_arrives_and_no_more(cell: bool) -> None:
+    """Momentum would carry a motor that is sent beyond its limit past what it can hold, by a third
+    here, and friction keep it there. A fiftieth of the friction, the rest of its swing, is left."""
+    limit_nm = 0.7
+    one = Controlled(inertia_kg_m2=3e-5, torque_limit_unm=round(1e6 * limit_nm))
+    one.run(0.0, np.concatenate([stroke(0.0, 0.3, 0.25), np.full(1000, 0.3)]), cell=cell)
+    holds_nm = RATIO * limit_nm - FRICTION_NM
+    for wanted_nm in (0.8, -0.8):
+        arrives = one.run(wanted_nm, np.full(2000, 0.3), cell=cell)
+        assert np.max(arrives * np.sign(wanted_nm)) == pytest.approx(holds_nm, abs=FRICTION_NM / 50)
+
+
+@pytest.mark.parametrize("cell", [False, True])
+def test_what_a_weak_motor_could_not_take_back_is_not_begun(cell: bool) -> None:
+    """Friction takes all but 3 % of the motor: what it throws at the load stays there. A load at
+    rest is left alone, and the motor gives what a lossless pair would need."""
+    one = Controlled(inertia_kg_m2=3e-5, torque_limit_unm=round(1.03e6 * FRICTION_NM / RATIO))
+    for wanted_nm in (0.2, 0.1, -0.1, -0.2):
+        arrives = one.run(wanted_nm, np.zeros(2000), cell=cell)
+        assert np.max(np.abs(arrives)) < 1e-3
+        assert one.torque_unm == pytest.approx(1e6 * wanted_nm / RATIO, abs=500.0)  # 2 counts
