@@ -21,10 +21,13 @@ def plain(segments: int = 30, mu_d: float = 0.21) -> Model:
 
 
 @cache
-def given(mode: Mode, samples: int = 1500) -> Inputs:
+def given(mode: Mode, samples: int = 1500, *, rest_s: float = 0.0) -> Inputs:
     """A stroke of 40 degrees with a smaller one on it, the motor's torque to and fro, a warm-up."""
     t = np.arange(samples) * 1e-3
-    angle = 0.7 * np.sin(2 * np.pi * FREQUENCY_HZ * t) + 0.05 * np.sin(2 * np.pi * 3.1 * t)
+    moving = t - np.clip(t - 0.5, 0.0, rest_s)
+    angle = 0.7 * np.sin(2 * np.pi * FREQUENCY_HZ * moving) + 0.05 * np.sin(
+        2 * np.pi * 3.1 * moving
+    )
     torque = 0.2 * np.sin(2 * np.pi * 0.9 * t)
     warm = 22.0 + 3.0 * t
     inputs = Inputs(t, None, angle, torque, None, warm)

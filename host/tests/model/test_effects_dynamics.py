@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bowden.model import Inputs, Mode, Trajectory, simulate
-from bowden.model.effects.derivative import WINDOW_S, acceleration
+from bowden.model.effects.derivative import WINDOW_S, acceleration, velocity
 from bowden.model.effects.dwell_strengthening import rested
 from bowden.model.experiments.variants import with_damping
 from scipy.integrate import solve_ivp
@@ -51,6 +51,26 @@ def test_the_acceleration_of_a_sine(hertz: float) -> None:
     np.testing.assert_allclose(
         found[inside], -(w**2) * (1 - smaller) * np.sin(w * t[inside]), atol=2e-3 * w**2
     )
+
+
+@pytest.mark.parametrize("hertz", [0.5, 1.0, 3.0])
+def test_the_velocity_of_a_sine(hertz: float) -> None:
+    t = np.arange(2000) * 1e-3
+    w = 2 * np.pi * hertz
+    inside = slice(50, -50)
+    smaller = (w * WINDOW_S) ** 2 / 10  # what a straight line of this width misses of a sine
+    expected = w * (1 - smaller) * np.cos(w * t[inside])
+    np.testing.assert_allclose(velocity(t, np.sin(w * t))[inside], expected, atol=2e-3 * w)
+    np.testing.assert_allclose(velocity(t**1.2, 3.0 - 2.0 * t**1.2), -2.0, rtol=1e-6)
+
+
+def test_a_bearing_may_leave_out_its_viscous_part() -> None:
+    inputs = given(Mode.TORQUE_POSITION)
+    short, whole = (
+        simulate(plain().with_effect("bearing_friction", values), Mode.TORQUE_POSITION, inputs)
+        for values in ({"torque_nm": 0.01}, {"torque_nm": 0.01, "viscous_nm_s_per_rad": 0.0})
+    )
+    np.testing.assert_array_equal(short.load_torque_nm, whole.load_torque_nm)
 
 
 def test_a_parabola_is_exact_on_uneven_samples_and_to_the_ends() -> None:
@@ -280,7 +300,7 @@ def test_friction_wears_in_with_travel() -> None:
 def test_friction_grows_at_rest_and_is_rubbed_off() -> None:
     t = np.array([0.0, 1.0, 3.0, 3.001, 4.0])
     place = np.array([0.0, 0.0, 0.0, 0.004, 0.004])
-    z = rested(t, place, dwell_s=2.0, distance_m=0.001)
+    z = rested(t, place, 2.0, 0.001, 0.0)
     assert z[1] == pytest.approx(1 - np.exp(-0.5))
     assert z[2] == pytest.approx(1 - np.exp(-1.5))
     assert z[3] == pytest.approx(z[2] * np.exp(-4.0), rel=0.02)  # no time to rest in 1 ms
@@ -293,6 +313,22 @@ def test_friction_grows_at_rest_and_is_rubbed_off() -> None:
     steady = PLATEAU_NM * (1 + 0.4 / (1 + speed * 0.3 / 0.01))
     assert reversal[-1] == pytest.approx(steady, rel=2e-3)
     assert reversal.max() > 1.05 * steady
+
+
+def test_friction_that_grows_only_at_rest_is_rubbed_off_by_travel_however_slow() -> None:
+    t = np.array([0.0, 3.0, 5.0, 5.1])
+    place = np.array([0.0, 0.0, 0.004, 0.006])
+    z = rested(t, place, 2.0, 0.001, 1e-4)
+    assert z[1] == pytest.approx(1 - np.exp(-1.5))
+    # At 2 mm/s it grows 400 times slower than at rest: by less than 1e-3 in all that time.
+    assert z[2] == pytest.approx(z[1] * np.exp(-4.0), abs=1e-3)
+    assert z[3] == pytest.approx(z[2] * np.exp(-2.0), abs=1e-3)
+    # After a rest in mid-stroke the pair breaks away with more friction, and is back to mu_d soon.
+    inputs = strokes(0, 0.5, 0.5, 0.5, 0.5, 0.45, -0.5)
+    found = run("dwell_strengthening", {"rise": 0.4, "rest_s": 0.3, "travel_m": 0.01}, inputs)
+    reversal = found.load_torque_nm[1600:]
+    assert reversal[-1] == pytest.approx(PLATEAU_NM, rel=2e-3)
+    assert reversal.max() > 1.1 * PLATEAU_NM
 
 
 def test_friction_along_the_stroke_is_that_of_the_place() -> None:

@@ -95,6 +95,20 @@ def test_a_standard_linear_solid_relaxes_to_its_slow_stiffness() -> None:
     assert found.motor_tension_a_n[-1] == pytest.approx(T0_N + jump / (1 + a), rel=1e-3)
 
 
+def test_a_viscous_bearing_takes_torque_in_proportion_to_speed() -> None:
+    """Cables without friction: tau_l = (tau_m - b - c w_m) r_load/r_motor at a steady speed."""
+    b, c, speed = 0.01, 4e-4, 2.0
+    t = np.arange(0.0, 2.0, 1e-3)
+    angle = speed * t
+    torque = np.full_like(t, 0.05)
+    pair = printed(20, mu_d=0.0, motor_bearing_nm=b, motor_bearing_nm_s_per_rad=c)
+    found = simulate_mesh(pair, TP, t, torque, angle)
+    motor_speed = np.diff(found.motor_angle_rad) / 1e-3
+    assert motor_speed[-1] == pytest.approx(speed * RHO, rel=1e-6)
+    left = 0.05 - b - c * speed * RHO
+    assert found.load_torque_nm[-1] == pytest.approx(left * R_LOAD_M / R_MOTOR_M, rel=1e-6)
+
+
 def test_a_bearing_is_a_dead_zone_of_twice_its_friction() -> None:
     """A locked load: the motor's cables get the play operator of the torque, of half width b."""
     b = 0.05

@@ -301,6 +301,7 @@ def finish(
             s.speed[cable, j] = 0.0
             s.went_m[cable, j] = 0.0
             s.held[cable, j] = 0.0
+            s.bristle_n[cable, j] = 0.0
             s.rested[cable, j] = 0
         s.stretch[cable, 0] = total
         return
@@ -322,6 +323,7 @@ def finish(
         if t.lag_s > 0 or t.presliding_m > 0:
             here, there = s.tension[cable, j], s.tension[cable, j + 1]
             s.held[cable, j] = math.log(there / here) if here > 0 and there > 0 else 0.0
+            s.bristle_n[cable, j] = there - here
         if s.slides[cable, j] != 0 and s.reserve_m[cable, j] != 0:
             s.stretch[cable, j] += 0.5 * s.reserve_m[cable, j]
             s.stretch[cable, j + 1] += 0.5 * s.reserve_m[cable, j]

@@ -182,6 +182,7 @@ def save(s: ChainState, p: Pulleys) -> None:
             s.saved[cable, 6, j] = s.rested[cable, j]
             s.saved[cable, 7, j] = s.held[cable, j]
             s.saved[cable, 8, j] = s.went_m[cable, j]
+            s.saved[cable, 9, j] = s.bristle_n[cable, j]
     s.saved[0, 4, -1] = p.rolls[0]
     s.saved[0, 5, -1] = p.touches[0]
     s.saved[0, 6, -1] = p.apart_m[0]
@@ -202,6 +203,7 @@ def restore(s: ChainState, p: Pulleys) -> None:
             s.slides[cable, j] = int(s.saved[cable, 5, j])
             s.rested[cable, j] = int(s.saved[cable, 6, j])
             s.held[cable, j] = s.saved[cable, 7, j]
+            s.bristle_n[cable, j] = s.saved[cable, 9, j]
             s.went_m[cable, j] = ONLY_DIRECTION * s.saved[cable, 8, j]
     p.rolls[0] = int(s.saved[0, 4, -1])
     p.touches[0] = int(s.saved[0, 5, -1])
@@ -286,6 +288,10 @@ def run(
             share = beyond(dt, dt_before, damping_s)
             pull, spring = pull_of_mass(mass_kg, share, dt, mean_speed, speed, acceleration)
             force += pull
+        if free >= 0 and p.drag_n_s_per_m > 0.0 and i > 0:
+            spring += p.drag_n_s_per_m / dt
+            if mass_kg == 0.0:
+                force_before -= p.drag_n_s_per_m * mean_speed
         moved, flags = sample(
             t, s, p, free, force_before, force, spring, x, y, factor[i % factor.size], extra, dt
         )

@@ -29,13 +29,15 @@ SETTLED = 1e-9  # share of the tensions that may be out of balance
 class Pulleys(NamedTuple):
     """What the pulleys add, and their memory; axis of the arrays: one value each.
 
-    ``bearing_n`` is the dry friction of the free pulley's bearing over its radius; ``play_m`` how
+    ``bearing_n`` is the dry friction of the free pulley's bearing over its radius,
+    ``drag_n_s_per_m`` the viscous one per speed of its rim; ``play_m`` how
     far the load's pulley moves from one contact with the handle to the other. ``rolls`` is the
     direction in which the free pulley moves (0 held), ``touches`` the contact (+1: the pulley is
     outward of the handle, -1, 0 floats), ``apart_m`` how far outward of its middle it is.
     """
 
     bearing_n: float
+    drag_n_s_per_m: float
     play_m: float
     rolls: NDArray[np.int64]
     touches: NDArray[np.int64]

@@ -15,13 +15,14 @@ With Coulomb friction, eq. (1), the bounds are +-A_j, A_j = mu ds/R. They depend
 f is the friction factor of the sample, v_s's speed the segment's own behind a low-pass filter as it
 was at the last sample: with a slope below zero the present speed would have no unique answer. With
 presliding a slider is in series with an elastic bristle: within the bounds E_j follows w_j with the
-slope A_j over the presliding length x. Rounded, it always gives way a little and never all, dE/dw =
-(+-A - E)/x, which over a sample is
-
-    E_j = +-A_j + (E_j before -+ A_j) exp(-|w_j|/x)
+slope A_j over the presliding length x.
 
 Newton's method works on T_{j+1} - T_j = tanh(E_j/2) (T_{j+1} + T_j), the same law without
-exponentials that grow.
+exponentials that grow. Rounded presliding is Dahl's law for that force F = T_{j+1} - T_j, which
+nears its limits +-L = tanh(+-A/2) (T_{j+1} + T_j) and exceeds neither, dF/dw = (+-L - F)/x; over a
+sample
+
+    F_j = +-L_j + (F_j before -+ L_j) exp(-|w_j|/x)
 """
 
 # ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
@@ -81,6 +82,7 @@ class ChainState(NamedTuple):
     slides: NDArray[np.int64]  # -1 towards the motor, 0 at rest, +1 towards the load
     rested: NDArray[np.int64]  # 1 where a segment was at rest at the last sample
     held: FloatArray  # E, where the law asks for it
+    bristle_n: FloatArray  # F, where the law asks for it
     reserve_m: FloatArray  # stretch that shows when a segment first slides, see `mesh`
     gap_m: FloatArray  # of a slack cable; -1 while taut
     limit: FloatArray  # (cable, direction, N): A without its viscous and tension terms
@@ -91,7 +93,7 @@ class ChainState(NamedTuple):
     row: FloatArray  # (cable, 4, N): below, diagonal, above, right hand side
     change: FloatArray  # (cable, 3, N): of w; per motor displacement; per load displacement
     ahead: FloatArray  # (cable, N): of the elimination
-    saved: FloatArray  # (cable, 9, N + 1): the state at the last sample
+    saved: FloatArray  # (cable, 10, N + 1): the state at the last sample
 
 
 BELOW, DIAGONAL, ABOVE, RIGHT = 0, 1, 2, 3
@@ -191,14 +193,28 @@ def bent(t: ChainTables, s: ChainState, cable: int, j: int, slip: float) -> tupl
 
 
 @compiled_in_place
-def nearing(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> tuple[float, float]:
-    """Return E of a bristle that nears its limit, and its derivative by the slip, 1/m."""
+def nearing(
+    t: ChainTables, s: ChainState, cable: int, j: int, both: float, dt: float
+) -> tuple[float, float, float]:
+    """Return F of a bristle that nears its limit, its derivative by the slip and by the tensions.
+
+    In N, N/m, and 1; `both` is the sum of the tensions at its ends, N.
+    """
     slip = s.slip[cable, j]
     towards = 1 if slip >= 0 else -1
     limit, steeper, _ = bound(t, s, cable, j, towards, dt)
+    other, _, _ = bound(t, s, cable, j, -towards, dt)
+    ahead, behind = half_tanh(limit), half_tanh(other)
+    before, grip = s.bristle_n[cable, j], 0.0
+    if towards * before > towards * ahead * both:
+        before, grip = ahead * both, ahead
+    elif towards * before < towards * behind * both:
+        before, grip = behind * both, behind
     left = math.exp(-abs(slip) / t.presliding_m)
-    short = (limit - s.held[cable, j]) * left
-    return limit - short, towards * short / t.presliding_m + (1.0 - left) * steeper
+    short = (ahead * both - before) * left
+    by_slip = towards * short / t.presliding_m
+    by_slip += (1.0 - left) * both * 0.5 * (1.0 - ahead * ahead) * steeper
+    return ahead * both - short, by_slip, ahead * (1.0 - left) + grip * left
 
 
 @inlined
@@ -227,29 +243,31 @@ def set_row(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> flo
     """Linearise the law of a segment that is not at rest; return its error over the tensions."""
     slip = s.slip[cable, j]
     towards = s.slides[cable, j]
-    slope, lean = 0.0, 0.0
+    here, there = s.now[cable, j], s.now[cable, j + 1]
+    both = max(here + there, 0.0)
+    by_slip, lean = 0.0, 0.0
     if not has_friction(t, cable, j):
         towards = 1 if slip >= 0 else -1
     if constant_bounds(t):
         g = towards * s.grip[cable, (towards + 1) // 2, j]
+        force = g * (there + here)
+    elif t.rounded and has_friction(t, cable, j):
+        force, by_slip, g = nearing(t, s, cable, j, both, dt)
     else:
         by_tension = 0.0
-        if t.rounded and has_friction(t, cable, j):
-            e, slope = nearing(t, s, cable, j, dt)
-        elif t.presliding_m > 0 and s.slides[cable, j] == 0 and has_friction(t, cable, j):
+        if t.presliding_m > 0 and s.slides[cable, j] == 0 and has_friction(t, cable, j):
             e, slope = bent(t, s, cable, j, slip)
         else:
             e, slope, by_tension = bound(t, s, cable, j, towards, dt)
         g = half_tanh(e)
-        slope *= 0.5 * (1.0 - g * g)
-        lean = 0.5 * (1.0 - g * g) * by_tension
-    here, there = s.now[cable, j], s.now[cable, j + 1]
-    both = max(here + there, 0.0)
-    error = there - here - g * (there + here)
+        force = g * (there + here)
+        steep = 0.5 * (1.0 - g * g)
+        by_slip, lean = steep * slope * both, steep * by_tension
+    error = there - here - force
     below = (1.0 + g + lean) * s.tangent[cable, j]
     above = (1.0 - g - lean) * s.tangent[cable, j + 1]
     s.row[cable, BELOW, j] = below
     s.row[cable, ABOVE, j] = above
-    s.row[cable, DIAGONAL, j] = -below - above - max(slope, 0.0) * both
+    s.row[cable, DIAGONAL, j] = -below - above - max(by_slip, 0.0)
     s.row[cable, RIGHT, j] = -error
     return float(abs(error) / (both + HELD * t.reference_n))

@@ -177,6 +177,7 @@ def chain_state(transmission: Transmission) -> ChainState:
         held=np.log(rest.node_n[:, 1:] / rest.node_n[:, :-1])
         if np.all(rest.node_n > 0)
         else np.zeros((2, n)),
+        bristle_n=np.diff(rest.node_n),
         reserve_m=reserve * (1 + t.creep_share),
         gap_m=rest.gap_m.copy(),
         limit=np.zeros((2, 2, n)),
@@ -187,7 +188,7 @@ def chain_state(transmission: Transmission) -> ChainState:
         row=np.zeros((2, 4, n)),
         change=np.zeros((2, 3, n)),
         ahead=np.zeros((2, n)),
-        saved=np.zeros((2, 9, n + 1)),
+        saved=np.zeros((2, 10, n + 1)),
     )
 
 
@@ -199,8 +200,13 @@ def pulleys(transmission: Transmission, free: int) -> Pulleys:
     """
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
     bearings_n = transmission.motor_bearing_nm / r_motor, transmission.load_bearing_nm / r_load
+    drags_n_s_per_m = (
+        transmission.motor_bearing_nm_s_per_rad / r_motor**2,
+        transmission.load_bearing_nm_s_per_rad / r_load**2,
+    )
     return Pulleys(
         bearing_n=float(bearings_n[free]) if free >= 0 else 0.0,
+        drag_n_s_per_m=float(drags_n_s_per_m[free]) if free >= 0 else 0.0,
         play_m=float(transmission.load_play_rad * r_load) if free != 1 else 0.0,
         rolls=np.zeros(1, dtype=np.int64),
         touches=np.zeros(1, dtype=np.int64),

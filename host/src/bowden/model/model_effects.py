@@ -83,7 +83,11 @@ def _read(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[st
     variant = max(effect.variants, key=lambda one: len(set(one.names) & set(given)))
     if not variant.is_computed:
         return None, [f"{where}: {name} is a known effect that the offline model cannot compute"]
-    problems = [f"{where}.{key}: missing" for key in variant.names if key not in given]
+    problems = [
+        f"{where}.{one.name}: missing"
+        for one in variant.parameters
+        if one.name not in given and not one.optional
+    ]
     for key in given:
         if key not in variant.names:
             other = next((v for v in effect.variants if key in v.names), None)
@@ -93,10 +97,11 @@ def _read(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[st
                 else f"{where}.{key}: found with {', '.join(variant.names)}, accepted: "
                 f"another entry of {name} for it"
             )
-    values = {}
+    values: dict[str, float] = {}
     for parameter in variant.parameters:
         key = parameter.name
         if key not in given:
+            values |= {key: float(parameter.off)} if parameter.off is not None else {}
             continue
         try:
             values[key] = NUMBER.validate_python(given[key]).value

@@ -14,6 +14,13 @@ from bowden.model.errors import ModelError
 
 FloatArray = NDArray[np.float64]
 
+BEARINGS = (
+    "motor_bearing_nm",
+    "load_bearing_nm",
+    "motor_bearing_nm_s_per_rad",
+    "load_bearing_nm_s_per_rad",
+)
+
 
 @dataclass(frozen=True)
 class FrictionLaw:
@@ -124,6 +131,8 @@ class Transmission:
         with the motor's inertia, where it ends ringing. Wire ropes lose some per cent of critical.
     motor_bearing_nm, load_bearing_nm : float, N m, >= 0
         Dry friction between a torque that is given and its pulley.
+    motor_bearing_nm_s_per_rad, load_bearing_nm_s_per_rad : float, N m s/rad, >= 0
+        Viscous friction there.
     load_play_rad : float, rad, >= 0
         Play between the load's pulley and the handle, from contact to contact.
     """
@@ -148,6 +157,8 @@ class Transmission:
     damping_s: float = 3e-4
     motor_bearing_nm: float = 0.0
     load_bearing_nm: float = 0.0
+    motor_bearing_nm_s_per_rad: float = 0.0
+    load_bearing_nm_s_per_rad: float = 0.0
     load_play_rad: float = 0.0
 
     def __post_init__(self) -> None:
@@ -212,13 +223,10 @@ class Transmission:
             ("stiffening", self.stiffening, 0 <= self.stiffening < 1, "0 .. 1"),
             ("creep_share", self.creep_share, 0 <= self.creep_share < np.inf, ">= 0"),
             ("creep_time_s", self.creep_time_s, _positive(self.creep_time_s), "> 0"),
-            (
-                "motor_bearing_nm",
-                self.motor_bearing_nm,
-                0 <= self.motor_bearing_nm < np.inf,
-                ">= 0",
+            *(
+                (name, getattr(self, name), 0 <= getattr(self, name) < np.inf, ">= 0")
+                for name in BEARINGS
             ),
-            ("load_bearing_nm", self.load_bearing_nm, 0 <= self.load_bearing_nm < np.inf, ">= 0"),
             ("load_play_rad", self.load_play_rad, 0 <= self.load_play_rad < np.inf, ">= 0"),
             ("segments", self.segments, self.segments is None or self.segments >= 1, ">= 1"),
         ]
@@ -229,8 +237,7 @@ class Transmission:
         return (
             self.stiffening == 0.0
             and self.creep_share == 0.0
-            and self.motor_bearing_nm == 0.0
-            and self.load_bearing_nm == 0.0
+            and not any(getattr(self, name) for name in BEARINGS)
             and self.load_play_rad == 0.0
         )
 

@@ -1,4 +1,4 @@
-"""Dry friction of the bearing of a pulley, in series with the cables.
+"""Friction of the bearing of a pulley, dry and viscous, in series with the cables.
 
 Between a torque that is given and its pulley it is part of the balance that the mesh solves. Where
 the angle is given and the torque is predicted, the recorded one has it on top, with the sign of the
@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from bowden.model.compiled import compiled
+from bowden.model.effects.derivative import velocity
 from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
@@ -20,11 +21,13 @@ WIND_UP_RAD = 1e-4  # from the middle: less than a count of any encoder here
 
 
 def _motor_pair(pair: Transmission, p: Values) -> Transmission:
-    return replace(pair, motor_bearing_nm=p["torque_nm"])
+    viscous = p["viscous_nm_s_per_rad"]
+    return replace(pair, motor_bearing_nm=p["torque_nm"], motor_bearing_nm_s_per_rad=viscous)
 
 
 def _load_pair(pair: Transmission, p: Values) -> Transmission:
-    return replace(pair, load_bearing_nm=p["load_torque_nm"])
+    viscous = p["load_viscous_nm_s_per_rad"]
+    return replace(pair, load_bearing_nm=p["load_torque_nm"], load_bearing_nm_s_per_rad=viscous)
 
 
 def _inside(values: FloatArray, around: Signals, p: Values) -> FloatArray:
@@ -33,11 +36,15 @@ def _inside(values: FloatArray, around: Signals, p: Values) -> FloatArray:
 
 
 def _motor_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
-    return values + p["torque_nm"] * wound_up(around["motor_angle_rad"])
+    angle = around["motor_angle_rad"]
+    dry = p["torque_nm"] * wound_up(angle)
+    return values + dry + p["viscous_nm_s_per_rad"] * velocity(around["time_s"], angle)
 
 
 def _load_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
-    return values - p["load_torque_nm"] * wound_up(around["load_angle_rad"])
+    angle = around["load_angle_rad"]
+    dry = p["load_torque_nm"] * wound_up(angle)
+    return values - dry - p["load_viscous_nm_s_per_rad"] * velocity(around["time_s"], angle)
 
 
 @compiled
@@ -57,7 +64,20 @@ EFFECT = Effect(
     variants=(
         Variant(
             "motor",
-            (Parameter("torque_nm", "N m", 0.0, 0.1, 0.0, 0.01, "at the motor pulley", least=0),),
+            (
+                Parameter("torque_nm", "N m", 0.0, 0.1, 0.0, 0.01, "dry, at the motor", least=0),
+                Parameter(
+                    "viscous_nm_s_per_rad",
+                    "N m s/rad",
+                    0.0,
+                    5e-3,
+                    0.0,
+                    2e-4,
+                    "viscous, at the motor",
+                    optional=True,
+                    least=0,
+                ),
+            ),
             pair=_motor_pair,
             channels=(Channel("motor_torque_nm", _inside, _motor_applied),),
         ),
@@ -65,14 +85,25 @@ EFFECT = Effect(
             "load",
             (
                 Parameter(
-                    "load_torque_nm", "N m", 0.0, 0.5, 0.0, 0.05, "at the load pulley", least=0
+                    "load_torque_nm", "N m", 0.0, 0.5, 0.0, 0.05, "dry, at the load", least=0
+                ),
+                Parameter(
+                    "load_viscous_nm_s_per_rad",
+                    "N m s/rad",
+                    0.0,
+                    0.5,
+                    0.0,
+                    0.01,
+                    "viscous, at the load",
+                    optional=True,
+                    least=0,
                 ),
             ),
             pair=_load_pair,
             channels=(Channel("load_torque_nm", _inside, _load_applied),),
         ),
     ),
-    law="a dry torque in series; the pulley moves only when more than it is left over",
+    law="a dry torque in series, beyond which the pulley moves, and one in proportion to its speed",
     signature="a loop width that stays as the tension goes to zero",
     excited_by=(
         "reversal",

@@ -6,7 +6,8 @@ rate-and-state friction, which needs no threshold between rest and motion:
     dz/dt = (1 - z)/dwell_s - z |v|/distance_m,      mu (1 + a z)
 
 with v the speed of the cables' ends at the load. (Dieterich 1979 has the logarithm of the age; for
-rests of a few time constants the two are alike.) z = 0 at the first sample.
+rests of a few time constants the two are alike.) The other law in use lets z grow at rest only, so
+that slow motion is not stronger than fast. z = 0 at the first sample.
 """
 
 from __future__ import annotations
@@ -24,24 +25,43 @@ from bowden.model.transmission import Transmission
 
 def _histories(inside: Signals, pair: Transmission, p: Values) -> Histories:
     place = inside["load_angle_rad"] * pair.load_pulley_radius_m
-    z = rested(inside["time_s"], place, p["dwell_s"], p["distance_m"])
+    z = rested(inside["time_s"], place, p["dwell_s"], p["distance_m"], 0.0)
     return Histories(friction_factor=1.0 + p["a"] * z)
+
+
+def _only_at_rest(inside: Signals, pair: Transmission, p: Values) -> Histories:
+    place = inside["load_angle_rad"] * pair.load_pulley_radius_m
+    z = rested(inside["time_s"], place, p["rest_s"], p["travel_m"], AT_REST_M_PER_S)
+    return Histories(friction_factor=1.0 + p["rise"] * z)
 
 
 @compiled
 def rested(
-    time_s: FloatArray, place_m: FloatArray, dwell_s: float, distance_m: float
+    time_s: FloatArray,
+    place_m: FloatArray,
+    dwell_s: float,
+    distance_m: float,
+    at_rest_m_per_s: float,
 ) -> FloatArray:
-    """Return z at every sample; exact for motion that is straight between samples."""
+    """Return z at every sample; exact for motion that is straight between samples.
+
+    Well above `at_rest_m_per_s`, if it is positive, z does not grow.
+    """
     found = np.zeros(place_m.size)
     z = 0.0
     for i in range(1, place_m.size):
         dt = time_s[i] - time_s[i - 1]
-        rate = 1.0 / dwell_s + abs(place_m[i] - place_m[i - 1]) / dt / distance_m
-        end = 1.0 / (dwell_s * rate)
+        speed = abs(place_m[i] - place_m[i - 1]) / dt
+        rests = 1.0 / (1.0 + (speed / at_rest_m_per_s) ** 2) if at_rest_m_per_s > 0.0 else 1.0
+        grows = rests / dwell_s
+        rate = grows + speed / distance_m
+        end = grows / rate
         z = end + (z - end) * math.exp(-rate * dt)
         found[i] = z
     return found
+
+
+AT_REST_M_PER_S = 5e-4  # a load that turns by 5 mrad a second half rests
 
 
 EFFECT = Effect(
@@ -71,8 +91,30 @@ EFFECT = Effect(
             histories=_histories,
             sees=("load_angle_rad",),
         ),
+        Variant(
+            "at rest only",
+            (
+                Parameter("rise", "", 0.0, 3.0, 0.0, 0.3, "rise of mu after a long rest", least=0),
+                Parameter(
+                    "rest_s", "s", 0.05, 100.0, None, 1.0, "time to rest", scale="log", least=1e-6
+                ),
+                Parameter(
+                    "travel_m",
+                    "m",
+                    2e-4,
+                    0.1,
+                    None,
+                    0.005,
+                    "travel that rubs it off",
+                    scale="log",
+                    least=1e-9,
+                ),
+            ),
+            histories=_only_at_rest,
+            sees=("load_angle_rad",),
+        ),
     ),
-    law="mu (1 + a z), dz/dt = (1 - z)/dwell - z |v|/distance",
+    law="mu (1 + a z), dz/dt = (1 - z)/dwell - z |v|/distance; or the first term at rest only",
     signature="a peak of torque on the first motion after a rest",
     excited_by=("reversal", "rest"),
     confused_with=("stribeck_friction", "viscoelastic_cable"),

@@ -81,6 +81,8 @@ class Parameter:
         Of a phase.
     whole : bool, default False
         Whether only whole numbers make sense: a count a turn.
+    optional : bool, default False
+        Whether a file may leave it out: it is then `off`.
     least, most : float
         Beyond which no rig exists: a file with such a value is refused. Plausible is narrower.
     """
@@ -95,6 +97,7 @@ class Parameter:
     scale: Scale = "linear"
     period: float | None = None
     whole: bool = False
+    optional: bool = False
     least: float = -math.inf
     most: float = math.inf
 
@@ -214,9 +217,10 @@ class Effect:
     on_drive : bool
         Whether `bowden apply` can send it to the drive's reduced model.
     leeway : float
-        Share of what the effect does (RMS) that a rig which has it may leave: `EXACT` where the
-        name is the law, but for the parts' own errors; `ONE_OF_SEVERAL` where the name stands for
-        several laws in use, or for one whose answer is not unique.
+        Share of what the effect does that a rig which has it may leave: `EXACT` where the name is
+        the law, but for the parts' own errors; `ONE_OF_SEVERAL` where the name stands for several
+        laws in use, or for one whose answer is not unique: of each sample then,
+        `bowden.diagnosis.leeway`.
     """
 
     name: str
