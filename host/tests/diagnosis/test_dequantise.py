@@ -105,6 +105,30 @@ def test_the_path_never_leaves_its_counts(
     assert np.all(np.abs(found.draw(generator) - read) <= inside)
 
 
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_the_estimate_turns_only_where_the_counts_do(seed: int) -> None:
+    """A turn back of a hundredth of a count is worth 60 mN m, for as long as the pair rests."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(3000) * 1e-3
+    angle, at, place = np.zeros(time_s.size), 0, 0.0
+    while at < time_s.size:  # strokes that stop gently, some after another the same way, and rests
+        count = int(rng.integers(100, 600))
+        way = float(rng.uniform(-0.05, 0.05))
+        share = np.minimum(np.arange(time_s.size - at) / count, 1.0)
+        angle[at:] = place + way * share**3 * (10 - 15 * share + 6 * share**2)
+        place += way
+        at += count + int(rng.integers(0, 300))
+    q = 2 * np.pi / 10_000
+    counts = np.round(angle / q)
+    found = dequantise(time_s, counts * q, expected_quantum=q).values / q
+    turned = np.flatnonzero(np.diff(np.sign(np.diff(counts[np.flatnonzero(np.diff(counts))]))))
+    way = np.sign(np.diff(found))
+    turns = np.flatnonzero(np.diff(way[way != 0.0]))
+    assert turns.size <= turned.size + 1
+    assert np.all(np.abs(found - counts) <= 0.5 + 1e-9)
+
+
 def test_draws_scatter_as_sigma_says_and_together_as_errors_do() -> None:
     found = dequantise(TIME_S, counted(stop_and_go()))
     generator = np.random.default_rng(2)

@@ -5,7 +5,8 @@ the estimates. A count of the load encoder just after a reversal is worth up to 
 torque (square-root law), yet an encoder tells far more than its counts: when the reading changes,
 the angle is on the edge between two counts, to within what it moves in a sample. Only inside a turn
 or at rest is it unknown within a count. So: a path through boxes one count wide (`smooth_path`),
-which never leaves them.
+which never leaves them, and whose best estimate turns only where the counts do: friction and play
+remember a turn of a hundredth of a count for as long as the pair rests.
 
 Torque channels with white noise are smoothed in the same way, within three standard deviations,
 because friction remembers extremes: noise on an input would be rectified. The measured side of a
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.noise import noise_sigma
+from bowden.diagnosis.runs import Rest, Runs, one_way
 from bowden.diagnosis.smooth_path import SmoothPath, path_through_boxes, path_through_noise
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
@@ -27,10 +29,6 @@ from bowden.recording.recording import Recording
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
-NODES_A_RUN = 6  # in a run of equal counts: enough to bend within it
-REST_RATIO = 6.0  # a run so much longer than both neighbours is a rest; a turning parabola: < 4.9
-REST_SAMPLES = 20
-BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
 USUAL_BRAKING = 1.25  # between even braking (1) and even change of braking (1.5)
 BRAKING = (0.5, 3.0)  # as far as draws go: hands start and stop more or less gently
 EDGE_NOISE = 0.05  # counts: an encoder's edges are no better than that
@@ -83,7 +81,8 @@ class _Path:
     high: _Floats
     zero: float
     unit: float
-    rests: tuple[_Rest, ...] = ()
+    rests: tuple[Rest, ...] = ()
+    turns: tuple[tuple[int, int, float], ...] = ()
 
     def estimate(self) -> tuple[_Floats, _Floats]:
         mean, variance = self.smooth.at(self.node, self.share)
@@ -94,6 +93,7 @@ class _Path:
             sigma[rest.first : rest.last + 1] = np.maximum(
                 sigma[rest.first : rest.last + 1] * (1.0 - reached), reached * _UNIFORM
             )
+        mean = one_way(np.clip(mean, self.low, self.high), self.turns) if self.turns else mean
         return self._back(mean), self.unit * sigma
 
     def drawn(self, generator: np.random.Generator) -> _Floats:
@@ -106,60 +106,6 @@ class _Path:
 
     def _back(self, mean: _Floats) -> _Floats:
         return np.asarray(self.zero + self.unit * np.clip(mean, self.low, self.high))
-
-
-@dataclass(frozen=True)
-class _Rest:
-    """A stretch at rest within one count: first and last sample, samples a count before and after.
-
-    What rests stands still: the least movement back would count as a reversal. Nobody knows where
-    in the count it stands, nor when exactly it began to move, but it came and left without turning
-    twice.
-    """
-
-    first: int
-    last: int
-    count: float
-    before: float
-    after: float
-
-    def stand(self, path: _Floats, offset: float, arrival: float, leaving: float) -> _Floats:
-        """Let a path (changed in place) stop at an offset from the count's middle.
-
-        Parameters
-        ----------
-        path : ndarray of shape (n,)
-            In counts.
-        offset : float
-            -0.5..0.5.
-        arrival, leaving : float
-            How long braking and starting take, against even acceleration between the place of rest
-            and the edge.
-
-        Returns
-        -------
-        ndarray of shape (last - first + 1,)
-            How far the path has come to the place of rest, 0..1.
-        """
-        size = self.last - self.first + 1
-        place = self.count + offset
-        start, end = float(path[self.first]), float(path[self.last])
-        come = (start - place) * self._braking(size, arrival * abs(start - place) * self.before)
-        gone = (end - place) * self._braking(size, leaving * abs(end - place) * self.after)
-        path[self.first : self.last + 1] = place + come + gone[::-1]
-        reach = np.maximum(abs(start - place), abs(end - place))
-        return np.asarray(1.0 - (np.abs(come) + np.abs(gone[::-1])) / max(reach, 1e-9))
-
-    @staticmethod
-    def _braking(size: int, half: float) -> _Floats:
-        """Return 1 falling to 0 along a parabola, within a share of the rest.
-
-        `half` is how long it would take at the speed before; 0: a recording that begins at rest.
-        """
-        if half == 0.0:
-            return np.zeros(size)
-        since = np.arange(size) / min(2.0 * half, BRAKING_SHARE * size)
-        return np.asarray((1.0 - np.minimum(since, 1.0)) ** 2)
 
 
 def dequantise(
@@ -259,7 +205,7 @@ def _within_counts(time_s: _Floats, values: _Floats, quantum: float, noise: floa
     zero = float(values[0])
     count = np.round((values - zero) / quantum)
     usual = float(np.median(np.diff(time_s)))
-    runs = _Runs.of(count)
+    runs = Runs.of(count)
     nodes = runs.nodes()
     step = np.diff(time_s[nodes]) / usual
     blur = max(EDGE_NOISE, noise / quantum)
@@ -276,71 +222,9 @@ def _within_counts(time_s: _Floats, values: _Floats, quantum: float, noise: floa
         zero=zero,
         unit=quantum,
         rests=runs.rests(count),
+        turns=runs.turns(count),
     )
     return Estimated(*path.estimate(), quantum, noise, path)
-
-
-@dataclass(frozen=True)
-class _Runs:
-    """Stretches of equal counts, by the index of their first and last sample."""
-
-    first: _Index
-    last: _Index
-    number: _Index
-    around: _Floats
-    rest: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, count: _Floats) -> _Runs:
-        (change,) = np.nonzero(np.diff(count))
-        first = np.concatenate([[0], change + 1])
-        last = np.concatenate([change, [count.size - 1]])
-        length = last - first + 1.0
-        around = np.maximum(
-            np.concatenate([[0.0], length[:-1]]), np.concatenate([length[1:], [0.0]])
-        )
-        rest = (length > REST_RATIO * around) & (length > REST_SAMPLES)
-        number = np.repeat(np.arange(first.size), last - first + 1)
-        return cls(first, last, number, np.maximum(around, 1.0), rest)
-
-    def nodes(self) -> _Index:
-        """Choose samples that bear the path: all where it is fast, few where it hardly moves."""
-        reach = self.last - self.first
-        parts = [
-            self.first + np.round(share * reach).astype(np.intp)
-            for share in np.linspace(0.0, 1.0, NODES_A_RUN)
-        ]
-        depth = 1
-        while 2 * depth <= int(reach.max()):  # a rest: close to its ends, where motion stops
-            here = self.rest & (2 * depth <= reach)
-            parts += [self.first[here] + depth, self.last[here] - depth]
-            depth *= 2
-        return np.unique(np.concatenate(parts))
-
-    def depth(self, at: _Floats, number: _Index) -> _Floats:
-        """Return the distance from the nearer end of a run, in lengths of its neighbours."""
-        inside = np.minimum(at - self.first[number], self.last[number] - at)
-        return np.maximum(inside, 0.0) / self.around[number]
-
-    def liveliness(self, nodes: _Index) -> _Floats:
-        """Return how strongly a path may bend: within a rest, the less the further inside."""
-        number = self.number[nodes[:-1]]
-        depth = self.depth((nodes[1:] + nodes[:-1]) / 2.0, number)
-        return np.where(self.rest[number], (1.0 + depth) ** -3.0, 1.0)
-
-    def rests(self, count: _Floats) -> tuple[_Rest, ...]:
-        """List the rests."""
-        length = np.concatenate([[0.0], self.last - self.first + 1.0, [0.0]])
-        return tuple(
-            _Rest(
-                int(self.first[k]),
-                int(self.last[k]),
-                float(count[self.first[k]]),
-                float(length[k]),
-                float(length[k + 2]),
-            )
-            for k in np.flatnonzero(self.rest)
-        )
 
 
 @dataclass(frozen=True)
