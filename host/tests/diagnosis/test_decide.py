@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import pytest
 from bowden.diagnosis.decide import Rest
-from bowden.model.effects import CATALOGUE
 
 MANY = 1e6  # independent samples: no allowance for chance beyond 1.35
 
 
-def test_a_sensor_has_to_follow_its_law_and_a_friction_may_stray() -> None:
-    rest = Rest(before=20.0, after=4.0, samples=MANY)  # a fifth is left
-    assert rest.after > rest.allowed(CATALOGUE["load_cell_offset"].leeway)
-    assert rest.after < rest.allowed(CATALOGUE["presliding_compliance"].leeway)
-
-
-def test_no_law_may_leave_a_third() -> None:
-    rest = Rest(before=12.0, after=4.0, samples=MANY)
-    assert all(rest.after > rest.allowed(one.leeway) for one in CATALOGUE.values())
+def test_what_is_left_is_noise_up_to_chance_and_to_the_parts_own_errors() -> None:
+    assert Rest(before=1.0, after=1.3, samples=MANY).is_noise
+    assert not Rest(before=1.5, after=1.4, samples=MANY).is_noise
+    assert Rest(before=2.0, after=1.5, samples=200.0).is_noise  # chance: 1.35 + 4/sqrt(400)
+    assert Rest(before=200.0, after=5.0, samples=MANY).is_noise  # 3 % of what is explained
+    assert not Rest(before=20.0, after=5.0, samples=MANY).is_noise
 
 
 def test_numbers_are_as_sure_as_the_law_is_followed() -> None:

@@ -42,3 +42,4 @@ def test_a_motor_that_rings_is_looked_at_near_its_true_inertia(inertia_kg_m2: fl
     # Strengths are looked at in steps of a fifth.
     assert best.values["inertia_kg_m2"] == pytest.approx(inertia_kg_m2, rel=0.25)
     assert best.gain > 0.3 * base.cost
+    assert best.rings

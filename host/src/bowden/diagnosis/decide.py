@@ -18,8 +18,10 @@ from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import EffectNumber
 from bowden.diagnosis.fit import Fitted
 from bowden.diagnosis.free_parameters import Free
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.problem import BY_CHANCE
-from bowden.diagnosis.select import Hypothesis, Selection
+from bowden.diagnosis.select import Selection
+from bowden.model.effects.effect import EXACT
 
 _Floats = NDArray[np.float64]
 
@@ -98,23 +100,21 @@ class Rest:
     after: float
     samples: float
 
-    def allowed(self, leeway: float) -> float:
-        """Return what a model may leave that lacks nothing.
-
-        Parameters
-        ----------
-        leeway : float
-            `bowden.model.effects.Effect.leeway` of its effects.
-        """
-        # The relative standard error of an RMS is 1 / sqrt(2 n).
-        floor = BY_CHANCE + SIGNIFICANT / math.sqrt(2.0 * self.samples)
-        return math.hypot(floor, leeway * self._explained)
+    @property
+    def is_noise(self) -> bool:
+        """Whether that is no more than a model may leave that lacks nothing."""
+        return self.after <= math.hypot(self._floor, EXACT * self._explained)
 
     @property
     def astray(self) -> float:
         """How far the chosen laws are from the rig's, as a share of what they explain, 0..1."""
-        left = math.sqrt(max(self.after**2 - self.allowed(0.0) ** 2, 0.0))
+        left = math.sqrt(max(self.after**2 - self._floor**2, 0.0))
         return min(1.0, left / self._explained) if self._explained else 0.0
+
+    @property
+    def _floor(self) -> float:
+        # The relative standard error of an RMS is 1 / sqrt(2 n).
+        return BY_CHANCE + SIGNIFICANT / math.sqrt(2.0 * self.samples)
 
     @property
     def _explained(self) -> float:
@@ -129,15 +129,15 @@ def decide(selection: Selection, rest: Rest) -> Decision:
     selection : Selection
     rest : Rest
     """
-    chosen = selection.chosen
-    tie = tied(selection)
-    if rest.after > rest.allowed(chosen.leeway):
-        return Decision("unlisted", (), chosen)
+    chosen, reported = selection.chosen, selection.reported
+    if not rest.is_noise:
+        return Decision("unlisted", (), reported)
     if not chosen.effects:
-        return Decision("complete", (), chosen)
+        return Decision("complete", (), reported)
+    tie = tied(selection)
     names = {frozenset(one.names) for one in tie}
     verdict: Verdict = "ambiguous" if len(names) > 1 else "named"
-    return Decision(verdict, _named(selection, tie, rest.astray), chosen)
+    return Decision(verdict, _named(selection, tie, rest.astray), reported)
 
 
 def tied(selection: Selection) -> list[Hypothesis]:
@@ -161,7 +161,8 @@ def _named(
     found: dict[str, NamedEffect] = {}
     place = {one.key: rank for rank, one in enumerate(selection.needed)}
     for hypothesis in tie:
-        values = intervals(hypothesis, astray)
+        said = selection.reported if hypothesis is selection.chosen else hypothesis
+        values = intervals(said, astray)
         effects = enumerate(hypothesis.effects)
         for index, one in sorted(effects, key=lambda each: place.get(each[1].key, -1)):
             found.setdefault(

@@ -78,7 +78,7 @@ def series_of(
     selection: Selection, mode: Mode, ready: Sequence[Part], pool: ThreadPoolExecutor
 ) -> tuple[Series, ...]:
     """Simulate the calibrated and the chosen model on all samples."""
-    models = (selection.base.fitted.model, selection.chosen.fitted.model)
+    models = (selection.base.fitted.model, selection.reported.fitted.model)
     problem = Problem(mode, ready)
     jobs = [(model, part) for part in problem.parts for model in models]
     gaps = list(pool.map(lambda job: problem.gaps(*job), jobs))
@@ -123,7 +123,8 @@ def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> R
     Each sample counts by what it is worth. The numbers have moved on within what the fitted data
     leave open: a sample may be known far better than they foretell it.
     """
-    models = (selection.base.fitted.joint_model, selection.chosen.fitted.joint_model)
+    reported = selection.reported
+    models = (selection.base.fitted.joint_model, reported.fitted.joint_model)
     jobs = [(model, part) for model in models for part in ready.parts]
     gaps = list(pool.map(lambda job: ready.gaps(*job), jobs))
     before, after = gaps[: len(ready.parts)], gaps[len(ready.parts) :]
@@ -142,7 +143,7 @@ def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> R
             )
             return float(np.sqrt(np.sum(share * z**2) / np.sum(share)))
 
-        common = min(part.channels[name].common for part in selection.problem.parts)
+        common = min(part.channels[name].common for part in reported.fit.problem.parts)
         found.append(Rest(rms(before), rms(after), max(1.0, common * float(share.sum()))))
     return max(found, key=lambda one: one.after)
 

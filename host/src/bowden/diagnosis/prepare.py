@@ -35,6 +35,7 @@ def prepare(
     pool: ThreadPoolExecutor,
     *,
     whole: bool = False,
+    lenient: bool = False,
 ) -> list[Part]:
     """Make recordings ready.
 
@@ -48,6 +49,8 @@ def prepare(
     pool : ThreadPoolExecutor
     whole : bool, default False
         With all their samples, for figures; else with those that a fit needs.
+    lenient : bool, default False
+        See `propagate.local_noise`.
 
     Raises
     ------
@@ -63,6 +66,7 @@ def prepare(
             seed=seed + 1000 * number,
             samples=None if whole else lambda best: _thin(best, mode),
             pool=pool,
+            lenient=lenient,
         )
         best = noise.estimates.recording
         if len(recordings) < WHOLE_RECORDINGS:

@@ -9,6 +9,7 @@ times what it is worth while the pair slides (the square-root law, PHYSICS, Expe
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +22,8 @@ from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.dequantise import Estimates, estimate_channels
 from bowden.diagnosis.noise import effective_samples
 from bowden.model import Mode, Model, Trajectory
+from bowden.model.effects import CATALOGUE
+from bowden.model.effects.effect import EXACT
 from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import REQUIRED_COLUMNS, Recording
 
@@ -49,8 +52,8 @@ class LocalNoise:
         What sigma consists of, added in squares: ``sensor`` (of the measured channel), ``inputs``
         (pushed through the model), ``mesh`` and ``steps`` (the model's own discretisation in
         space, and in time where samples are left out), ``open`` (what the model itself leaves open:
-        with which memory friction falls with speed, `bowden.model.friction.stribeck`, and how soon
-        a motor's ringing ends).
+        with which memory friction falls with speed, `bowden.model.friction.stribeck`, how soon
+        a motor's ringing ends, and on request by which of several laws an effect acts).
     recording : Recording
         What sigma holds for, both as what is given and as what is measured: the best estimate.
     index : ndarray of int, shape (n,)
@@ -96,6 +99,7 @@ def local_noise(
     draws: int = DRAWS,
     samples: Callable[[Recording], _Index] | None = None,
     pool: ThreadPoolExecutor | None = None,
+    lenient: bool = False,
 ) -> LocalNoise:
     """Estimate the local noise of a recording's predicted channels.
 
@@ -115,6 +119,8 @@ def local_noise(
         samples change in the model's answer is then part of sigma.
     pool : ThreadPoolExecutor, optional
         Where they run; one of its own for as long as this takes, when absent.
+    lenient : bool, default False
+        Whether `Effect.leeway` of what each effect does is open, where its law is one of several.
 
     Returns
     -------
@@ -136,8 +142,8 @@ def local_noise(
         jobs.append((finer, best))
     if thinned:
         jobs.append((model, estimates.recording))
-    others = _others(model)
-    jobs += [(other, best) for other in others]
+    doubts = _doubts(model, lenient=lenient)
+    jobs += [(other, best) for other, _ in doubts]
 
     def run(job: tuple[Model, Recording]) -> Trajectory:
         return simulate_recording(job[0], mode, job[1])
@@ -157,9 +163,10 @@ def local_noise(
             mesh = MESH_FACTOR * (getattr(runs[draws + 1], name) - centre)
         if thinned:
             steps = getattr(runs[draws + (finer is not None) + 1], name)[index] - centre
-        if others:
-            apart = [getattr(run, name) - centre for run in runs[-len(others) :]]
-            left_open = np.sqrt(np.mean(np.square(apart), axis=0))
+        if doubts:
+            pairs = zip(runs[-len(doubts) :], doubts, strict=True)
+            apart = [share * (getattr(run, name) - centre) for run, (_, share) in pairs]
+            left_open = np.sqrt(np.sum(np.square(apart), axis=0))
         smooth = _Smoothing(best.time_s)
         sensor = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
         parts[name] = {
@@ -218,14 +225,20 @@ def _finer(model: Model) -> Model | None:
     return with_segments(model, 2 * segments) if model.solver == "mesh" and segments else None
 
 
-def _others(model: Model) -> list[Model]:
-    """Return the model with other numbers where its answer depends on some that nobody knows."""
-    pair, others = model.transmission, []
+def _doubts(model: Model, *, lenient: bool) -> list[tuple[Model, float]]:
+    """Return models with other numbers or laws that might be as right, and the share of each."""
+    pair, found = model.transmission, []
+    alike = math.sqrt(1 / len(OTHERWISE))
     if pair.friction.stribeck_gain > 0.0 and pair.friction.memory_s > 0.0:
-        others += [with_memory(model, factor * pair.friction.memory_s) for factor in OTHERWISE]
+        found += [(with_memory(model, k * pair.friction.memory_s), alike) for k in OTHERWISE]
     if pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh":
-        others += [with_damping(model, factor * pair.damping_s) for factor in OTHERWISE]
-    return others
+        found += [(with_damping(model, k * pair.damping_s), alike) for k in OTHERWISE]
+    if lenient:
+        for index, effect in enumerate(model.document.effects):
+            leeway = CATALOGUE[effect["name"]].leeway
+            if leeway > EXACT:
+                found.append((model.without_effect(index), leeway))
+    return found
 
 
 class _Smoothing:

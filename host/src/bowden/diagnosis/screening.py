@@ -48,6 +48,9 @@ class Screened:
         How far the numbers that move already would go, on the search's scale.
     secants : ndarray of shape (m, k)
         Change of the weighted residual by each of its strengths at that size.
+    rings : bool
+        Whether strengths beside it do unlike things: then `gain` says only that it is the best of
+        its neighbours, for the noise of ringing is that of the model that rings.
     """
 
     candidate: Candidate
@@ -57,6 +60,7 @@ class Screened:
     gain: float
     step: _Floats
     secants: _Floats
+    rings: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,13 @@ def _screen_strengths(
     looks = [_screen_shape(fit, base, candidate, shape, factor) for factor in FACTORS]
     if not any(_unlike(one, other) for one, other in itertools.pairwise(looks)):
         return looks
-    return [_screen_as_it_is(fit, base, candidate, shape, float(factor)) for factor in EVERY]
+    looks = [_screen_as_it_is(fit, base, candidate, shape, float(factor)) for factor in EVERY]
+    gains = [-math.inf, *(-math.inf if one is None else one.gain for one in looks), -math.inf]
+    return [
+        replace(one, rings=True)
+        for place, one in enumerate(looks, 1)
+        if one is not None and gains[place] >= max(gains[place - 1], gains[place + 1])
+    ]
 
 
 def _unlike(one: Screened | None, other: Screened | None) -> bool:

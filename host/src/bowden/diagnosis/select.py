@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate, with_candidate
-from bowden.diagnosis.fit import Fit, Fitted, Movable, Point, solve, solve_widely
+from bowden.diagnosis.fit import Fit, Fitted, Movable, solve, solve_widely
+from bowden.diagnosis.hypothesis import MOST_EFFECTS, Hypothesis, again, weighed
 from bowden.diagnosis.problem import BY_CHANCE, Problem
 from bowden.diagnosis.screening import Screened, look_again, screen, under_other_weights
 from bowden.model import Model, ModelError
-from bowden.model.effects.effect import EXACT
 
 _Floats = NDArray[np.float64]
 
@@ -29,7 +29,6 @@ CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
 MOST_FITTED = 14
 STARTS = 2  # shapes of each
 FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from one shape
-MOST_EFFECTS = 3
 WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 WITHIN = 50.0  # of cost: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
@@ -43,54 +42,6 @@ ABREAST = 3  # hypotheses that are carried on where one effect alone does not re
 
 
 @dataclass(frozen=True)
-class Hypothesis:
-    """The calibrated model with some effects, fitted.
-
-    Parameters
-    ----------
-    effects : tuple of Candidate
-    fit : Fit
-    fitted : Fitted
-    """
-
-    effects: tuple[Candidate, ...]
-    fit: Fit
-    fitted: Fitted
-
-    @property
-    def key(self) -> frozenset[tuple[str, str]]:
-        """The effects, whatever their order."""
-        return frozenset(one.key for one in self.effects)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the effects."""
-        return tuple(one.name for one in self.effects)
-
-    @property
-    def rest(self) -> float:
-        """What it leaves, in sigmas of the noise that it was fitted under."""
-        return self.fit.problem.rest(self.fitted.joint_model)
-
-    @property
-    def leeway(self) -> float:
-        """Share of what the effects do that a rig which has them may leave; of many, the least."""
-        most = EXACT if len(self.effects) == MOST_EFFECTS else 1.0
-        return min(most, max((one.effect.leeway for one in self.effects), default=0.0))
-
-    @property
-    def score(self) -> float:
-        """Logarithm of how well the recordings speak for it, less the price of its numbers.
-
-        What was fitted counts as it was fitted, at the price of half a logarithm of the number of
-        independent samples a number (Schwarz 1978); what was held out counts as it was foretold.
-        """
-        numbers = sum(len(one.variant.parameters) for one in self.effects)
-        price = 0.5 * math.log(max(self.fit.problem.fitted_samples, 2.0))
-        return -(self.fitted.cost + self.fitted.judged + price * numbers)
-
-
-@dataclass(frozen=True)
 class Selection:
     """All that was tried, and what was chosen.
 
@@ -99,6 +50,8 @@ class Selection:
     base : Hypothesis
         The calibrated model without effects.
     chosen : Hypothesis
+    reported : Hypothesis
+        The same, as its numbers are given: see `leeway`.
     needed : tuple of Candidate
         Its effects; that which it can least do without first.
     rivals : list of Hypothesis
@@ -114,6 +67,7 @@ class Selection:
 
     base: Hypothesis
     chosen: Hypothesis
+    reported: Hypothesis
     needed: tuple[Candidate, ...]
     rivals: list[Hypothesis]
     looks: list[Screened]
@@ -152,7 +106,7 @@ def select(
     fit = Fit(model, calibration, problem, pool.map)
     stated = solve(fit, np.zeros(len(calibration)))
     base = Hypothesis((), fit, solve_widely(fit, stated))
-    chosen, frontier = base, [base]
+    chosen, frontier, lacking = base, [base], base.rest > BY_CHANCE
     rivals: list[Hypothesis] = []
     known, left = {base.key: base}, math.inf
     progress("looking at every effect", 0.1)
@@ -168,7 +122,7 @@ def select(
         tried = _distinct(tried)
         favourites = max(FAVOURITES - count + 1, 1)
         problem, tried = _under_their_noise(problem, tried, favourites, pool)
-        chosen = _again(chosen, problem)
+        chosen = again(chosen, problem)
         known |= {one.key: one for one in [*tried, chosen]}
         if count > 1:
             # A first effect that was a mistake is done without, once the right one is there.
@@ -182,7 +136,7 @@ def select(
         strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
         enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
         # Where nothing is known to be missing yet, what cures more than noise matters, too.
-        missed = count == 1 and chosen.rest > BY_CHANCE
+        missed = count == 1 and lacking
         better = next(
             (one for one in tried if one.score >= enough and (missed or _matters(one, known))), None
         )
@@ -208,7 +162,8 @@ def select(
     ]
     looked_from = replace(base.fitted, matrix=under_other_weights(base.fitted.matrix, sharper))
     needed = _most_needed_first(chosen, known)
-    return Selection(_again(base, problem), chosen, needed, rivals, first, looked_from, problem)
+    base = again(base, problem)
+    return Selection(base, chosen, chosen, needed, rivals, first, looked_from, problem)
 
 
 def _matters(one: Hypothesis, known: Mapping[frozenset[tuple[str, str]], Hypothesis]) -> bool:
@@ -268,30 +223,37 @@ def _fit_all(
     if parent.effects:
         count, shapes = FITTED_ON_TOP, 1
     starts = [one for look in looks[:count] for one in look[:shapes] if one.gain > 0.0]
-    fitted = pool.map(lambda one: _fit_one(parent, one), starts)
+    if not parent.effects:
+        starts += [one for look in looks for one in look[:shapes] if one.rings]
+    problems = [_problem_of(parent, one) for one in starts]  # here: it uses the pool itself
+    fitted = pool.map(lambda one, under: _fit_one(parent, one, under), starts, problems)
     return [one for one in fitted if one is not None]
 
 
-def _fit_one(parent: Hypothesis, look: Screened) -> Hypothesis | None:
+def _problem_of(parent: Hypothesis, look: Screened) -> Problem:
+    """Return what a candidate is fitted under: where it rings, under its own noise at once."""
+    problem = parent.fit.problem
+    if not look.rings or parent.effects:
+        return problem
+    try:
+        model = with_candidate(parent.fitted.model, look.candidate, look.values)
+        return problem.with_noise_of(model)
+    except ModelError:
+        return problem
+
+
+def _fit_one(parent: Hypothesis, look: Screened, problem: Problem) -> Hypothesis | None:
     model = with_candidate(parent.fitted.model, look.candidate, look.values)
     numbers = look.candidate.numbers(len(model.document.effects) - 1)
-    fit = Fit(model, [*parent.fit.parameters, *numbers], parent.fit.problem)
+    fit = Fit(model, [*parent.fit.parameters, *numbers], problem)
     own = np.array([one.at(look.values[one.parameter.name]) for one in numbers])
     start = np.concatenate([parent.fitted.at + look.step, own])
+    known = parent.fitted.matrix if problem is parent.fit.problem else None
     try:
-        return Hypothesis(
-            (*parent.effects, look.candidate),
-            fit,
-            solve(fit, start, parent.fitted.matrix, polish=False),
-        )
+        fitted = solve(fit, start, known, polish=False)
     except ModelError:
         return None
-
-
-def _again(one: Hypothesis, problem: Problem) -> Hypothesis:
-    """Fit a hypothesis once more, from where it is, under another noise model."""
-    fit = Fit(one.fit.model, one.fit.parameters, problem)
-    return replace(one, fit=fit, fitted=solve(fit, one.fitted.at, joint_at=one.fitted.joint.at))
+    return Hypothesis((*parent.effects, look.candidate), fit, fitted)
 
 
 def _under_their_noise(
@@ -302,12 +264,20 @@ def _under_their_noise(
     Under the noise of a model that is far from the truth the data hardly weigh, and no model gets
     where it belongs. So each of the favourites is fitted under its own, until one leaves noise.
     """
-    order = sorted(tried, key=lambda one: one.fitted.cost + one.fitted.judged)
+    rings = [one for one in tried if one.fit.problem is not problem and one.rest < AT_FLOOR]
+    alike = [weighed(one, problem) for one in tried]
+    order = sorted(alike, key=lambda one: one.fitted.cost + one.fitted.judged)
     for place, one in enumerate(order[:favourites]):
-        order[place] = _under_its_own(_again(one, problem), pool)
+        order[place] = _under_its_own(again(one, problem), pool)
         if order[place].rest < AT_FLOOR:
             break
-    best = min(order, key=lambda one: problem.rest(one.fitted.joint_model))
+    else:
+        order += [_under_its_own(one, pool) for one in rings]
+
+    def wrong(one: Hypothesis) -> tuple[bool, float]:
+        return one.rest >= AT_FLOOR, problem.rest(one.fitted.joint_model)
+
+    best = min(order, key=wrong)
     nearer = problem.with_noise_of(best.fitted.model)
     return nearer, _judged_again(order, nearer, pool)
 
@@ -317,7 +287,7 @@ def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
     best, widely = one, False
     rest = one.rest
     for _ in range(MOST_ROUNDS):
-        nearer = _again(best, best.fit.problem.with_noise_of(best.fitted.model, anew=widely))
+        nearer = again(best, best.fit.problem.with_noise_of(best.fitted.model, anew=widely))
         if widely:
             nearer = replace(nearer, fitted=solve_widely(nearer.fit, nearer.fitted, pool.map))
         before, rest = rest, nearer.rest
@@ -373,23 +343,15 @@ def _judged_again(
     tried: Sequence[Hypothesis], problem: Problem, pool: ThreadPoolExecutor
 ) -> list[Hypothesis]:
     """Fit the best once more under another noise model; weigh the others by it as they are."""
-    weighed = list(pool.map(lambda one: _weighed(one, problem), tried))
-    best = min(one.fitted.cost for one in weighed)
-    near = [one for one in weighed if one.fitted.cost - best < WITHIN]
-    far = [one for one in weighed if one.fitted.cost - best >= WITHIN]
-    return _distinct([*pool.map(lambda one: _again(one, problem), near), *far])
-
-
-def _weighed(one: Hypothesis, problem: Problem) -> Hypothesis:
-    fit = Fit(one.fit.model, one.fit.parameters, problem)
-    every = fit.residual(one.fitted.at)
-    assert every is not None  # it ran before
-    found = Point(one.fitted.at, every, one.fitted.matrix)
-    return replace(one, fit=fit, fitted=fit.fitted_at(found, 0, one.fitted.joint.at))
+    every = list(pool.map(lambda one: weighed(one, problem), tried))
+    best = min(one.fitted.cost for one in every)
+    near = [one for one in every if one.fitted.cost - best < WITHIN]
+    far = [one for one in every if one.fitted.cost - best >= WITHIN]
+    return _distinct([*pool.map(lambda one: again(one, problem), near), *far])
 
 
 def _cost(one: Hypothesis, problem: Problem) -> float:
-    return _weighed(one, problem).fitted.cost
+    return weighed(one, problem).fitted.cost
 
 
 def _distinct(tried: Sequence[Hypothesis]) -> list[Hypothesis]:

@@ -1,0 +1,76 @@
+"""The calibrated model with some effects, fitted: what `select` compares and `decide` words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.fit import Fit, Fitted, Point, solve
+from bowden.diagnosis.problem import Problem
+from bowden.model.effects.effect import EXACT
+
+MOST_EFFECTS = 3
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """The calibrated model with some effects, fitted.
+
+    Parameters
+    ----------
+    effects : tuple of Candidate
+    fit : Fit
+    fitted : Fitted
+    """
+
+    effects: tuple[Candidate, ...]
+    fit: Fit
+    fitted: Fitted
+
+    @property
+    def key(self) -> frozenset[tuple[str, str]]:
+        """The effects, whatever their order."""
+        return frozenset(one.key for one in self.effects)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(one.name for one in self.effects)
+
+    @property
+    def rest(self) -> float:
+        """What it leaves, in sigmas of the noise that it was fitted under."""
+        return self.fit.problem.rest(self.fitted.joint_model)
+
+    @property
+    def leeway(self) -> float:
+        """Share of what the effects do that a rig which has them may leave; of many, the least."""
+        most = EXACT if len(self.effects) == MOST_EFFECTS else 1.0
+        return min(most, max((one.effect.leeway for one in self.effects), default=0.0))
+
+    @property
+    def score(self) -> float:
+        """Logarithm of how well the recordings speak for it, less the price of its numbers.
+
+        What was fitted counts as it was fitted, at the price of half a logarithm of the number of
+        independent samples a number (Schwarz 1978); what was held out counts as it was foretold.
+        """
+        numbers = sum(len(one.variant.parameters) for one in self.effects)
+        price = 0.5 * math.log(max(self.fit.problem.fitted_samples, 2.0))
+        return -(self.fitted.cost + self.fitted.judged + price * numbers)
+
+
+def again(one: Hypothesis, problem: Problem) -> Hypothesis:
+    """Fit a hypothesis once more, from where it is, under another noise model."""
+    fit = Fit(one.fit.model, one.fit.parameters, problem)
+    return replace(one, fit=fit, fitted=solve(fit, one.fitted.at, joint_at=one.fitted.joint.at))
+
+
+def weighed(one: Hypothesis, problem: Problem) -> Hypothesis:
+    """Weigh a hypothesis as it is under another noise model."""
+    fit = Fit(one.fit.model, one.fit.parameters, problem)
+    every = fit.residual(one.fitted.at)
+    assert every is not None  # it ran before
+    found = Point(one.fitted.at, every, one.fitted.matrix)
+    return replace(one, fit=fit, fitted=fit.fitted_at(found, 0, one.fitted.joint.at))

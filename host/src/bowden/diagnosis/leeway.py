@@ -1,0 +1,63 @@
+"""A law that is one of several in use, judged with what that leaves open as part of the noise.
+
+Dahl's bristle or a stiff spring, friction that ages in motion or only at rest: a name stands for
+laws that differ by a third of what they do, and a few samples that are known to half a millinewton
+metre would refuse all but one of them, or pull its numbers to where it fits those. So where the
+chosen law leaves more than the noise, it is fitted and judged once more, each sample's noise
+widened by `Effect.leeway` of what the effect does there (`propagate`). The reported noise floor
+stays that of the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+from bowden.diagnosis.decide import Rest
+from bowden.diagnosis.figures import rest_of
+from bowden.diagnosis.hypothesis import again
+from bowden.diagnosis.prepare import prepare
+from bowden.diagnosis.problem import Part, Problem
+from bowden.diagnosis.select import Selection
+from bowden.model import Mode, Model
+from bowden.recording.recording import Recording
+
+ROUNDS = 2  # what an effect does depends on the numbers that are fitted
+
+
+def leniently(
+    selection: Selection,
+    mode: Mode,
+    recordings: Sequence[Recording],
+    seed: int,
+    pool: ThreadPoolExecutor,
+) -> tuple[Selection, Rest]:
+    """Return the selection with other `reported` numbers, and what they leave.
+
+    Parameters
+    ----------
+    selection : Selection
+    mode : Mode
+    recordings : sequence of Recording
+        As they were read.
+    seed : int
+    pool : ThreadPoolExecutor
+
+    Raises
+    ------
+    ModelError
+        The model cannot run every path that the recordings may stand for.
+    """
+
+    def weigh(model: Model) -> list[Part]:
+        return prepare(model, mode, recordings, seed, pool, lenient=True)
+
+    one = selection.chosen
+    for _ in range(ROUNDS):
+        model = one.fitted.model
+        problem = Problem(mode, weigh(model), weigh).with_noise_of(model, anew=False)
+        one = again(one, problem)
+    ready = prepare(one.fitted.model, mode, recordings, seed, pool, whole=True, lenient=True)
+    found = replace(selection, reported=one)
+    return found, rest_of(found, Problem(mode, ready), pool)
