@@ -185,7 +185,7 @@ def test_how_soon_a_motor_stops_ringing_is_within_the_noise() -> None:
 
 
 def test_what_a_law_that_is_one_of_several_does_is_open_by_its_leeway() -> None:
-    """Bristles may act otherwise by a third of what they do, where they do it; an offset may not."""
+    """Bristles may act otherwise by a third of what they do, where they do it; offsets may not."""
     bristles = MODEL.with_effect("presliding_compliance", {"slip_m": 3e-4})
     both = bristles.with_effect("load_cell_offset", {"offset_nm": 0.02})
     recording = measured("sine")
