@@ -92,6 +92,21 @@ def test_of_two_effects_the_one_that_explains_more_comes_first(
     assert names[0] == first
 
 
+@pytest.mark.parametrize("zeroed", [False, True])
+def test_an_encoder_off_centre_may_count_from_anywhere(zeroed: bool) -> None:
+    """Zeroed where the rig stood, the reading is short by e sin(phase): 12 mrad, 4 counts."""
+    hidden = {"e_rad": 0.015, "phase_rad": 0.9}
+    recording = measured(TRUTH.with_effect("encoder_eccentricity", hidden))
+    if zeroed:
+        angle = recording.motor_angle_rad
+        recording = replace(recording, motor_angle_rad=angle - angle[0])
+    found = diagnose(MODEL, [recording], names=("encoder_eccentricity", "encoder_offset"), seed=1)
+    assert [one.name for one in found.effects] == ["encoder_eccentricity"]
+    values = found.effects[0].parameters
+    assert values["e_rad"].value == pytest.approx(0.015, rel=0.03)
+    assert values["phase_rad"].value == pytest.approx(0.9, abs=0.03)
+
+
 def test_nothing_is_invented_for_a_complete_model() -> None:
     found = diagnosed("")
     assert found.verdict == "complete"

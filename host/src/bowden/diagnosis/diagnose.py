@@ -15,6 +15,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import candidates
@@ -322,15 +323,21 @@ def _where(
 ) -> Where:
     """Find where the calibrated model alone is wrong, in the channel where that is clearest."""
 
+    def left(name: str) -> list[NDArray[np.float64]]:
+        return [
+            in_sigmas(one.measured - one.before, one.sigma, one.zero_sigma)
+            for one in series
+            if one.quantity == name
+        ]
+
     def size(name: str) -> float:
-        of = [in_sigmas(one.measured - one.before, one) for one in series if one.quantity == name]
-        return float(np.mean(np.concatenate(of) ** 2))
+        return float(np.mean(np.concatenate(left(name)) ** 2))
 
     name = max(PREDICTED[mode], key=size)
     recordings = [one.recording for one in ready]
     model = selection.base.fitted.model
     return localise(
-        [in_sigmas(one.measured - one.before, one) for one in series if one.quantity == name],
+        left(name),
         recordings,
         [simulate_recording(model, mode, one) for one in recordings],
         seed=seed,

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.compare import PREDICTED
 from bowden.diagnosis.decide import Rest
-from bowden.diagnosis.problem import Channel, Part, Problem
+from bowden.diagnosis.problem import Part, Problem, zero_sigma_in
 from bowden.diagnosis.select import Selection
-from bowden.model import Mode
+from bowden.model import Mode, Model
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
@@ -96,7 +96,7 @@ def series_of(
                     after=one.measured - after[name],
                     sigma=one.sigma,
                     held_out=~part.counts,
-                    zero_sigma=one.zero_sigma,
+                    zero_sigma=zero_sigma_in(models[1], name, one),
                 )
             )
     return tuple(found)
@@ -134,21 +134,21 @@ def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> R
         held_out = [~part.counts for part in ready.parts]
         share = np.concatenate([x.share[out] for x, out in zip(channels, held_out, strict=True)])
 
-        def rms(left: list[dict[str, _Floats]], name: str = name, share: _Floats = share) -> float:
-            z = np.concatenate(
-                [
-                    in_sigmas(gap[name], part.channels[name])[~part.counts]
-                    for gap, part in zip(left, ready.parts, strict=True)
-                ]
-            )
-            return float(np.sqrt(np.sum(share * z**2) / np.sum(share)))
+        def rms(model: Model, left: list[dict[str, _Floats]], name: str, share: _Floats) -> float:
+            found = []
+            for gap, part in zip(left, ready.parts, strict=True):
+                one = part.channels[name]
+                z = in_sigmas(gap[name], one.sigma, zero_sigma_in(model, name, one))
+                found.append(z[~part.counts])
+            return float(np.sqrt(np.sum(share * np.concatenate(found) ** 2) / np.sum(share)))
 
         common = min(part.channels[name].common for part in reported.fit.problem.parts)
-        found.append(Rest(rms(before), rms(after), max(1.0, common * float(share.sum()))))
+        first, then = rms(models[0], before, name, share), rms(models[1], after, name, share)
+        found.append(Rest(first, then, max(1.0, common * float(share.sum()))))
     return max(found, key=lambda one: one.after)
 
 
-def in_sigmas(gap: _Floats, of: Series | Channel) -> _Floats:
+def in_sigmas(gap: _Floats, sigma: _Floats, zero_sigma: float) -> _Floats:
     """Return what a model leaves, over the local noise; a zero may be off by what it may."""
-    shift = np.clip(np.median(gap), -of.zero_sigma, of.zero_sigma)
-    return np.asarray((gap - shift) / of.sigma)
+    shift = np.clip(np.median(gap), -zero_sigma, zero_sigma)
+    return np.asarray((gap - shift) / sigma)

@@ -24,6 +24,7 @@ _Flags = NDArray[np.bool_]
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 BY_CHANCE = 1.35  # of the noise: what a model that lacks nothing may leave
 HEARD = 200.0  # effective samples of a channel while the model is wrong: beliefs are a handful
+ECCENTRICITY = {"motor_angle_rad": "e_rad", "load_angle_rad": "load_e_rad"}
 WHITE = 0.5  # effective samples a sample that white noise is given at least: the sum ends by chance
 
 
@@ -136,10 +137,10 @@ class Problem:
                 z = weight * gap
                 if channel.zero_sigma > 0.0:
                     # The best shift of the zero under its prior, in closed form.
-                    w = weight[part.counts]
-                    shift = float(w @ z[part.counts]) / float(w @ w + channel.zero_sigma**-2)
+                    w, zero_sigma = weight[part.counts], zero_sigma_in(model, name, channel)
+                    shift = float(w @ z[part.counts]) / float(w @ w + zero_sigma**-2)
                     z = z - weight * shift
-                    zeros.append(shift / channel.zero_sigma)
+                    zeros.append(shift / zero_sigma)
                 fitted.append(z[part.counts])
                 judged.append(z[~part.counts])
                 if name == PREDICTED[self.mode][0]:
@@ -268,6 +269,19 @@ class Problem:
                 )
             parts.append(replace(part, channels=channels))
         return Problem(self.mode, parts, self._weigh)
+
+
+def zero_sigma_in(model: Model, name: str, channel: Channel) -> float:
+    """Return how well the zero of one of a recording's channels is known, in the channel's unit.
+
+    An encoder that sits off centre counts from where it stood when it was switched on, or from the
+    middle of its scale: its zero is known to its eccentricity only.
+    """
+    if channel.zero_sigma == 0.0:
+        return 0.0
+    size = ECCENTRICITY[name]
+    found = [one.values[size] for one in model.effects if size in one.values]
+    return float(np.hypot(channel.zero_sigma, sum(found)))
 
 
 def _about_its_mean(z: _Floats, channel: Channel) -> _Floats:
