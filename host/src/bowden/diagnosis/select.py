@@ -33,6 +33,7 @@ WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 WITHIN = 50.0  # of cost: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 STRAINED = 3.0  # tolerances
+FAR = 3.0  # of its own noise: so much is missing, however much noise a better model allows
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere; with more effects, fewer
 MOST_ROUNDS = 6
@@ -106,7 +107,7 @@ def select(
     fit = Fit(model, calibration, problem, pool.map)
     stated = solve(fit, np.zeros(len(calibration)))
     base = Hypothesis((), fit, solve_widely(fit, stated))
-    chosen, frontier, lacking = base, [base], base.rest > BY_CHANCE
+    chosen, frontier, lacking = base, [base], base.rest > FAR
     rivals: list[Hypothesis] = []
     known, left = {base.key: base}, math.inf
     progress("looking at every effect", 0.1)
@@ -135,10 +136,13 @@ def select(
         # A number that had to leave its tolerance far behind is a finding, not a calibration.
         strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
         enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
-        # Where nothing is known to be missing yet, what cures more than noise matters, too.
-        missed = count == 1 and lacking
         better = next(
-            (one for one in tried if one.score >= enough and (missed or _matters(one, known))), None
+            (
+                one
+                for one in tried
+                if one.score >= enough and (_cures(one, chosen, lacking) or _matters(one, known))
+            ),
+            None,
         )
         if count == 1 or better:
             rivals = tried
@@ -164,6 +168,17 @@ def select(
     needed = _most_needed_first(chosen, known)
     base = again(base, problem)
     return Selection(base, chosen, chosen, needed, rivals, first, looked_from, problem)
+
+
+def _cures(one: Hypothesis, chosen: Hypothesis, lacking: bool) -> bool:
+    """Whether it helps where something is surely missing; then it need not move much.
+
+    Where nothing has a name yet, to be better is enough; beside another effect it has to leave
+    nothing, for that one's law may only be another than the rig's.
+    """
+    if not chosen.effects:
+        return lacking or chosen.rest > BY_CHANCE
+    return chosen.rest > FAR and one.rest < AT_FLOOR
 
 
 def _matters(one: Hypothesis, known: Mapping[frozenset[tuple[str, str]], Hypothesis]) -> bool:
@@ -263,6 +278,7 @@ def _under_their_noise(
 
     Under the noise of a model that is far from the truth the data hardly weigh, and no model gets
     where it belongs. So each of the favourites is fitted under its own, until one leaves noise.
+    Where none does, those that ring are asked: under the noise of models that do not they look bad.
     """
     rings = [one for one in tried if one.fit.problem is not problem and one.rest < AT_FLOOR]
     alike = [weighed(one, problem) for one in tried]
