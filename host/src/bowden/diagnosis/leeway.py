@@ -21,6 +21,7 @@ from bowden.diagnosis.prepare import prepare
 from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.select import Selection
 from bowden.model import Mode, Model
+from bowden.model.effects.effect import EXACT
 from bowden.recording.recording import Recording
 
 ROUNDS = 2  # what an effect does depends on the numbers that are fitted
@@ -51,13 +52,27 @@ def leniently(
     """
 
     def weigh(model: Model) -> list[Part]:
-        return prepare(model, mode, recordings, seed, pool, lenient=True)
+        return prepare(model, mode, recordings, seed, pool, or_else=_without(model, selection))
 
     one = selection.chosen
     for _ in range(ROUNDS):
         model = one.fitted.model
         problem = Problem(mode, weigh(model), weigh).with_noise_of(model, anew=False)
         one = again(one, problem)
-    ready = prepare(one.fitted.model, mode, recordings, seed, pool, whole=True, lenient=True)
+    model = one.fitted.model
+    or_else = _without(model, selection)
+    ready = prepare(model, mode, recordings, seed, pool, whole=True, or_else=or_else)
     found = replace(selection, reported=one)
     return found, rest_of(found, Problem(mode, ready), pool)
+
+
+def _without(model: Model, selection: Selection) -> list[tuple[Model, float]]:
+    """Return the model without each effect whose law is one of several, and its leeway."""
+    effects = selection.chosen.effects
+    first = len(model.document.effects) - len(effects)
+    return [
+        # What one effect alone does is what calibration cannot do without it.
+        (model.without_effect(i) if len(effects) > 1 else selection.base.fitted.model, leeway)
+        for i, leeway in enumerate((one.effect.leeway for one in effects), first)
+        if leeway > EXACT
+    ]

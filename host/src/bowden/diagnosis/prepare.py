@@ -35,7 +35,7 @@ def prepare(
     pool: ThreadPoolExecutor,
     *,
     whole: bool = False,
-    lenient: bool = False,
+    or_else: Sequence[tuple[Model, float]] = (),
 ) -> list[Part]:
     """Make recordings ready.
 
@@ -49,7 +49,7 @@ def prepare(
     pool : ThreadPoolExecutor
     whole : bool, default False
         With all their samples, for figures; else with those that a fit needs.
-    lenient : bool, default False
+    or_else : sequence of (model, share), optional
         See `propagate.local_noise`.
 
     Raises
@@ -66,7 +66,7 @@ def prepare(
             seed=seed + 1000 * number,
             samples=None if whole else lambda best: _thin(best, mode),
             pool=pool,
-            lenient=lenient,
+            or_else=or_else,
         )
         best = noise.estimates.recording
         if len(recordings) < WHOLE_RECORDINGS:

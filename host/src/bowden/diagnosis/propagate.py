@@ -22,8 +22,6 @@ from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.dequantise import Estimates, estimate_channels
 from bowden.diagnosis.noise import effective_samples
 from bowden.model import Mode, Model, Trajectory
-from bowden.model.effects import CATALOGUE
-from bowden.model.effects.effect import EXACT
 from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import REQUIRED_COLUMNS, Recording
 
@@ -99,7 +97,7 @@ def local_noise(
     draws: int = DRAWS,
     samples: Callable[[Recording], _Index] | None = None,
     pool: ThreadPoolExecutor | None = None,
-    lenient: bool = False,
+    or_else: Sequence[tuple[Model, float]] = (),
 ) -> LocalNoise:
     """Estimate the local noise of a recording's predicted channels.
 
@@ -119,8 +117,8 @@ def local_noise(
         samples change in the model's answer is then part of sigma.
     pool : ThreadPoolExecutor, optional
         Where they run; one of its own for as long as this takes, when absent.
-    lenient : bool, default False
-        Whether `Effect.leeway` of what each effect does is open, where its law is one of several.
+    or_else : sequence of (model, share), optional
+        Models of which a share of the distance is open: `leeway` gives those without an effect.
 
     Returns
     -------
@@ -142,7 +140,7 @@ def local_noise(
         jobs.append((finer, best))
     if thinned:
         jobs.append((model, estimates.recording))
-    doubts = _doubts(model, lenient=lenient)
+    doubts = [*_doubts(model), *or_else]
     jobs += [(other, best) for other, _ in doubts]
 
     def run(job: tuple[Model, Recording]) -> Trajectory:
@@ -225,19 +223,14 @@ def _finer(model: Model) -> Model | None:
     return with_segments(model, 2 * segments) if model.solver == "mesh" and segments else None
 
 
-def _doubts(model: Model, *, lenient: bool) -> list[tuple[Model, float]]:
-    """Return models with other numbers or laws that might be as right, and the share of each."""
+def _doubts(model: Model) -> list[tuple[Model, float]]:
+    """Return models with other numbers that might be as right, and the share of each."""
     pair, found = model.transmission, []
     alike = math.sqrt(1 / len(OTHERWISE))
     if pair.friction.stribeck_gain > 0.0 and pair.friction.memory_s > 0.0:
         found += [(with_memory(model, k * pair.friction.memory_s), alike) for k in OTHERWISE]
     if pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh":
         found += [(with_damping(model, k * pair.damping_s), alike) for k in OTHERWISE]
-    if lenient:
-        for index, effect in enumerate(model.document.effects):
-            leeway = CATALOGUE[effect["name"]].leeway
-            if leeway > EXACT:
-                found.append((model.without_effect(index), leeway))
     return found
 
 

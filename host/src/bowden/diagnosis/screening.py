@@ -62,6 +62,11 @@ class Screened:
     secants: _Floats
     rings: bool = False
 
+    @property
+    def has_one_number(self) -> bool:
+        """Whether it promises something and is quickly fitted."""
+        return self.gain > 0.0 and len(self.candidate.variant.parameters) == 1 and not self.rings
+
 
 @dataclass(frozen=True)
 class _Probe:

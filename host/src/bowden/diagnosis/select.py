@@ -240,6 +240,8 @@ def _fit_all(
     starts = [one for look in looks[:count] for one in look[:shapes] if one.gain > 0.0]
     if not parent.effects:
         starts += [one for look in looks for one in look[:shapes] if one.rings]
+        # A first look is a straight line; what has one number is fitted to be sure.
+        starts += [look[0] for look in looks[count:] if look[0].has_one_number]
     problems = [_problem_of(parent, one) for one in starts]  # here: it uses the pool itself
     fitted = pool.map(lambda one, under: _fit_one(parent, one, under), starts, problems)
     return [one for one in fitted if one is not None]
