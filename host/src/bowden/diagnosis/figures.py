@@ -142,7 +142,7 @@ def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> R
                 found.append(z[~part.counts])
             return float(np.sqrt(np.sum(share * np.concatenate(found) ** 2) / np.sum(share)))
 
-        common = min(part.channels[name].common for part in reported.fit.problem.parts)
+        common = min(part.channels[name].common for part in selection.problem.parts)
         first, then = rms(models[0], before, name, share), rms(models[1], after, name, share)
         found.append(Rest(first, then, max(1.0, common * float(share.sum()))))
     return max(found, key=lambda one: one.after)
