@@ -15,12 +15,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import signal
 import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
@@ -137,6 +138,8 @@ def _each(todo: list[Job], workers: int) -> Iterator[dict[str, Result]]:
             yield done.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+        for worker in active_children():  # a case takes minutes, and nobody waits for it any more
+            worker.terminate()
 
 
 def _write(output: Path, seed: int, methods: dict[str, list[Result]]) -> None:
@@ -176,6 +179,7 @@ def main() -> int:
         sys.stderr.write(f"no baselines without {', '.join(lacking)}: make setup-baselines\n")
     methods: dict[str, list[Result]] = {}
     start = time.monotonic()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         for done, found in enumerate(_each(todo, args.jobs), 1):
             if not found:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -41,7 +40,6 @@ from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.quality import Finding, check_quality
 from bowden.diagnosis.select import Progress, Selection, select, silent
 from bowden.model import Mode, Model, ModelError
-from bowden.model.effects.effect import EXACT
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
 
@@ -200,9 +198,7 @@ def diagnose(
         except ModelError:  # it runs what was measured, but not every path beside it
             ready = prepare(about, mode, recordings, seed, pool, whole=True)
         rest = rest_of(selection, Problem(mode, ready), pool)
-        if not rest.is_noise and selection.chosen.leeway > EXACT:
-            with suppress(ModelError):
-                selection, rest = leniently(selection, mode, recordings, seed, pool)
+        selection, rest = leniently(selection, rest, mode, recordings, seed=seed, pool=pool)
         series = series_of(selection, mode, ready, pool)
     gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
     decision = decide(selection, rest)

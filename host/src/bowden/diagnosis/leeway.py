@@ -20,7 +20,7 @@ from bowden.diagnosis.hypothesis import again
 from bowden.diagnosis.prepare import prepare
 from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.select import Selection
-from bowden.model import Mode, Model
+from bowden.model import Mode, Model, ModelError
 from bowden.model.effects.effect import EXACT
 from bowden.recording.recording import Recording
 
@@ -29,27 +29,45 @@ ROUNDS = 2  # what an effect does depends on the numbers that are fitted
 
 def leniently(
     selection: Selection,
+    rest: Rest,
     mode: Mode,
     recordings: Sequence[Recording],
+    *,
     seed: int,
     pool: ThreadPoolExecutor,
 ) -> tuple[Selection, Rest]:
     """Return the selection with other `reported` numbers, and what they leave.
 
+    Both as they were given, where that is noise already, where the law is the only one of its name,
+    or where even so it leaves more than noise.
+
     Parameters
     ----------
     selection : Selection
+    rest : Rest
+        What it leaves.
     mode : Mode
     recordings : sequence of Recording
         As they were read.
     seed : int
     pool : ThreadPoolExecutor
-
-    Raises
-    ------
-    ModelError
-        The model cannot run every path that the recordings may stand for.
     """
+    if rest.is_noise or selection.chosen.leeway <= EXACT:
+        return selection, rest
+    try:
+        found, left = _judged_again(selection, mode, recordings, seed, pool)
+    except ModelError:  # it runs what was measured, but not every path beside it
+        return selection, rest
+    return (found, left) if left.is_noise else (selection, rest)
+
+
+def _judged_again(
+    selection: Selection,
+    mode: Mode,
+    recordings: Sequence[Recording],
+    seed: int,
+    pool: ThreadPoolExecutor,
+) -> tuple[Selection, Rest]:
 
     def weigh(model: Model) -> list[Part]:
         return prepare(model, mode, recordings, seed, pool, or_else=_without(model, selection))
