@@ -283,7 +283,7 @@ def _under_their_noise(
     Where none does, those that ring are asked: under the noise of models that do not they look bad.
     """
     rings = [one for one in tried if one.fit.problem is not problem and one.rest < AT_FLOOR]
-    alike = [weighed(one, problem) for one in tried]
+    alike = [one if one.fit.problem is problem else weighed(one, problem) for one in tried]
     order = sorted(alike, key=lambda one: one.fitted.cost + one.fitted.judged)
     for place, one in enumerate(order[:favourites]):
         order[place] = _under_its_own(again(one, problem), pool)

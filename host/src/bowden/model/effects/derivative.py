@@ -18,17 +18,25 @@ REACH_S = WINDOW_S * (1 + 1e-9)  # so that rounding of the times does not change
 
 
 @compiled
+def _window(time_s: FloatArray, i: int, first: int, last: int) -> tuple[int, int]:
+    """Return the first and the last sample of the window of sample i, from those of i - 1."""
+    n = time_s.size
+    at = min(max(time_s[i], time_s[0] + WINDOW_S), time_s[n - 1] - WINDOW_S)
+    while first < n - 1 and at - time_s[first] > REACH_S:
+        first += 1
+    while last < n - 1 and time_s[last + 1] - at <= REACH_S:
+        last += 1
+    return first, last
+
+
+@compiled
 def acceleration(time_s: FloatArray, values: FloatArray) -> FloatArray:
     """Return the second derivative, in units of the values per second squared."""
     n = values.size
     found = np.zeros(n)
     first, last = 0, 0
     for i in range(n):
-        at = min(max(time_s[i], time_s[0] + WINDOW_S), time_s[n - 1] - WINDOW_S)
-        while first < n - 1 and at - time_s[first] > REACH_S:
-            first += 1
-        while last < n - 1 and time_s[last + 1] - at <= REACH_S:
-            last += 1
+        first, last = _window(time_s, i, first, last)
         low, high = max(min(first, i - 2), 0), min(max(last, i + 2), n - 1)
         if high - low < 2:
             continue
@@ -59,11 +67,7 @@ def velocity(time_s: FloatArray, values: FloatArray) -> FloatArray:
     found = np.zeros(n)
     first, last = 0, 0
     for i in range(n):
-        at = min(max(time_s[i], time_s[0] + WINDOW_S), time_s[n - 1] - WINDOW_S)
-        while first < n - 1 and at - time_s[first] > REACH_S:
-            first += 1
-        while last < n - 1 and time_s[last + 1] - at <= REACH_S:
-            last += 1
+        first, last = _window(time_s, i, first, last)
         low, high = max(min(first, i - 2), 0), min(max(last, i + 2), n - 1)
         middle, mean = 0.0, 0.0
         for j in range(low, high + 1):

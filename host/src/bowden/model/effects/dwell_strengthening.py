@@ -61,6 +61,16 @@ def rested(
     return found
 
 
+def _numbers(rise: str, rests: str, rubs: str) -> tuple[Parameter, ...]:
+    return (
+        Parameter(rise, "", 0.0, 3.0, 0.0, 0.3, "rise of mu after a long rest", least=0),
+        Parameter(rests, "s", 0.05, 100.0, None, 1.0, "time to rest", scale="log", least=1e-6),
+        Parameter(
+            rubs, "m", 2e-4, 0.1, None, 0.005, "travel that rubs it off", scale="log", least=1e-9
+        ),
+    )
+
+
 AT_REST_M_PER_S = 5e-4  # a load that turns by 5 mrad a second half rests
 
 
@@ -71,45 +81,13 @@ EFFECT = Effect(
     variants=(
         Variant(
             "",
-            (
-                Parameter("a", "", 0.0, 3.0, 0.0, 0.3, "rise of mu after a long rest", least=0),
-                Parameter(
-                    "dwell_s", "s", 0.05, 100.0, None, 1.0, "time to rest", scale="log", least=1e-6
-                ),
-                Parameter(
-                    "distance_m",
-                    "m",
-                    2e-4,
-                    0.1,
-                    None,
-                    0.005,
-                    "travel that rubs it off",
-                    scale="log",
-                    least=1e-9,
-                ),
-            ),
+            _numbers("a", "dwell_s", "distance_m"),
             histories=_histories,
             sees=("load_angle_rad",),
         ),
         Variant(
             "at rest only",
-            (
-                Parameter("rise", "", 0.0, 3.0, 0.0, 0.3, "rise of mu after a long rest", least=0),
-                Parameter(
-                    "rest_s", "s", 0.05, 100.0, None, 1.0, "time to rest", scale="log", least=1e-6
-                ),
-                Parameter(
-                    "travel_m",
-                    "m",
-                    2e-4,
-                    0.1,
-                    None,
-                    0.005,
-                    "travel that rubs it off",
-                    scale="log",
-                    least=1e-9,
-                ),
-            ),
+            _numbers("rise", "rest_s", "travel_m"),
             histories=_only_at_rest,
             sees=("load_angle_rad",),
         ),
