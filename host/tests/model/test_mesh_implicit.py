@@ -45,6 +45,7 @@ LAWS: dict[str, dict[str, float]] = {
     "presliding": {"presliding_m": 3e-4},
     "rounded": {"presliding_m": 2e-4, "presliding_is_rounded": True},
     "lag": {"lag_s": 0.01},
+    "waiting": {"lag_s": 0.01, "lag_slow_m_per_s": 0.003},
     "stiffening": {"stiffening": 0.5},
     "creep": {"creep_share": 0.3, "creep_time_s": 0.2},
     "bearing": {"motor_bearing_nm": 0.02, "load_bearing_nm": 0.05},
@@ -281,6 +282,7 @@ PARAMETERS = st.fixed_dictionaries(
         "tension_exponent": st.floats(0, 0.3),
         "presliding_m": st.floats(0, 2e-3),
         "lag_s": st.floats(0, 0.2),
+        "lag_slow_m_per_s": st.floats(0, 0.02),
         "direction_asymmetry": st.floats(-0.5, 0.5),
     },
 )

@@ -100,17 +100,39 @@ def test_presliding_rounds_reversals_and_leaves_plateaus() -> None:
     assert np.abs(np.diff(torque[first])).max() < 0.5 * np.abs(np.diff(plain[first])).max()
 
 
-def test_friction_that_lags_builds_up_with_its_time_constant() -> None:
+@pytest.mark.parametrize("slowed", [0.0, 1.5])
+def test_friction_that_lags_builds_up_with_its_time_constant(slowed: float) -> None:
     """Both ends move at once, so that the whole cable slides from the first sample on."""
-    lag_s, step_s = 0.05, 1e-4
-    t = np.arange(0, 0.3, step_s)
-    angle = 20.0 * t  # 2 m/s: the end stretches within the first samples
-    found = simulate_mesh(printed(20, lag_s=lag_s), PP, t, RHO * angle, angle)
+    lag_s, step_s, rad_per_s = 0.05, 1e-4, 20.0
+    t = np.arange(0, 0.3 * (1.0 + slowed), step_s)
+    angle = rad_per_s * t  # 2 m/s: the end stretches within the first samples
+    law = {"lag_s": lag_s, "lag_slow_m_per_s": slowed * rad_per_s * R_LOAD_M}
+    found = simulate_mesh(printed(20, **law), PP, t, RHO * angle, angle)
+    lag_s *= 1.0 + slowed
     ratio = np.log(found.motor_tension_a_n / found.load_tension_a_n)
     late = t > 0.02
     # First order in the step, over the time constant.
     np.testing.assert_allclose(ratio[late], M * -np.expm1(-t[late] / lag_s), atol=M * 2e-2)
     assert ratio[-1] == pytest.approx(M * -np.expm1(-t[-1] / lag_s), rel=1e-3)
+
+
+def test_friction_that_waits_for_motion_needs_a_way_when_it_is_slow() -> None:
+    """Far below `lag_slow_m_per_s` friction over the way is the same at any speed."""
+    lag_s, slow = 0.05, 1.0  # m/s: over 5 cm, long against the stretch of the cable
+    way = np.linspace(0, 5 * lag_s * slow, 1500)
+
+    def ratio(speed: float) -> Any:
+        angle = way / R_LOAD_M
+        pair = printed(20, lag_s=lag_s, lag_slow_m_per_s=slow)
+        found = simulate_mesh(pair, PP, way / speed, RHO * angle, angle)
+        return np.log(found.motor_tension_a_n / found.load_tension_a_n)
+
+    # They differ by the time that is left, v / v_slow of the whole: 0.01 and 0.001.
+    np.testing.assert_allclose(ratio(1e-2), ratio(1e-3), atol=0.01 * M)
+    # The end's own stretch takes the first of it.
+    late = way > 0.5 * lag_s * slow
+    shape = M * -np.expm1(-way[late] / (lag_s * slow))
+    np.testing.assert_allclose(ratio(1e-3)[late], shape, atol=M * 2e-2)
 
 
 def test_the_loop_of_friction_that_lags_opens_with_frequency() -> None:

@@ -61,6 +61,7 @@ class ChainTables(NamedTuple):
     presliding_m: float
     rounded: bool
     lag_s: float
+    lag_slow_m_per_s: float
     linear: float  # T = linear tau + quadratic tau^2, tau = stiffness * elastic stretch
     quadratic: float
     creep_share: float
@@ -159,9 +160,15 @@ def bound(
         by_tension = -t.tension_exponent * a
     a = min(a, MOST_WRAP)
     if t.lag_s > 0:
-        new = dt / (t.lag_s + dt)
-        e = (1.0 - new) * towards * max(towards * s.held[cable, j], 0.0) + new * towards * a
-        return e, new * towards * slope, new * towards * by_tension
+        # dE/dt = (A - E) / (lag (1 + v_slow / |v|)), backward Euler; `late` = |v| dt times that.
+        way, slow = abs(slip), t.lag_slow_m_per_s * dt
+        late = t.lag_s * (way + slow) + dt * way
+        new = dt * way / late if slow > 0 else dt / (t.lag_s + dt)
+        held = max(towards * s.held[cable, j], 0.0)
+        e = towards * ((1.0 - new) * held + new * a)
+        by_way = (a - held) * dt * t.lag_s * slow / (late * late) if slow > 0 else 0.0
+        turned = 1.0 if slip * towards >= 0 else -1.0
+        return e, towards * new * slope + turned * by_way, new * towards * by_tension
     return towards * a, towards * slope, towards * by_tension
 
 

@@ -148,6 +148,7 @@ def chain_tables(transmission: Transmission) -> ChainTables:
         presliding_m=float(law.presliding_m) if law.presliding_m >= LEAST_SLIP_M else 0.0,
         rounded=bool(law.presliding_is_rounded and law.presliding_m >= LEAST_SLIP_M),
         lag_s=float(law.lag_s),
+        lag_slow_m_per_s=float(law.lag_slow_m_per_s),
         linear=float(np.sqrt(1.0 - g)),
         quadratic=float(g / (4.0 * reference)),
         creep_share=float(transmission.creep_share),

@@ -59,6 +59,8 @@ class FrictionLaw:
         (`bowden.model.friction.dahl`), in place of rising in proportion until the segment slides.
     lag_s : float, s, >= 0
         Time constant with which friction approaches what its law says.
+    lag_slow_m_per_s : float, m/s, >= 0
+        At this sliding speed the lag is twice as long; slower, friction needs a way and no time.
     """
 
     mu_d: float
@@ -73,6 +75,7 @@ class FrictionLaw:
     presliding_m: float = 0.0
     presliding_is_rounded: bool = False
     lag_s: float = 0.0
+    lag_slow_m_per_s: float = 0.0
 
     @property
     def has_stiction(self) -> bool:
@@ -213,6 +216,12 @@ class Transmission:
             ("memory_s", law.memory_s, 0 <= law.memory_s < np.inf, ">= 0"),
             ("presliding_m", law.presliding_m, 0 <= law.presliding_m < np.inf, ">= 0"),
             ("lag_s", law.lag_s, 0 <= law.lag_s < np.inf, ">= 0"),
+            (
+                "lag_slow_m_per_s",
+                law.lag_slow_m_per_s,
+                0 <= law.lag_slow_m_per_s < np.inf,
+                ">= 0",
+            ),
             (
                 "motor_inertia_kg_m2",
                 self.motor_inertia_kg_m2,

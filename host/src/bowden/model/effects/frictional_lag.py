@@ -8,8 +8,13 @@ from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Value
 from bowden.model.transmission import Transmission
 
 
-def _pair(pair: Transmission, p: Values) -> Transmission:
+def _in_time(pair: Transmission, p: Values) -> Transmission:
     return replace(pair, friction=replace(pair.friction, lag_s=p["lag_s"]))
+
+
+def _in_time_and_way(pair: Transmission, p: Values) -> Transmission:
+    law = replace(pair.friction, lag_s=p["late_s"], lag_slow_m_per_s=p["slow_m_per_s"])
+    return replace(pair, friction=law)
 
 
 EFFECT = Effect(
@@ -24,10 +29,31 @@ EFFECT = Effect(
                     "lag_s", "s", 0.0, 0.2, 0.0, 0.01, "by which friction lags the motion", least=0
                 ),
             ),
-            pair=_pair,
+            pair=_in_time,
+        ),
+        Variant(
+            "waits for motion",
+            (
+                Parameter(
+                    "late_s", "s", 0.0, 0.2, 0.0, 0.01, "by which friction lags fast motion", least=0
+                ),
+                Parameter(
+                    "slow_m_per_s",
+                    "m/s",
+                    5e-4,
+                    2e-2,
+                    None,
+                    3e-3,
+                    "sliding speed at which it lags by twice that",
+                    scale="log",
+                    least=1e-9,
+                ),
+            ),
+            pair=_in_time_and_way,
         ),
     ),
-    law="friction that bears up against sliding grows towards mu T with the time constant lag_s",
+    law="friction that bears up against sliding grows towards mu T with the time constant lag_s; or "
+    "late_s (1 + slow/|v|), so that at rest it waits",
     signature="the loop of friction over speed opens with frequency",
     excited_by=(
         "reversal",
