@@ -39,6 +39,11 @@ class Hypothesis:
         return tuple(one.name for one in self.effects)
 
     @property
+    def numbers(self) -> int:
+        """How many numbers the effects have."""
+        return sum(len(one.variant.parameters) for one in self.effects)
+
+    @property
     def rest(self) -> float:
         """What it leaves, in sigmas of the noise that it was fitted under."""
         return self.fit.problem.rest(self.fitted.joint_model)
@@ -56,9 +61,8 @@ class Hypothesis:
         What was fitted counts as it was fitted, at the price of half a logarithm of the number of
         independent samples a number (Schwarz 1978); what was held out counts as it was foretold.
         """
-        numbers = sum(len(one.variant.parameters) for one in self.effects)
         price = 0.5 * math.log(max(self.fit.problem.fitted_samples, 2.0))
-        return -(self.fitted.cost + self.fitted.judged + price * numbers)
+        return -(self.fitted.cost + self.fitted.judged + price * self.numbers)
 
 
 def again(one: Hypothesis, problem: Problem) -> Hypothesis:

@@ -159,6 +159,7 @@ def select(
         rivals = [
             one for one in rivals if one.score < near or one is chosen or _matters(one, known)
         ]
+    chosen = _plainest(chosen, rivals)
     # That first look, as sharp as the noise at the end allows.
     sharper = problem.weights() / fit.problem.weights()
     first = [
@@ -316,6 +317,20 @@ def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
             break
         widely = stuck
     return best
+
+
+def _plainest(chosen: Hypothesis, rivals: Sequence[Hypothesis]) -> Hypothesis:
+    """Of the laws that go by the same names, take that with the fewest numbers which does as well.
+
+    A law that holds another as a limit of it explains whatever that one does.
+    """
+    plainer = [
+        one if one.fit.problem is chosen.fit.problem else again(one, chosen.fit.problem)
+        for one in rivals
+        if sorted(one.names) == sorted(chosen.names) and one.numbers < chosen.numbers
+    ]
+    as_good = [one for one in plainer if one.score > chosen.score - WORTH]
+    return min(as_good, key=lambda one: one.numbers, default=chosen)
 
 
 def _most_needed_first(

@@ -35,7 +35,14 @@ EFFECT = Effect(
             "waits for motion",
             (
                 Parameter(
-                    "late_s", "s", 0.0, 0.2, 0.0, 0.01, "by which friction lags fast motion", least=0
+                    "late_s",
+                    "s",
+                    0.0,
+                    0.2,
+                    0.0,
+                    0.01,
+                    "by which friction lags fast motion",
+                    least=0,
                 ),
                 Parameter(
                     "slow_m_per_s",
