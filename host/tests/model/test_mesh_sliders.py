@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bowden.model import Mode
 from bowden.model.mesh_solver import simulate_mesh
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from .rigs import EA_N, LENGTH_M, R_LOAD_M, R_MOTOR_M, RHO, M, printed, through, times
@@ -121,11 +122,11 @@ def test_friction_that_waits_for_motion_needs_a_way_when_it_is_slow() -> None:
     lag_s, slow = 0.05, 1.0  # m/s: over 5 cm, long against the stretch of the cable
     way = np.linspace(0, 5 * lag_s * slow, 1500)
 
-    def ratio(speed: float) -> Any:
+    def ratio(speed: float) -> NDArray[np.float64]:
         angle = way / R_LOAD_M
         pair = printed(20, lag_s=lag_s, lag_slow_m_per_s=slow)
         found = simulate_mesh(pair, PP, way / speed, RHO * angle, angle)
-        return np.log(found.motor_tension_a_n / found.load_tension_a_n)
+        return np.asarray(np.log(found.motor_tension_a_n / found.load_tension_a_n))
 
     # They differ by the time that is left, v / v_slow of the whole: 0.01 and 0.001.
     np.testing.assert_allclose(ratio(1e-2), ratio(1e-3), atol=0.01 * M)

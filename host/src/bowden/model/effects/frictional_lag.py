@@ -59,8 +59,8 @@ EFFECT = Effect(
             pair=_in_time_and_way,
         ),
     ),
-    law="friction that bears up against sliding grows towards mu T with the time constant lag_s; or "
-    "late_s (1 + slow/|v|), so that at rest it waits",
+    law="friction that bears up against sliding grows towards mu T with the time constant lag_s; "
+    "or late_s (1 + slow/|v|), so that at rest it waits",
     signature="the loop of friction over speed opens with frequency",
     excited_by=(
         "reversal",
