@@ -138,6 +138,21 @@ def test_a_load_cell_that_drops_out() -> None:
     assert {finding.what for finding in stops(replace(RUN, load_torque_nm=torque))} >= {"held"}
 
 
+@pytest.mark.parametrize("digits", [6, 12])
+@pytest.mark.parametrize("sigma_nm", [0.0, 5e-4])
+def test_levels_of_torque_and_rests_are_no_dropouts(digits: int, sigma_nm: float) -> None:
+    """What a drive is told to apply has no noise, and a simulated cell need have none."""
+    time_s = np.arange(12_000) * 1e-3
+    load = 0.4 * np.sin(np.clip(np.mod(time_s, 4.0), 0.0, 2.0) * np.pi)  # 2 s to and fro, 2 s rest
+    torque = np.clip(0.2 * np.sin(2 * np.pi * 0.21 * time_s), -0.1, 0.08)
+    run = simulate(MODEL, MODE, Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load))
+    read = as_recording(run)
+    noise = np.random.default_rng(2).normal(0.0, sigma_nm, time_s.size)
+    given = np.round(torque, digits), np.round(read.load_torque_nm + noise, digits)
+    recording = replace(read, motor_torque_nm=given[0], load_torque_nm=given[1])
+    assert check_quality(MODEL, [recording], MODE) == ()
+
+
 def test_spikes_are_told() -> None:
     torque = RUN.load_torque_nm.copy()
     torque[[1000, 2500, 4000]] += 2.0
