@@ -144,7 +144,11 @@ def test_levels_of_torque_and_rests_are_no_dropouts(digits: int, sigma_nm: float
     """What a drive is told to apply has no noise, and a simulated cell need have none."""
     time_s = np.arange(12_000) * 1e-3
     load = 0.4 * np.sin(np.clip(np.mod(time_s, 4.0), 0.0, 2.0) * np.pi)  # 2 s to and fro, 2 s rest
-    torque = np.clip(0.2 * np.sin(2 * np.pi * 0.21 * time_s), -0.1, 0.08)
+    corners_s, levels_nm = (
+        [0, 2, 3, 5, 6, 8, 9, 11, 12],
+        [0, 0.12, 0.12, 0.05, 0.05, -0.1, -0.1, 0, 0],
+    )
+    torque = np.interp(time_s, corners_s, levels_nm)
     run = simulate(MODEL, MODE, Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load))
     read = as_recording(run)
     noise = np.random.default_rng(2).normal(0.0, sigma_nm, time_s.size)
