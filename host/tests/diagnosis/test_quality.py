@@ -149,6 +149,7 @@ def test_levels_of_torque_and_rests_are_no_dropouts(digits: int, sigma_nm: float
         [0, 0.12, 0.12, 0.05, 0.05, -0.1, -0.1, 0, 0],
     )
     torque = np.interp(time_s, corners_s, levels_nm)
+    torque += 0.01 * np.sin(np.pi * time_s) ** 2 * (np.abs(np.gradient(torque)) > 0.0)
     run = simulate(MODEL, MODE, Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load))
     read = as_recording(run)
     noise = np.random.default_rng(2).normal(0.0, sigma_nm, time_s.size)
