@@ -37,6 +37,7 @@ FAR = 3.0  # of its own noise: so much is missing, however much noise a better m
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere; with more effects, fewer
 MOST_ROUNDS = 6
+ALIKE = 1.5  # times the least rest: under noise of their own, these are told apart no further
 NEARER = 0.9  # of the rest: less than that is worth another round
 CLOSER = 0.7  # of the rest: a second effect that leaves more of it makes a third hopeless
 ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
@@ -293,8 +294,11 @@ def _under_their_noise(
     else:
         order += [_under_its_own(one, pool) for one in rings]
 
+    # Nearly as good under its own is as good: a model that makes much noise has less to explain.
+    enough = max(AT_FLOOR, ALIKE * min(one.rest for one in order))
+
     def wrong(one: Hypothesis) -> tuple[bool, float]:
-        return one.rest >= AT_FLOOR, problem.rest(one.fitted.joint_model)
+        return one.rest >= enough, problem.rest(one.fitted.joint_model)
 
     best = min(order, key=wrong)
     nearer = problem.with_noise_of(best.fitted.model)
