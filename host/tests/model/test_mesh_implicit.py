@@ -44,6 +44,11 @@ LAWS: dict[str, dict[str, float]] = {
     "tension": {"tension_exponent": 0.2},
     "presliding": {"presliding_m": 3e-4},
     "rounded": {"presliding_m": 2e-4, "presliding_is_rounded": True},
+    "share": {
+        "presliding_m": 2e-4,
+        "presliding_is_rounded": True,
+        "presliding_keeps_share": True,
+    },
     "lag": {"lag_s": 0.01},
     "waiting": {"lag_s": 0.01, "lag_slow_m_per_s": 0.003},
     "stiffening": {"stiffening": 0.5},

@@ -41,11 +41,16 @@ def test_presliding_of_a_single_segment() -> None:
         assert found.load_tension_a_n[i] == pytest.approx(expected[1], rel=1e-7)
 
 
-def test_rounded_presliding_of_a_single_segment_there_and_back() -> None:
-    """Dahl's law by hand: T1 - T0 = +-L - (+-L - its last) exp(-slip/x), sample by sample."""
+@pytest.mark.parametrize("share", [False, True])
+def test_rounded_presliding_of_a_single_segment_there_and_back(share: bool) -> None:
+    """Dahl's law by hand: T1 - T0 = +-L - (+-L - its last) exp(-slip/x), sample by sample.
+
+    Its last is the last force, or the last share of the present tensions.
+    """
     slip_m = 3e-4
     pull = through(0, 2e-3, 1e-3, 3e-3, steps=50)
-    pair = printed(1, presliding_m=slip_m, presliding_is_rounded=True)
+    law = {"presliding_is_rounded": True, "presliding_keeps_share": share}
+    pair = printed(1, presliding_m=slip_m, **law)
     found = simulate_mesh(pair, PP, times(pull), pull / R_MOTOR_M, np.zeros_like(pull))
     k = EA_N / LENGTH_M * M / np.tanh(M / 2)  # of each half: N = 1, a = m
 
@@ -54,6 +59,7 @@ def test_rounded_presliding_of_a_single_segment_there_and_back() -> None:
 
     def too_much(w: float, u: float, w0: float, before: float, sign: int) -> float:
         limit = sign * float(np.tanh(M / 2)) * (2 * T0_N + k * u)
+        before = before * (2 * T0_N + k * u) if share else before
         before = float(np.clip(before, -abs(limit), abs(limit)))
         return force(u, w) - limit + (limit - before) * float(np.exp(-abs(w - w0) / slip_m))
 
@@ -63,7 +69,7 @@ def test_rounded_presliding_of_a_single_segment_there_and_back() -> None:
         sign = -1 if pull[i] > pull[i - 1] else 1  # a pull at the motor slides towards it
         ends = (slid - 2e-3, slid) if sign < 0 else (slid, slid + 2e-3)
         slid = brentq(too_much, *ends, (u, slid, held, sign), xtol=1e-15)
-        held = force(u, slid)
+        held = force(u, slid) / (2 * T0_N + k * u if share else 1.0)
         assert found.motor_tension_a_n[i] == pytest.approx(T0_N + k * (u + slid), rel=1e-7)
         assert found.load_tension_a_n[i] == pytest.approx(T0_N - k * slid, rel=1e-7)
 

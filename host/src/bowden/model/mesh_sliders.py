@@ -23,6 +23,8 @@ nears its limits +-L = tanh(+-A/2) (T_{j+1} + T_j) and exceeds neither, dF/dw = 
 sample
 
     F_j = +-L_j + (F_j before -+ L_j) exp(-|w_j|/x)
+
+or for its share of T_{j+1} + T_j, which then stays as it was where only the tensions change.
 """
 
 # ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
@@ -60,6 +62,7 @@ class ChainTables(NamedTuple):
     memory_s: float
     presliding_m: float
     rounded: bool
+    keeps_share: bool
     lag_s: float
     lag_slow_m_per_s: float
     linear: float  # T = linear tau + quadratic tau^2, tau = stiffness * elastic stretch
@@ -213,6 +216,9 @@ def nearing(
     other, _, _ = bound(t, s, cable, j, -towards, dt)
     ahead, behind = half_tanh(limit), half_tanh(other)
     before, grip = s.bristle_n[cable, j], 0.0
+    if t.keeps_share:
+        grip = half_tanh(s.held[cable, j])
+        before = grip * both
     if towards * before > towards * ahead * both:
         before, grip = ahead * both, ahead
     elif towards * before < towards * behind * both:

@@ -147,6 +147,7 @@ def chain_tables(transmission: Transmission) -> ChainTables:
         memory_s=float(law.memory_s),
         presliding_m=float(law.presliding_m) if law.presliding_m >= LEAST_SLIP_M else 0.0,
         rounded=bool(law.presliding_is_rounded and law.presliding_m >= LEAST_SLIP_M),
+        keeps_share=bool(law.presliding_keeps_share),
         lag_s=float(law.lag_s),
         lag_slow_m_per_s=float(law.lag_slow_m_per_s),
         linear=float(np.sqrt(1.0 - g)),

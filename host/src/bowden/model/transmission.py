@@ -57,6 +57,8 @@ class FrictionLaw:
     presliding_is_rounded : bool
         It nears its limit by a share 1 - e^(-slip/presliding_m), as Dahl's law with i = 1 has it
         (`bowden.model.friction.dahl`), in place of rising in proportion until the segment slides.
+    presliding_keeps_share : bool
+        What it keeps as tensions change is its share of the limit, not its force.
     lag_s : float, s, >= 0
         Time constant with which friction approaches what its law says.
     lag_slow_m_per_s : float, m/s, >= 0
@@ -74,6 +76,7 @@ class FrictionLaw:
     memory_s: float = 0.015
     presliding_m: float = 0.0
     presliding_is_rounded: bool = False
+    presliding_keeps_share: bool = False
     lag_s: float = 0.0
     lag_slow_m_per_s: float = 0.0
 
