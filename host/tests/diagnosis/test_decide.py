@@ -16,6 +16,13 @@ def test_what_is_left_is_noise_up_to_chance_and_to_the_parts_own_errors() -> Non
     assert not Rest(before=20.0, after=5.0, samples=MANY).is_noise
 
 
+def test_three_laws_together_have_to_leave_mere_noise() -> None:
+    left = Rest(before=20.0, after=1.2, samples=2.0)
+    assert left.is_noise_after(1) and left.is_noise_after(2)
+    assert not left.is_noise_after(3)
+    assert Rest(before=20.0, after=1.05, samples=2.0).is_noise_after(3)
+
+
 def test_numbers_are_as_sure_as_the_law_is_followed() -> None:
     assert Rest(before=20.0, after=1.3, samples=MANY).astray == 0.0
     # What is left beyond chance, sqrt(4^2 - 1.35^2), over what is explained, sqrt(20^2 - 4^2).

@@ -18,7 +18,7 @@ from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import EffectNumber
 from bowden.diagnosis.fit import Fitted
 from bowden.diagnosis.free_parameters import Free
-from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.hypothesis import MOST_EFFECTS, Hypothesis
 from bowden.diagnosis.problem import BY_CHANCE
 from bowden.diagnosis.select import Selection
 from bowden.model.effects.effect import EXACT
@@ -30,6 +30,7 @@ Verdict = Literal["named", "complete", "unlisted", "ambiguous", "insufficient_ex
 TIE = 3.0  # of score: odds of 20 to 1
 MOST_TIED = 3
 SIGNIFICANT = 4.0  # standard errors by which what chance leaves must be exceeded
+MERE_NOISE = 1.1  # of it
 LOOK_ALIKE = 0.98  # cosine between what two effects do to the data, calibration taken out
 SOLVED = 0.005  # to which two solvers of the same law agree, so no number is known better
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
@@ -105,6 +106,13 @@ class Rest:
         """Whether that is no more than a model may leave that lacks nothing."""
         return self.after <= math.hypot(self._floor, EXACT * self._explained)
 
+    def is_noise_after(self, laws: int) -> bool:
+        """Whether so many laws explain what they should.
+
+        As many as are ever tried together bend to nearly anything: they have to leave mere noise.
+        """
+        return self.is_noise and (laws < MOST_EFFECTS or self.after <= MERE_NOISE)
+
     @property
     def astray(self) -> float:
         """How far the chosen laws are from the rig's, as a share of what they explain, 0..1."""
@@ -130,7 +138,7 @@ def decide(selection: Selection, rest: Rest) -> Decision:
     rest : Rest
     """
     chosen, reported = selection.chosen, selection.reported
-    if not rest.is_noise:
+    if not rest.is_noise_after(len(chosen.effects)):
         return Decision("unlisted", (), reported)
     if not chosen.effects:
         return Decision("complete", (), reported)
