@@ -18,7 +18,8 @@ def test_what_is_left_is_noise_up_to_chance_and_to_the_parts_own_errors() -> Non
 
 def test_three_laws_together_have_to_leave_mere_noise() -> None:
     left = Rest(before=20.0, after=1.2, samples=2.0)
-    assert left.is_noise_after(1) and left.is_noise_after(2)
+    assert left.is_noise_after(1)
+    assert left.is_noise_after(2)
     assert not left.is_noise_after(3)
     assert Rest(before=20.0, after=1.05, samples=2.0).is_noise_after(3)
 
