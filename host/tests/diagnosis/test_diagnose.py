@@ -116,8 +116,7 @@ def test_of_two_laws_of_one_name_the_richer_has_to_be_needed(hidden: dict[str, f
     (effect,) = found.effects
     assert set(effect.parameters) == set(hidden)
     for name, value in hidden.items():
-        # Wide: a lag shows just after reversals, and when those were the counts do not say.
-        assert effect.parameters[name].value == pytest.approx(value, rel=0.35)
+        assert effect.parameters[name].low <= value <= effect.parameters[name].high
 
 
 def test_nothing_is_invented_for_a_complete_model() -> None:
