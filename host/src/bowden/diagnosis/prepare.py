@@ -64,7 +64,7 @@ def prepare(
             mode,
             recording,
             seed=seed + 1000 * number,
-            samples=None if whole else lambda best: _thin(best, mode),
+            samples=None if whole else lambda every: _thin(every, mode),
             pool=pool,
             or_else=or_else,
         )
@@ -90,10 +90,17 @@ def _part(noise: LocalNoise, counts: _Flags) -> Part:
     return Part(noise.recording, channels, counts)
 
 
-def _thin(recording: Recording, mode: Mode) -> _Index:
-    """Keep every k-th sample, and the extremes between: friction remembers them."""
-    time_s = recording.time_s
-    series: list[_Floats] = [getattr(recording, name) for name in mode.columns]
+def _thin(every: Sequence[Recording], mode: Mode) -> _Index:
+    """Keep every k-th sample, and the extremes between: friction remembers them.
+
+    Of the best estimate, and of each path that an angle could have taken: one may turn while the
+    others rest.
+    """
+    best, *others = every
+    time_s = best.time_s
+    series: list[_Floats] = [getattr(best, name) for name in mode.columns]
+    angles = [name for name in mode.columns if name.endswith("_rad")]
+    series += [getattr(one, name) for one in others for name in angles]
     size = time_s.size
     stride = max(1, round(STEP_S / float(np.median(np.diff(time_s)))))
     keep = [np.arange(0, size, stride), np.array([size - 1])]

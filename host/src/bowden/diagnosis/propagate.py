@@ -95,7 +95,7 @@ def local_noise(
     *,
     seed: int = 0,
     draws: int = DRAWS,
-    samples: Callable[[Recording], _Index] | None = None,
+    samples: Callable[[Sequence[Recording]], _Index] | None = None,
     pool: ThreadPoolExecutor | None = None,
     or_else: Sequence[tuple[Model, float]] = (),
 ) -> LocalNoise:
@@ -113,8 +113,9 @@ def local_noise(
     draws : int, >= 4
         Simulations of perturbed inputs; two more are made.
     samples : callable, optional
-        Chooses from the best estimate the samples that are simulated; all when absent. What fewer
-        samples change in the model's answer is then part of sigma.
+        Chooses from the best estimate, and what else could have been, the samples that are
+        simulated; all when absent. What fewer samples change in the model's answer is then part of
+        sigma.
     pool : ThreadPoolExecutor, optional
         Where they run; one of its own for as long as this takes, when absent.
     or_else : sequence of (model, share), optional
@@ -130,11 +131,12 @@ def local_noise(
         The model cannot run the recording.
     """
     estimates = estimate_channels(recording, model, mode)
-    index = samples(estimates.recording) if samples else np.arange(recording.time_s.size)
-    best = at_samples(estimates.recording, index)
     children = np.random.SeedSequence(seed).spawn(draws)
     moved = [_moved(estimates, mode, np.random.default_rng(child)) for child in children]
-    jobs = [(model, best), *((model, at_samples(one, index)) for one in moved)]
+    every = [estimates.recording, *moved]
+    index = samples(every) if samples else np.arange(recording.time_s.size)
+    best = at_samples(estimates.recording, index)
+    jobs = [(model, at_samples(one, index)) for one in every]
     finer, thinned = _finer(model), index.size < recording.time_s.size
     if finer is not None:
         jobs.append((finer, best))
