@@ -33,6 +33,7 @@ DRAWS = 24  # a turn that only one path in twenty takes still has to show
 SMOOTHED_S = 0.02  # neighbours share their spread
 MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
 OTHERWISE = (1 / 3, 3.0)  # times numbers that nobody knows better
+HELD_OR_NOT = math.sqrt(2 / 3)  # half a sample late, early or neither, each as likely
 LEAST_SHARE = 1e-6  # of a channel's range: sigma never falls below, so that gaps can be weighed
 
 
@@ -49,7 +50,9 @@ class LocalNoise:
     parts : dict of str to dict of str to ndarray of shape (n,)
         What sigma consists of, added in squares: ``sensor`` (of the measured channel), ``inputs``
         (pushed through the model), ``mesh`` and ``steps`` (the model's own discretisation in
-        space, and in time where samples are left out), ``open`` (what the model itself leaves open:
+        space, and in time where samples are left out), ``held`` (what the motor's torque does from
+        one sample to the next: steps and straight lines are half a sample apart), ``open`` (what
+        the model itself leaves open:
         with which memory friction falls with speed, `bowden.model.friction.stribeck`, how soon
         a motor's ringing ends, and on request by which of several laws an effect acts).
     recording : Recording
@@ -77,14 +80,15 @@ class LocalNoise:
         Returns
         -------
         ndarray of shape (n,)
-            Near 1 where the sensor's white noise prevails; small after reversals, where errors of
+            Near 1 where the sensor's white noise prevails, or what is between samples; small after reversals, where errors of
             the inputs do, for they last. Of thinned samples each is worth more.
         """
         time_s = self.recording.time_s
         step = float(np.ptp(time_s)) / max(time_s.size - 1, 1)
         lasts = max(self.memory_s[channel] / max(step, 1e-9), 1.0)
         variance = self.sigma[channel] ** 2
-        white = self.parts[channel]["sensor"] ** 2 / variance
+        parts = self.parts[channel]
+        white = (parts["sensor"] ** 2 + parts["held"] ** 2) / variance
         return np.asarray(1.0 / np.clip(white + (1.0 - white) * lasts, 1.0, time_s.size))
 
 
@@ -142,6 +146,7 @@ def local_noise(
         jobs.append((finer, best))
     if thinned:
         jobs.append((model, estimates.recording))
+    jobs.append((model, at_samples(_held(estimates.recording), index)))
     doubts = [*_doubts(model), *or_else]
     jobs += [(other, best) for other, _ in doubts]
 
@@ -163,6 +168,7 @@ def local_noise(
             mesh = MESH_FACTOR * (getattr(runs[draws + 1], name) - centre)
         if thinned:
             steps = getattr(runs[draws + (finer is not None) + 1], name)[index] - centre
+        held = HELD_OR_NOT * (getattr(runs[len(jobs) - len(doubts) - 1], name) - centre)
         if doubts:
             pairs = zip(runs[-len(doubts) :], doubts, strict=True)
             apart = [share * (getattr(run, name) - centre) for run, (_, share) in pairs]
@@ -174,6 +180,7 @@ def local_noise(
             "inputs": smooth(np.mean(errors**2, axis=0)) ** 0.5,
             "mesh": smooth(mesh**2) ** 0.5,
             "steps": smooth(steps**2) ** 0.5,
+            "held": smooth(held**2) ** 0.5,
             "open": smooth(left_open**2) ** 0.5,
         }
         least = LEAST_SHARE * max(float(np.ptp(getattr(best, name))), float(np.ptp(centre)), 1e-9)
@@ -217,6 +224,13 @@ def _moved(estimates: Estimates, mode: Mode, generator: np.random.Generator) -> 
     for name, values in drawn.items():
         changed = replace(changed, **{name: values})  # type: ignore[arg-type]
     return changed
+
+
+def _held(recording: Recording) -> Recording:
+    """Return a recording whose motor torque is half a sample late, as if it was held."""
+    time_s, torque = recording.time_s, recording.motor_torque_nm
+    late = time_s - 0.5 * np.diff(time_s, prepend=time_s[0])
+    return replace(recording, motor_torque_nm=np.interp(late, time_s, torque))
 
 
 def _finer(model: Model) -> Model | None:
