@@ -80,8 +80,9 @@ class LocalNoise:
         Returns
         -------
         ndarray of shape (n,)
-            Near 1 where the sensor's white noise prevails, or what is between samples; small after reversals, where errors of
-            the inputs do, for they last. Of thinned samples each is worth more.
+            Near 1 where the sensor's white noise prevails, or what is between samples; small after
+            reversals, where errors of the inputs do, for they last. Of thinned samples each is
+            worth more.
         """
         time_s = self.recording.time_s
         step = float(np.ptp(time_s)) / max(time_s.size - 1, 1)
