@@ -107,9 +107,8 @@ def test_an_encoder_off_centre_may_count_from_anywhere(zeroed: bool) -> None:
     assert values["phase_rad"].value == pytest.approx(0.9, abs=0.03)
 
 
-@pytest.mark.parametrize("hidden", [{"lag_s": 0.03}, {"late_s": 0.03, "slow_m_per_s": 0.01}])
-def test_of_two_laws_of_one_name_the_richer_has_to_be_needed(hidden: dict[str, float]) -> None:
-    """The second holds the first as a limit, and so explains it as well."""
+def test_friction_that_waits_for_motion_is_told_from_friction_that_does_not() -> None:
+    hidden = {"late_s": 0.03, "slow_m_per_s": 0.01}
     recording = measured(TRUTH.with_effect("frictional_lag", hidden))
     same_mesh = parse_model(TABLE_1.replace("segments: 50", "segments: 47"))
     found = diagnose(same_mesh, [recording], names=("frictional_lag",), seed=1)

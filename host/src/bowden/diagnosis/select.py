@@ -160,7 +160,7 @@ def select(
         rivals = [
             one for one in rivals if one.score < near or one is chosen or _matters(one, known)
         ]
-    chosen = _plainest(chosen, rivals)
+    chosen = plainest(chosen, rivals)
     # That first look, as sharp as the noise at the end allows.
     sharper = problem.weights() / fit.problem.weights()
     first = [
@@ -323,10 +323,16 @@ def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
     return best
 
 
-def _plainest(chosen: Hypothesis, rivals: Sequence[Hypothesis]) -> Hypothesis:
+def plainest(chosen: Hypothesis, rivals: Sequence[Hypothesis]) -> Hypothesis:
     """Of the laws that go by the same names, take that with the fewest numbers which does as well.
 
     A law that holds another as a limit of it explains whatever that one does.
+
+    Parameters
+    ----------
+    chosen : Hypothesis
+    rivals : sequence of Hypothesis
+        Of any names.
     """
     plainer = [
         one if one.fit.problem is chosen.fit.problem else again(one, chosen.fit.problem)
