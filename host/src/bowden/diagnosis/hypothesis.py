@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bowden.diagnosis.candidates import Candidate
@@ -11,6 +12,7 @@ from bowden.diagnosis.problem import Problem
 from bowden.model.effects.effect import EXACT
 
 MOST_EFFECTS = 3
+WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 
 
 @dataclass(frozen=True)
@@ -78,3 +80,23 @@ def weighed(one: Hypothesis, problem: Problem) -> Hypothesis:
     assert every is not None  # it ran before
     found = Point(one.fitted.at, every, one.fitted.matrix)
     return replace(one, fit=fit, fitted=fit.fitted_at(found, 0, one.fitted.joint.at))
+
+
+def plainest(chosen: Hypothesis, rivals: Sequence[Hypothesis]) -> Hypothesis:
+    """Of the laws that go by the same names, take that with the fewest numbers which does as well.
+
+    A law that holds another as a limit of it explains whatever that one does.
+
+    Parameters
+    ----------
+    chosen : Hypothesis
+    rivals : sequence of Hypothesis
+        Of any names.
+    """
+    plainer = [
+        one if one.fit.problem is chosen.fit.problem else again(one, chosen.fit.problem)
+        for one in rivals
+        if sorted(one.names) == sorted(chosen.names) and one.numbers < chosen.numbers
+    ]
+    as_good = [one for one in plainer if one.score > chosen.score - WORTH]
+    return min(as_good, key=lambda one: one.numbers, default=chosen)

@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate, with_candidate
 from bowden.diagnosis.fit import Fit, Fitted, Movable, solve, solve_widely
-from bowden.diagnosis.hypothesis import MOST_EFFECTS, Hypothesis, again, weighed
+from bowden.diagnosis.hypothesis import (
+    MOST_EFFECTS,
+    WORTH,
+    Hypothesis,
+    again,
+    plainest,
+    weighed,
+)
 from bowden.diagnosis.problem import BY_CHANCE, Problem
 from bowden.diagnosis.screening import Screened, look_again, screen, under_other_weights
 from bowden.model import Model, ModelError
@@ -29,7 +36,6 @@ CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
 MOST_FITTED = 14
 STARTS = 2  # shapes of each
 FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from one shape
-WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
 WITHIN = 50.0  # of cost: hypotheses that are fitted again under a better noise model
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 STRAINED = 3.0  # tolerances
@@ -321,26 +327,6 @@ def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
             break
         widely = stuck
     return best
-
-
-def plainest(chosen: Hypothesis, rivals: Sequence[Hypothesis]) -> Hypothesis:
-    """Of the laws that go by the same names, take that with the fewest numbers which does as well.
-
-    A law that holds another as a limit of it explains whatever that one does.
-
-    Parameters
-    ----------
-    chosen : Hypothesis
-    rivals : sequence of Hypothesis
-        Of any names.
-    """
-    plainer = [
-        one if one.fit.problem is chosen.fit.problem else again(one, chosen.fit.problem)
-        for one in rivals
-        if sorted(one.names) == sorted(chosen.names) and one.numbers < chosen.numbers
-    ]
-    as_good = [one for one in plainer if one.score > chosen.score - WORTH]
-    return min(as_good, key=lambda one: one.numbers, default=chosen)
 
 
 def _most_needed_first(

@@ -1,4 +1,4 @@
-"""Which of several hypotheses is reported; the search itself is judged in `test_diagnose`."""
+"""Which of several hypotheses is reported."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from bowden.diagnosis.select import WORTH, plainest
+from bowden.diagnosis.hypothesis import WORTH, plainest
 
 PROBLEM = object()
 
