@@ -21,7 +21,7 @@ from bowden.diagnosis.free_parameters import Free
 from bowden.diagnosis.hypothesis import MOST_EFFECTS, Hypothesis
 from bowden.diagnosis.problem import BY_CHANCE
 from bowden.diagnosis.select import Selection
-from bowden.model.effects.effect import EXACT, ONE_OF_SEVERAL
+from bowden.model.effects.effect import EXACT
 
 _Floats = NDArray[np.float64]
 
@@ -32,8 +32,6 @@ MOST_TIED = 3
 SIGNIFICANT = 4.0  # standard errors by which what chance leaves must be exceeded
 MERE_NOISE = 1.1  # of it
 LOOK_ALIKE = 0.98  # cosine between what two effects do to the data, calibration taken out
-SOLVED = 0.005  # to which two solvers of the same law agree, so no number is known better
-ANOTHER_LAW = 0.1  # the same of one of several laws: 0.01 to 0.2 (docs/diagnosis-benchmark.md)
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
 
 
@@ -250,8 +248,7 @@ def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
                     for sign in (-1.0, 1.0)
                 ]
             if parameter.period is None and math.isfinite(value):
-                law = ANOTHER_LAW if candidate.effect.leeway >= ONE_OF_SEVERAL else SOLVED
-                wide = 1.96 * math.hypot(astray, law) * abs(value)
+                wide = 1.96 * math.hypot(astray, candidate.effect.known_to) * abs(value)
                 low = value - math.hypot(value - min(ends), wide)
                 high = value + math.hypot(max(ends) - value, wide)
                 ends = [max(low, parameter.low), min(high, parameter.high)]

@@ -25,7 +25,7 @@ from bowden.diagnosis.hypothesis import (
     plainest,
     weighed,
 )
-from bowden.diagnosis.problem import BY_CHANCE, Problem
+from bowden.diagnosis.problem import Problem
 from bowden.diagnosis.screening import Screened, look_again, screen, under_other_weights
 from bowden.model import Model, ModelError
 
@@ -185,7 +185,7 @@ def _cures(one: Hypothesis, chosen: Hypothesis, lacking: bool) -> bool:
     nothing, for that one's law may only be another than the rig's.
     """
     if not chosen.effects:
-        return lacking or chosen.rest > BY_CHANCE
+        return lacking
     return chosen.rest > FAR and one.rest < AT_FLOOR
 
 

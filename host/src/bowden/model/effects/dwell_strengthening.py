@@ -17,7 +17,15 @@ import math
 import numpy as np
 
 from bowden.model.compiled import compiled
-from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Signals, Values, Variant
+from bowden.model.effects.effect import (
+    ONE_OF_SEVERAL,
+    TO_A_TENTH,
+    Effect,
+    Parameter,
+    Signals,
+    Values,
+    Variant,
+)
 from bowden.model.histories import Histories
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
@@ -97,4 +105,5 @@ EFFECT = Effect(
     excited_by=("reversal", "rest"),
     confused_with=("stribeck_friction", "viscoelastic_cable"),
     leeway=ONE_OF_SEVERAL,
+    known_to=TO_A_TENTH,
 )

@@ -52,6 +52,8 @@ Excitation = Literal[
 Scale = Literal["linear", "log", "reciprocal"]
 
 EXACT = 0.03
+SOLVED = 0.005  # to which two solvers of the same law agree, so no number is known better
+TO_A_TENTH = 0.1  # what others' laws and solvers came out by: docs/diagnosis-benchmark.md
 ONE_OF_SEVERAL = 0.3  # two ways to solve Stribeck's law differ by that: docs/diagnosis-benchmark.md
 
 
@@ -221,6 +223,9 @@ class Effect:
         the law, but for the parts' own errors; `ONE_OF_SEVERAL` where the name stands for several
         laws in use, or for one whose answer is not unique: of each sample then,
         `bowden.diagnosis.leeway`.
+    known_to : float
+        Relative standard error below which no number of it is known, however good the data:
+        `SOLVED`, or `TO_A_TENTH` where solvers of the law or laws of the name differ by that.
     """
 
     name: str
@@ -233,6 +238,7 @@ class Effect:
     confused_with: tuple[str, ...]
     on_drive: bool = False
     leeway: float = EXACT
+    known_to: float = SOLVED
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -16,7 +16,15 @@ import math
 from dataclasses import replace
 
 from bowden.model.effects.derivative import acceleration
-from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
+from bowden.model.effects.effect import (
+    TO_A_TENTH,
+    Channel,
+    Effect,
+    Parameter,
+    Signals,
+    Values,
+    Variant,
+)
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
 
@@ -78,6 +86,7 @@ MOTOR = Effect(
     excited_by=("acceleration",),
     confused_with=("load_inertia", "viscous_friction", "amplifier_lag", "time_delay"),
     on_drive=True,
+    known_to=TO_A_TENTH,
 )
 
 LOAD = Effect(

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Values, Variant
+from bowden.model.effects.effect import (
+    ONE_OF_SEVERAL,
+    TO_A_TENTH,
+    Effect,
+    Parameter,
+    Values,
+    Variant,
+)
 from bowden.model.transmission import Transmission
 
 
@@ -44,4 +51,5 @@ EFFECT = Effect(
     excited_by=("reversal", "slow_motion", "speed_range"),
     confused_with=("dwell_strengthening", "viscous_friction", "presliding_compliance"),
     leeway=ONE_OF_SEVERAL,
+    known_to=TO_A_TENTH,
 )

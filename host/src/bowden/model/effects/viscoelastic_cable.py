@@ -8,7 +8,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bowden.model.effects.effect import ONE_OF_SEVERAL, Effect, Parameter, Values, Variant
+from bowden.model.effects.effect import (
+    ONE_OF_SEVERAL,
+    TO_A_TENTH,
+    Effect,
+    Parameter,
+    Values,
+    Variant,
+)
 from bowden.model.transmission import Transmission
 
 
@@ -55,4 +62,5 @@ EFFECT = Effect(
         "pretension_loss",
     ),
     leeway=ONE_OF_SEVERAL,
+    known_to=TO_A_TENTH,
 )
