@@ -107,17 +107,6 @@ def test_an_encoder_off_centre_may_count_from_anywhere(zeroed: bool) -> None:
     assert values["phase_rad"].value == pytest.approx(0.9, abs=0.03)
 
 
-def test_friction_that_waits_for_motion_is_told_from_friction_that_does_not() -> None:
-    hidden = {"late_s": 0.03, "slow_m_per_s": 0.01}
-    recording = measured(TRUTH.with_effect("frictional_lag", hidden))
-    same_mesh = parse_model(TABLE_1.replace("segments: 50", "segments: 47"))
-    found = diagnose(same_mesh, [recording], names=("frictional_lag",), seed=1)
-    (effect,) = found.effects
-    assert set(effect.parameters) == set(hidden)
-    for name, value in hidden.items():
-        assert effect.parameters[name].low <= value <= effect.parameters[name].high
-
-
 def test_nothing_is_invented_for_a_complete_model() -> None:
     found = diagnosed("")
     assert found.verdict == "complete"
