@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -52,9 +52,9 @@ class LocalNoise:
         (pushed through the model), ``mesh`` and ``steps`` (the model's own discretisation in
         space, and in time where samples are left out), ``held`` (what the motor's torque does from
         one sample to the next: steps and straight lines are half a sample apart), ``open`` (what
-        the model itself leaves open:
-        with which memory friction falls with speed, `bowden.model.friction.stribeck`, how soon
-        a motor's ringing ends, and on request by which of several laws an effect acts).
+        the model itself leaves open: with which memory friction falls with speed,
+        `bowden.model.friction.stribeck`, how soon a motor's ringing ends, and on request by which
+        of several laws an effect acts). 0 where there is no such part.
     recording : Recording
         What sigma holds for, both as what is given and as what is measured: the best estimate.
     index : ndarray of int, shape (n,)
@@ -116,7 +116,7 @@ def local_noise(
     seed : int
         The same seed gives the same answer.
     draws : int, >= 4
-        Simulations of perturbed inputs; two more are made.
+        Simulations of perturbed inputs; a few more are made, one for each other part of the noise.
     samples : callable, optional
         Chooses from the best estimate, and what else could have been, the samples that are
         simulated; all when absent. What fewer samples change in the model's answer is then part of
@@ -137,59 +137,67 @@ def local_noise(
     """
     estimates = estimate_channels(recording, model, mode)
     children = np.random.SeedSequence(seed).spawn(draws)
-    moved = [_moved(estimates, mode, np.random.default_rng(child)) for child in children]
-    every = [estimates.recording, *moved]
+    paths = [_moved(estimates, mode, np.random.default_rng(child)) for child in children]
+    every = [estimates.recording, *paths]
     index = samples(every) if samples else np.arange(recording.time_s.size)
     best = at_samples(estimates.recording, index)
-    jobs = [(model, at_samples(one, index)) for one in every]
-    finer, thinned = _finer(model), index.size < recording.time_s.size
-    if finer is not None:
-        jobs.append((finer, best))
-    if thinned:
-        jobs.append((model, estimates.recording))
-    jobs.append((model, at_samples(_held(estimates.recording), index)))
     doubts = [*_doubts(model), *or_else]
-    jobs += [(other, best) for other, _ in doubts]
+
+    asked = {"best": (model, best)}
+    asked |= {f"path {k}": (model, at_samples(one, index)) for k, one in enumerate(paths)}
+    if (finer := _finer(model)) is not None:
+        asked["mesh"] = (finer, best)
+    if index.size < recording.time_s.size:
+        asked["steps"] = (model, estimates.recording)
+    if "motor_torque_nm" in mode.columns:
+        asked["held"] = (model, at_samples(_held(estimates.recording), index))
+    asked |= {f"doubt {k}": (other, best) for k, (other, _) in enumerate(doubts)}
+    runs = _simulated(asked, mode, pool)
+
+    def off(key: str, name: str) -> _Floats:
+        """How far such a run's channel is from the best estimate's; 0 where none was asked for."""
+        centre: _Floats = getattr(runs["best"], name)
+        values: _Floats = getattr(runs.get(key, runs["best"]), name)
+        return (values[index] if values.size > index.size else values) - centre
+
+    sigma, memory_s, parts = {}, {}, {}
+    duration = float(recording.time_s[-1] - recording.time_s[0])
+    smooth = _Smoothing(best.time_s)
+    for name in PREDICTED[mode]:
+        errors = np.array([off(f"path {k}", name) for k in range(draws)])
+        left_open = np.zeros(index.size)
+        for k, (_, share) in enumerate(doubts):
+            left_open = np.hypot(left_open, share * off(f"doubt {k}", name))
+        sensor = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
+        parts[name] = {
+            "sensor": sensor,
+            "inputs": smooth(np.mean(errors**2, axis=0)) ** 0.5,
+            "mesh": smooth((MESH_FACTOR * off("mesh", name)) ** 2) ** 0.5,
+            "steps": smooth(off("steps", name) ** 2) ** 0.5,
+            "held": smooth((HELD_OR_NOT * off("held", name)) ** 2) ** 0.5,
+            "open": smooth(left_open**2) ** 0.5,
+        }
+        swing = max(float(np.ptp(getattr(one, name))) for one in (best, runs["best"]))
+        least = LEAST_SHARE * max(swing, 1e-9)
+        total = sum(part**2 for part in parts[name].values())
+        sigma[name] = np.sqrt(total + least**2)
+        scaled = errors / np.maximum(parts[name]["inputs"], least)
+        memory_s[name] = duration / float(np.mean([effective_samples(one) for one in scaled]))
+    return LocalNoise(sigma, memory_s, parts, best, index, estimates)
+
+
+def _simulated(
+    asked: Mapping[str, tuple[Model, Recording]], mode: Mode, pool: ThreadPoolExecutor | None
+) -> dict[str, Trajectory]:
+    """Simulate each, side by side."""
 
     def run(job: tuple[Model, Recording]) -> Trajectory:
         return simulate_recording(job[0], mode, job[1])
 
     if pool is None:
         with ThreadPoolExecutor(max_workers=os.cpu_count()) as own:
-            runs = list(own.map(run, jobs))
-    else:
-        runs = list(pool.map(run, jobs))
-    sigma, memory_s, parts = {}, {}, {}
-    duration = float(recording.time_s[-1] - recording.time_s[0])
-    for name in PREDICTED[mode]:
-        centre: _Floats = getattr(runs[0], name)
-        errors = np.array([getattr(run, name) - centre for run in runs[1 : draws + 1]])
-        mesh = steps = left_open = np.zeros(centre.size)
-        if finer is not None:
-            mesh = MESH_FACTOR * (getattr(runs[draws + 1], name) - centre)
-        if thinned:
-            steps = getattr(runs[draws + (finer is not None) + 1], name)[index] - centre
-        held = HELD_OR_NOT * (getattr(runs[len(jobs) - len(doubts) - 1], name) - centre)
-        if doubts:
-            pairs = zip(runs[-len(doubts) :], doubts, strict=True)
-            apart = [share * (getattr(run, name) - centre) for run, (_, share) in pairs]
-            left_open = np.sqrt(np.sum(np.square(apart), axis=0))
-        smooth = _Smoothing(best.time_s)
-        sensor = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
-        parts[name] = {
-            "sensor": sensor,
-            "inputs": smooth(np.mean(errors**2, axis=0)) ** 0.5,
-            "mesh": smooth(mesh**2) ** 0.5,
-            "steps": smooth(steps**2) ** 0.5,
-            "held": smooth(held**2) ** 0.5,
-            "open": smooth(left_open**2) ** 0.5,
-        }
-        least = LEAST_SHARE * max(float(np.ptp(getattr(best, name))), float(np.ptp(centre)), 1e-9)
-        total = sum(part**2 for part in parts[name].values())
-        sigma[name] = np.sqrt(total + least**2)
-        scaled = errors / np.maximum(parts[name]["inputs"], least)
-        memory_s[name] = duration / float(np.mean([effective_samples(one) for one in scaled]))
-    return LocalNoise(sigma, memory_s, parts, best, index, estimates)
+            return dict(zip(asked, own.map(run, asked.values()), strict=True))
+    return dict(zip(asked, pool.map(run, asked.values()), strict=True))
 
 
 def at_samples(recording: Recording, index: _Index) -> Recording:

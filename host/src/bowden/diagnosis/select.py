@@ -181,8 +181,8 @@ def select(
 def _cures(one: Hypothesis, chosen: Hypothesis, lacking: bool) -> bool:
     """Whether it helps where something is surely missing; then it need not move much.
 
-    Where nothing has a name yet, to be better is enough; beside another effect it has to leave
-    nothing, for that one's law may only be another than the rig's.
+    Where nothing has a name yet, to be better is enough, if much is lacking; beside another effect
+    it has to leave nothing, for that one's law may only be another than the rig's.
     """
     if not chosen.effects:
         return lacking
