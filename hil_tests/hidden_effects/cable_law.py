@@ -121,3 +121,23 @@ def friction_slopes(law: Law, speed_m_per_s: float, tension_n: float) -> tuple[f
     if tension_n <= floor:
         return by_speed, 0.0
     return by_speed, -law.tension_exponent * friction_factor(law, speed, tension) / tension
+
+
+@compiled
+def friction_across(
+    law: Law, speed_m_per_s: float, tension_n: float, drop: float
+) -> tuple[float, float, float]:
+    """Return `friction_factor` in the middle of a cell, and its slopes by speed and tension.
+
+    Tension is that where the march enters; `drop` is what ln T falls by across the cell at a factor
+    of 1. The rule of the middle point: a factor taken where a cell is entered is off by half of
+    what it changes by across it, always to the same side, and a load cell sees that.
+    """
+    if law.tension_exponent == 0.0:
+        by_speed, by_tension = friction_slopes(law, speed_m_per_s, tension_n)
+        return friction_factor(law, speed_m_per_s, tension_n), by_speed, by_tension
+    first = friction_factor(law, speed_m_per_s, tension_n)
+    middle_n = tension_n * math.exp(-0.5 * drop * first)
+    by_speed, by_tension = friction_slopes(law, speed_m_per_s, middle_n)
+    by_entering = middle_n / tension_n * (1.0 + 0.5 * drop * law.tension_exponent * first)
+    return friction_factor(law, speed_m_per_s, middle_n), by_speed, by_tension * by_entering

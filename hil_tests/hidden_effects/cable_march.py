@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from hil_tests.hidden_effects.cable_law import (
     Law,
     direction,
+    friction_across,
     friction_factor,
-    friction_slopes,
     strain,
     tangent,
 )
@@ -83,8 +83,9 @@ def march_front(
         f, by_speed, by_tension = factor, 0.0, 0.0
         if not plain:
             speed = min(max(direction * left, 0.0) * per_s, FASTEST_M_PER_S)
-            f *= friction_factor(law, speed, tension)
-            by_speed, by_tension = friction_slopes(law, speed, tension)
+            drop = direction * factor * path.wrap_friction[cell]
+            f, by_speed, by_tension = friction_across(law, speed, tension, drop)
+            f *= factor
             by_speed *= factor * per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
             by_tension *= factor * direction
         theta = path.wrap_friction[cell]
@@ -160,10 +161,10 @@ def march_whole(
             by_speed = -by_motion * factor
         elif not plain:
             speed = min(max(side * here, 0.0) * per_s, FASTEST_M_PER_S)
-            by_speed, by_tension = friction_slopes(law, speed, tension)
+            grown, by_speed, by_tension = friction_across(law, speed, tension, f * theta)
             by_speed *= abs(f) * per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
             by_tension *= f
-            f *= friction_factor(law, speed, tension)
+            f *= grown
         drop = f * theta
         ratio = math.exp(-drop)
         new_tension, new_slope, new_other = tension * ratio, slope * ratio, other * ratio

@@ -77,9 +77,11 @@ def assemble(
     """Linearise all segments about the trial; (whether one has changed its state, worst error).
 
     Revising lets segments that slide backwards stop and those that are held too hard go: all at
-    once, or only the first, a rule that always comes to an end.
+    once, or only the first, a rule that always comes to an end. Where fronts have just met it is
+    the segment between them that has to stop, not all that slide backwards because none does.
     """
     changed, worst = False, 0.0
+    met = fronts_met(t, s, cable) if revising and t.presliding_m == 0 else -1
     for j in range(t.wrap.shape[2]):
         if t.presliding_m == 0 and has_friction(t, cable, j):
             towards = s.slides[cable, j]
@@ -89,7 +91,7 @@ def assemble(
                     if way != 0:
                         s.slides[cable, j] = way
                         changed = True
-                elif s.slip[cable, j] * towards < -t.tiny_m:
+                elif s.slip[cable, j] * towards < -t.tiny_m and (met < 0 or met <= j <= met + 1):
                     s.slides[cable, j] = 0
                     changed = True
             if s.slides[cable, j] == 0:
@@ -104,6 +106,18 @@ def assemble(
                 changed = True
         worst = max(worst, set_row(t, s, cable, j, dt))
     return changed, worst
+
+
+@inlined
+def fronts_met(t: ChainTables, s: ChainState, cable: int) -> int:
+    """Return the first of two neighbours that slide apart or together, one backwards; -1: none."""
+    for j in range(t.wrap.shape[2] - 1):
+        one, other = s.slides[cable, j], s.slides[cable, j + 1]
+        if one * other < 0 and (
+            s.slip[cable, j] * one < -t.tiny_m or s.slip[cable, j + 1] * other < -t.tiny_m
+        ):
+            return j
+    return -1
 
 
 @inlined

@@ -157,10 +157,10 @@ def bound(
         slope = drag * towards if slip * towards >= 0 else -drag * towards
     if t.tension_exponent > 0:
         mean = 0.5 * (s.now[cable, j] + s.now[cable, j + 1])
-        factor = tension_factor(mean, t.reference_n, t.tension_exponent)
+        factor, by_log = tension_factor(mean, t.reference_n, t.tension_exponent)
         a *= factor
         slope *= factor
-        by_tension = -t.tension_exponent * a
+        by_tension = by_log * a
     a = min(a, MOST_WRAP)
     if t.lag_s > 0:
         # dE/dt = (A - E) / (lag (1 + v_slow / |v|)), backward Euler; `late` = |v| dt times that.

@@ -5,8 +5,9 @@
 Source: contact of a soft liner (Hertz: the true area grows slower than the load), p up to 1/3; in
 fibre friction known as Howell's law. Limit: p = 0, or T = T0 everywhere.
 
-Below a thousandth of T0 the coefficient stays what it is there: as T goes to 0 it would go to
-infinity. Where there is no pretension, T0 is 1 N.
+As T goes to 0 the coefficient would go to infinity. It levels off at a thousandth of T0 instead,
+and smoothly, (T^2 + (T0/1000)^2)^(1/2) in place of T: Newton's method has to find a cable that is
+just getting taut. Where there is no pretension, T0 is 1 N.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ LEAST_TENSION = 1e-3
 
 
 @compiled_in_place
-def tension_factor(tension: float, reference: float, exponent: float) -> float:
-    """Return (T/T0)^-p; tensions in N."""
+def tension_factor(tension: float, reference: float, exponent: float) -> tuple[float, float]:
+    """Return (T/T0)^-p and its derivative by ln T, over itself; tensions in N."""
     if exponent == 0.0:
-        return 1.0
-    return float(max(tension / reference, LEAST_TENSION) ** -exponent)
+        return 1.0, 0.0
+    square, least = max(tension / reference, 0.0) ** 2, LEAST_TENSION**2
+    return float((square + least) ** (-0.5 * exponent)), float(
+        -exponent * square / (square + least)
+    )
