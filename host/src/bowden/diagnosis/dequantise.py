@@ -100,8 +100,10 @@ class _Path:
         mean, _ = self.smooth.draw(generator).at(self.node, self.share)
         for rest in self.rests:
             place = float(generator.uniform(-0.5, 0.5))
-            low, high = np.log(BRAKING)
-            rest.stand(mean, place, *np.exp(generator.uniform(float(low), float(high), 2)))
+            gentlest, least = BRAKING[1], float(np.log(BRAKING[0]))
+            arrival = generator.uniform(least, np.log(gentlest))
+            leaving = generator.uniform(least, np.log(rest.slowest(gentlest)))
+            rest.stand(mean, place, float(np.exp(arrival)), float(np.exp(leaving)))
         return self._back(mean)
 
     def _back(self, mean: _Floats) -> _Floats:

@@ -6,6 +6,7 @@ simulations a recording; touches no file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -73,21 +74,37 @@ def prepare(
             counts = _blocks(best)
         else:
             counts = np.full(best.time_s.size, number % 3 != 2)
-        ready.append(_part(noise, counts[noise.index]))
+        ready.append(_part(noise, counts[noise.index], model))
     return ready
 
 
-def _part(noise: LocalNoise, counts: _Flags) -> Part:
+def _part(noise: LocalNoise, counts: _Flags, model: Model) -> Part:
     channels = {}
     for name, sigma in noise.sigma.items():
-        quantum = noise.estimates.channels[name].quantum
         channels[name] = Channel(
             measured=getattr(noise.recording, name),
             sigma=sigma,
             share=noise.share(name),
-            zero_sigma=0.5 * (quantum or 0.0) if name.endswith("_rad") else 0.0,
+            zero_sigma=_zero_sigma(name, noise, model),
         )
     return Part(noise.recording, channels, counts)
+
+
+def _zero_sigma(name: str, noise: LocalNoise, model: Model) -> float:
+    """Return how well a predicted channel's zero is known, rad; 0 where it is no angle.
+
+    Half a count of its own encoder, and half a count of the other's as the pulleys turn it: an
+    encoder may round to the nearest count or to the one below.
+    """
+    if not name.endswith("_rad"):
+        return 0.0
+    half = {k: 0.5 * (one.quantum or 0.0) for k, one in noise.estimates.channels.items()}
+    radius_m = {
+        "motor_angle_rad": model.transmission.motor_pulley_radius_m,
+        "load_angle_rad": model.transmission.load_pulley_radius_m,
+    }
+    arc_m = math.hypot(*(half[angle] * radius_m[angle] for angle in radius_m))
+    return arc_m / radius_m[name]
 
 
 def _thin(every: Sequence[Recording], mode: Mode) -> _Index:

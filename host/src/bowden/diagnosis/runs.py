@@ -27,7 +27,7 @@ class Rest:
 
     What rests stands still: the least movement back would count as a reversal. Nobody knows where
     in the count it stands, nor when exactly it began to move, but it came and left without turning
-    twice.
+    twice. One that a recording begins with may be no rest at all but the slow start of a motion.
     """
 
     first: int
@@ -57,22 +57,30 @@ class Rest:
         size = self.last - self.first + 1
         place = self.count + offset
         start, end = float(path[self.first]), float(path[self.last])
-        come = (start - place) * self._braking(size, arrival * abs(start - place) * self.before)
-        gone = (end - place) * self._braking(size, leaving * abs(end - place) * self.after)
+        most = BRAKING_SHARE * size
+        come = (start - place) * _braking(size, arrival * abs(start - place) * self.before, most)
+        most = size if self.before == 0.0 else most
+        gone = (end - place) * _braking(size, leaving * abs(end - place) * self.after, most)
         path[self.first : self.last + 1] = place + come + gone[::-1]
         reach = np.maximum(abs(start - place), abs(end - place))
         return np.asarray(1.0 - (np.abs(come) + np.abs(gone[::-1])) / max(reach, 1e-9))
 
-    @staticmethod
-    def _braking(size: int, half: float) -> _Floats:
-        """Return 1 falling to 0 along a parabola, within a share of the rest.
+    def slowest(self, usual: float) -> float:
+        """Return the largest `leaving` that may be, given the largest after a rest in between."""
+        if self.before > 0.0 or self.after == 0.0:
+            return usual
+        return max(usual, (self.last - self.first + 1) / self.after)
 
-        `half` is how long it would take at the speed before; 0: a recording that begins at rest.
-        """
-        if half == 0.0:
-            return np.zeros(size)
-        since = np.arange(size) / min(2.0 * half, BRAKING_SHARE * size)
-        return np.asarray((1.0 - np.minimum(since, 1.0)) ** 2)
+
+def _braking(size: int, half: float, most: float) -> _Floats:
+    """Return 1 falling to 0 along a parabola, within at most so many samples.
+
+    `half` is how long it would take at the speed before; 0: a recording that begins at rest.
+    """
+    if half == 0.0:
+        return np.zeros(size)
+    since = np.arange(size) / min(2.0 * half, most)
+    return np.asarray((1.0 - np.minimum(since, 1.0)) ** 2)
 
 
 @dataclass(frozen=True)
