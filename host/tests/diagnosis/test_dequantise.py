@@ -81,6 +81,38 @@ def test_a_rest_is_flat() -> None:
         assert np.ptp(found.values[resting]) < 0.25 * COUNT
 
 
+def test_a_recording_may_begin_with_motion_that_is_still_slow() -> None:
+    """Half a second inside the first count, then fast: no rest, and friction feels it at once."""
+    slow = 0.5 * COUNT * np.clip(TIME_S / 0.5, 0.0, 1.0) ** 3
+    fast = 0.2 * np.clip(TIME_S - 0.5, 0.0, None) ** 2
+    found = dequantise(TIME_S, counted(slow + fast))
+    half_way = 250
+    drawn = [found.draw(np.random.default_rng(seed)) for seed in range(24)]
+    moved = np.array([abs(one[half_way] - one[0]) for one in drawn]) / COUNT
+    # By then it has moved a sixteenth of a count; a draw in three or more has moved so much, too,
+    # and a few have not moved yet: it may as well have been a rest.
+    assert np.mean(moved > 1 / 16) > 1 / 3
+    assert np.mean(moved < 1e-6) > 1 / 8
+
+
+def test_a_recording_may_end_with_motion_that_has_turned() -> None:
+    """Down to a stop, and for a second back by a quarter of a count: no count tells."""
+    down = -0.1 * np.minimum(TIME_S, 5.0)
+    found = dequantise(TIME_S, counted(down + COUNT / 4 * np.clip(TIME_S - 5.0, 0.0, None)))
+    drawn = [found.draw(np.random.default_rng(seed)) for seed in range(24)]
+    back = np.array([one[-1] - one[5050:].min() for one in drawn]) / COUNT
+    assert np.mean(back > 0.1) > 1 / 6
+    assert np.mean(back < 1e-6) > 1 / 6  # it may as well have stopped, or gone on
+
+
+def test_a_locked_load_stands() -> None:
+    found = dequantise(TIME_S, np.zeros(TIME_S.size), expected_quantum=COUNT)
+    for seed in range(8):
+        drawn = found.draw(np.random.default_rng(seed))
+        assert np.ptp(drawn) == 0.0
+        assert abs(drawn[0]) <= COUNT / 2
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),

@@ -1,4 +1,4 @@
-"""What is held back: never what stands nowhere else in the recording."""
+"""What is held back: never what stands nowhere else in the recording; what zeros are worth."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from bowden.diagnosis.figures import in_sigmas
 from bowden.diagnosis.prepare import prepare
+from bowden.diagnosis.problem import BY_CHANCE, Problem
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.recording import Recording
 
@@ -31,3 +33,24 @@ def test_the_one_long_stroke_is_fitted(cycle: int) -> None:
     longest = int(np.argmax(np.abs(part.recording.load_angle_rad)))
     assert part.counts[longest]
     assert 0.2 < np.mean(~part.counts) < 0.5  # about a third judges
+
+
+def test_encoders_that_round_down_do_not_make_a_right_model_wrong() -> None:
+    """Half a count of a coarse load encoder is 7 mrad at the motor, four times its noise there."""
+    model = parse_model(TABLE_1.replace("10000", "2000"))
+    count = 2 * np.pi / 2000
+    time_s = np.arange(6000) * 1e-3
+    load = 0.4 * np.sin(np.pi * time_s)
+    inputs = Inputs(time_s, motor_torque_nm=np.zeros(time_s.size), load_angle_rad=load)
+    run = simulate(model, MODE, inputs)
+    noise = np.random.default_rng(1).normal(0.0, 5e-4, time_s.size)
+    motor, load = (count * np.floor(one / count) for one in (run.motor_angle_rad, load))
+    recording = Recording(time_s, motor, load, inputs.motor_torque_nm, run.load_torque_nm + noise)
+    with ThreadPoolExecutor(2) as pool:
+        parts = prepare(model, MODE, [recording], 1, pool)
+    problem = Problem(MODE, parts)
+    gap = problem.gaps(model, parts[0])["motor_angle_rad"]
+    channel = parts[0].channels["motor_angle_rad"]
+    assert abs(float(np.mean(gap))) > 1.5 * float(np.median(channel.sigma))
+    z = in_sigmas(gap, channel.sigma, channel.zero_sigma)
+    assert np.sqrt(np.mean(z**2)) < BY_CHANCE

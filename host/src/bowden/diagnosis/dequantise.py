@@ -30,7 +30,6 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
 USUAL_BRAKING = 1.25  # between even braking (1) and even change of braking (1.5)
-BRAKING = (0.5, 3.0)  # as far as draws go: hands start and stop more or less gently
 EDGE_NOISE = 0.05  # counts: an encoder's edges are no better than that
 NOISY_COUNTS = 0.5  # noise beyond half a count blurs the counts: then the channel is just noisy
 BAND_SIGMAS = 3.0
@@ -99,11 +98,7 @@ class _Path:
     def drawn(self, generator: np.random.Generator) -> _Floats:
         mean, _ = self.smooth.draw(generator).at(self.node, self.share)
         for rest in self.rests:
-            place = float(generator.uniform(-0.5, 0.5))
-            gentlest, least = BRAKING[1], float(np.log(BRAKING[0]))
-            arrival = generator.uniform(least, np.log(gentlest))
-            leaving = generator.uniform(least, np.log(rest.slowest(gentlest)))
-            rest.stand(mean, place, float(np.exp(arrival)), float(np.exp(leaving)))
+            rest.draw(mean, generator)
         return self._back(mean)
 
     def _back(self, mean: _Floats) -> _Floats:

@@ -19,6 +19,7 @@ NODES_A_RUN = 6  # in a run of equal counts: enough to bend within it
 REST_RATIO = 6.0  # a run so much longer than both neighbours is a rest; a turning parabola: < 4.9
 REST_SAMPLES = 20
 BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
+BRAKING = (0.5, 3.0)  # as far as draws go: hands start and stop more or less gently
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class Rest:
 
     What rests stands still: the least movement back would count as a reversal. Nobody knows where
     in the count it stands, nor when exactly it began to move, but it came and left without turning
-    twice. One that a recording begins with may be no rest at all but the slow start of a motion.
+    twice. One that a recording begins or ends with may be no rest at all: a motion that is still
+    slow, or one that has turned already.
     """
 
     first: int
@@ -54,33 +56,47 @@ class Rest:
         ndarray of shape (last - first + 1,)
             How far the path has come to the place of rest, 0..1.
         """
-        size = self.last - self.first + 1
-        place = self.count + offset
+        place, most = self.count + offset, BRAKING_SHARE * self._size
+        coming = 2.0 * arrival * abs(float(path[self.first]) - place) * self.before
+        going = 2.0 * leaving * abs(float(path[self.last]) - place) * self.after
+        return self._settle(path, place, min(coming, most), min(going, most))
+
+    def draw(self, path: _Floats, generator: np.random.Generator) -> None:
+        """Let a path (changed in place) stop somewhere, as gently as hands may."""
+        offset = float(generator.uniform(-0.5, 0.5))
+        low, high = np.log(BRAKING)
+        arrival, leaving = np.exp(generator.uniform(float(low), float(high), 2))
+        if (self.before > 0.0) == (self.after > 0.0):  # seen from both sides, or a locked load
+            self.stand(path, offset, float(arrival), float(leaving))
+            return
+        # What nothing is seen before, or after, may move at any time of it, or all the time.
+        going = min(float(generator.uniform(0.0, 2.0)), 1.0) * self._size
+        coming = 0.0
+        if self.before > 0.0:
+            path[self.last] = self.count + generator.uniform(-0.5, 0.5)
+            coming = 2.0 * arrival * abs(float(path[self.first]) - self.count - offset)
+            coming = min(coming * self.before, BRAKING_SHARE * self._size)
+        self._settle(path, self.count + offset, coming, going)
+
+    @property
+    def _size(self) -> int:
+        return self.last - self.first + 1
+
+    def _settle(self, path: _Floats, place: float, coming: float, going: float) -> _Floats:
+        """Come to a place in so many samples, leave it in so many; 0: stands from the beginning."""
         start, end = float(path[self.first]), float(path[self.last])
-        most = BRAKING_SHARE * size
-        come = (start - place) * _braking(size, arrival * abs(start - place) * self.before, most)
-        most = size if self.before == 0.0 else most
-        gone = (end - place) * _braking(size, leaving * abs(end - place) * self.after, most)
-        path[self.first : self.last + 1] = place + come + gone[::-1]
-        reach = np.maximum(abs(start - place), abs(end - place))
-        return np.asarray(1.0 - (np.abs(come) + np.abs(gone[::-1])) / max(reach, 1e-9))
-
-    def slowest(self, usual: float) -> float:
-        """Return the largest `leaving` that may be, given the largest after a rest in between."""
-        if self.before > 0.0 or self.after == 0.0:
-            return usual
-        return max(usual, (self.last - self.first + 1) / self.after)
+        come = (start - place) * _braking(self._size, coming)
+        gone = (end - place) * _braking(self._size, going)[::-1]
+        path[self.first : self.last + 1] = place + come + gone
+        reach = max(abs(start - place), abs(end - place))
+        return np.asarray(1.0 - (np.abs(come) + np.abs(gone)) / max(reach, 1e-9))
 
 
-def _braking(size: int, half: float, most: float) -> _Floats:
-    """Return 1 falling to 0 along a parabola, within at most so many samples.
-
-    `half` is how long it would take at the speed before; 0: a recording that begins at rest.
-    """
-    if half == 0.0:
+def _braking(size: int, within: float) -> _Floats:
+    """Return 1 falling to 0 along a parabola, within so many samples; all 0 where that is 0."""
+    if within == 0.0:
         return np.zeros(size)
-    since = np.arange(size) / min(2.0 * half, most)
-    return np.asarray((1.0 - np.minimum(since, 1.0)) ** 2)
+    return np.asarray((1.0 - np.minimum(np.arange(size) / within, 1.0)) ** 2)
 
 
 @dataclass(frozen=True)
