@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import candidates
+from bowden.diagnosis.closer import closely
 from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.decide import (
     NamedEffect,
@@ -190,15 +191,17 @@ def diagnose(
         rough = Fit(coarse, moving, Problem(mode, weigh(coarse)), pool.map)
         about = solve_widely(rough, solve(rough, np.zeros(len(moving)))).model
         problem = Problem(mode, weigh(about), weigh).with_noise_of(about)
-        selection = select(coarse, moving, candidates(names), problem, pool=pool, progress=progress)
+        every = candidates(names)
+        selection = select(coarse, moving, every, problem, pool=pool, progress=progress)
         progress("judging", 0.9)
         try:
             final = selection.chosen.fitted.model
-            ready = prepare(final, mode, recordings, seed, pool, whole=True)
+            ready = prepare(final, mode, recordings, seed, pool, step_s=0.0)
         except ModelError:  # it runs what was measured, but not every path beside it
-            ready = prepare(about, mode, recordings, seed, pool, whole=True)
+            ready = prepare(about, mode, recordings, seed, pool, step_s=0.0)
         rest = rest_of(selection, Problem(mode, ready), pool)
         selection, rest = leniently(selection, rest, mode, recordings, seed=seed, pool=pool)
+        selection, rest = closely(selection, rest, mode, recordings, every, seed=seed, pool=pool)
         series = series_of(selection, mode, ready, pool)
     gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
     decision = decide(selection, rest)

@@ -79,7 +79,7 @@ def _judged_again(
         one = again(one, problem)
     model = one.fitted.model
     or_else = _without(model, selection)
-    ready = prepare(model, mode, recordings, seed, pool, whole=True, or_else=or_else)
+    ready = prepare(model, mode, recordings, seed, pool, step_s=0.0, or_else=or_else)
     found = replace(selection, reported=one)
     return found, rest_of(found, Problem(mode, ready), pool)
 

@@ -35,7 +35,7 @@ def prepare(
     seed: int,
     pool: ThreadPoolExecutor,
     *,
-    whole: bool = False,
+    step_s: float = STEP_S,
     or_else: Sequence[tuple[Model, float]] = (),
 ) -> list[Part]:
     """Make recordings ready.
@@ -48,8 +48,9 @@ def prepare(
     recordings : sequence of Recording
     seed : int
     pool : ThreadPoolExecutor
-    whole : bool, default False
-        With all their samples, for figures; else with those that a fit needs.
+    step_s : float, s
+        How far apart samples are at least, turning points aside: as a fit needs them. 0: all are
+        kept, for figures.
     or_else : sequence of (model, share), optional
         See `propagate.local_noise`.
 
@@ -65,7 +66,7 @@ def prepare(
             mode,
             recording,
             seed=seed + 1000 * number,
-            samples=None if whole else lambda every: _thin(every, mode),
+            samples=(lambda every: _thin(every, mode, step_s)) if step_s else None,
             pool=pool,
             or_else=or_else,
         )
@@ -107,7 +108,7 @@ def _zero_sigma(name: str, noise: LocalNoise, model: Model) -> float:
     return arc_m / radius_m[name]
 
 
-def _thin(every: Sequence[Recording], mode: Mode) -> _Index:
+def _thin(every: Sequence[Recording], mode: Mode, step_s: float) -> _Index:
     """Keep every k-th sample, and the extremes between: friction remembers them.
 
     Of the best estimate, and of each path that an angle could have taken: one may turn while the
@@ -119,7 +120,7 @@ def _thin(every: Sequence[Recording], mode: Mode) -> _Index:
     angles = [name for name in mode.columns if name.endswith("_rad")]
     series += [getattr(one, name) for one in others for name in angles]
     size = time_s.size
-    stride = max(1, round(STEP_S / float(np.median(np.diff(time_s)))))
+    stride = max(1, round(step_s / float(np.median(np.diff(time_s)))))
     keep = [np.arange(0, size, stride), np.array([size - 1])]
     for values in series:
         turn = np.nonzero(np.diff(np.sign(np.diff(values))) != 0)[0] + 1

@@ -23,7 +23,14 @@ from bowden.diagnosis.hypothesis import (
     Hypothesis,
     again,
     plainest,
-    weighed,
+)
+from bowden.diagnosis.own_noise import (
+    AT_FLOOR,
+    WITHIN,
+    cost_under,
+    distinct,
+    judged_again,
+    under_their_noise,
 )
 from bowden.diagnosis.problem import Problem
 from bowden.diagnosis.screening import Screened, look_again, screen, under_other_weights
@@ -36,15 +43,10 @@ CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
 MOST_FITTED = 14
 STARTS = 2  # shapes of each
 FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from one shape
-WITHIN = 50.0  # of cost: hypotheses that are fitted again under a better noise model
-AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 STRAINED = 3.0  # tolerances
 FAR = 3.0  # of its own noise: so much is missing, however much noise a better model allows
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
 FAVOURITES = 3  # hypotheses that are fitted from everywhere; with more effects, fewer
-MOST_ROUNDS = 6
-ALIKE = 1.5  # times the least rest: under noise of their own, these are told apart no further
-NEARER = 0.9  # of the rest: less than that is worth another round
 CLOSER = 0.7  # of the rest: a second effect that leaves more of it makes a third hopeless
 ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
 
@@ -114,9 +116,8 @@ def select(
     fit = Fit(model, calibration, problem, pool.map)
     stated = solve(fit, np.zeros(len(calibration)))
     base = Hypothesis((), fit, solve_widely(fit, stated))
-    chosen, frontier, lacking = base, [base], base.rest > FAR
-    rivals: list[Hypothesis] = []
-    known, left = {base.key: base}, math.inf
+    course, frontier = _Course.from_(base), [base]
+    left = math.inf
     progress("looking at every effect", 0.1)
     looks = _look(base, candidates, pool)
     for count in range(1, MOST_EFFECTS + 1):
@@ -127,55 +128,123 @@ def select(
             tried += _fit_all(parent, seen, pool)
         if not tried:
             break
-        tried = _distinct(tried)
-        favourites = max(FAVOURITES - count + 1, 1)
-        problem, tried = _under_their_noise(problem, tried, favourites, pool)
-        chosen = again(chosen, problem)
-        known |= {one.key: one for one in [*tried, chosen]}
-        if count > 1:
-            # A first effect that was a mistake is done without, once the right one is there.
-            for one in _without_each(tried[0], base, pool):
-                if one.key not in known or _cost(known[one.key], problem) > one.fitted.cost:
-                    known[one.key] = one
-                if one.score > chosen.score:
-                    chosen = one
-                    rivals = _distinct([one, *_judged_again(rivals, problem, pool)])
-        # A number that had to leave its tolerance far behind is a finding, not a calibration.
-        strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
-        enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
-        better = next(
-            (
-                one
-                for one in tried
-                if one.score >= enough and (_cures(one, chosen, lacking) or _matters(one, known))
-            ),
-            None,
-        )
-        if count == 1 or better:
-            rivals = tried
-        if better:
-            chosen = better
+        tried, better = course.go_on(tried, count, pool)
         before, left = left, tried[0].rest
-        hopeless = count > 1 and (better is None or left > CLOSER * before)
-        if chosen.rest < AT_FLOOR or hopeless:
+        hopeless = count > 1 and (not better or left > CLOSER * before)
+        if course.chosen.rest < AT_FLOOR or hopeless:
             break
         # Two effects that need each other: neither need be the best alone.
         frontier = tried[: ABREAST if count == 1 else 1]
-    if chosen.effects and _matters(chosen, known):  # then one that moves nothing is no rival
-        near = chosen.score - WITHIN
-        rivals = [
-            one for one in rivals if one.score < near or one is chosen or _matters(one, known)
+    return course.selection(looks)
+
+
+def look_closer(
+    selection: Selection,
+    candidates: Sequence[Candidate],
+    problem: Problem,
+    *,
+    pool: ThreadPoolExecutor,
+) -> Selection:
+    """Look for one more effect, in samples that lie closer together than those of the selection.
+
+    Parameters
+    ----------
+    selection : Selection
+        That explains the samples which it was made on.
+    candidates : sequence of Candidate
+    problem : Problem
+        Of the closer samples, under the noise of the chosen model.
+    pool : ThreadPoolExecutor
+    """
+    base, parent = again(selection.base, problem), again(selection.chosen, problem)
+    course = _Course.from_(base)
+    course.chosen, course.rivals = parent, [parent]
+    course.known[parent.key] = parent
+    looks = _look(parent, [one for one in candidates if one.key not in parent.key], pool)
+    tried = _fit_all(parent, looks, pool, few=True)
+    if tried:
+        course.go_on(tried, len(parent.effects) + 1, pool)
+    found = course.selection([])
+    return replace(found, looks=selection.looks, looked_from=selection.looked_from)
+
+
+@dataclass
+class _Course:
+    """Where a selection stands; what it knows of hypotheses by their effects."""
+
+    base: Hypothesis
+    chosen: Hypothesis
+    rivals: list[Hypothesis]
+    known: dict[frozenset[tuple[str, str]], Hypothesis]
+    problem: Problem
+    lacking: bool
+
+    @classmethod
+    def from_(cls, base: Hypothesis) -> _Course:
+        return cls(base, base, [], {base.key: base}, base.fit.problem, base.rest > FAR)
+
+    def go_on(
+        self, tried: Sequence[Hypothesis], count: int, pool: ThreadPoolExecutor
+    ) -> tuple[list[Hypothesis], bool]:
+        """Weigh hypotheses of so many effects; return them best first, and whether one is taken."""
+        tried = distinct(tried)
+        favourites = max(FAVOURITES - count + 1, 1)
+        self.problem, tried = under_their_noise(self.problem, tried, favourites, pool)
+        self.chosen = again(self.chosen, self.problem)
+        self.known |= {one.key: one for one in [*tried, self.chosen]}
+        if count > 1:
+            # A first effect that was a mistake is done without, once the right one is there.
+            for one in _without_each(tried[0], self.base, pool):
+                known = self.known.get(one.key)
+                if known is None or cost_under(known, self.problem) > one.fitted.cost:
+                    self.known[one.key] = one
+                if one.score > self.chosen.score:
+                    self.chosen = one
+                    self.rivals = distinct([one, *judged_again(self.rivals, self.problem, pool)])
+        better = next((one for one in tried if self._is_better(one, count)), None)
+        if count == 1 or better:
+            self.rivals = tried
+        if better:
+            self.chosen = better
+        return tried, better is not None
+
+    def _is_better(self, one: Hypothesis, count: int) -> bool:
+        chosen = self.chosen
+        # A number that had to leave its tolerance far behind is a finding, not a calibration.
+        strained = np.any(np.abs(chosen.fit.distances(chosen.fitted.at)) > STRAINED)
+        enough = chosen.score + (0.0 if strained else WORTH * (count - len(chosen.effects)))
+        return one.score >= enough and (
+            _cures(one, chosen, self.lacking) or _matters(one, self.known)
+        )
+
+    def selection(self, looks: Sequence[Sequence[Screened]]) -> Selection:
+        """Return what was chosen, with the first looks as sharp as the noise at the end allows."""
+        chosen, rivals, base = self.chosen, self.rivals, self.base
+        if chosen.effects and _matters(chosen, self.known):  # one that moves nothing is no rival
+            near = chosen.score - WITHIN
+            rivals = [
+                one
+                for one in rivals
+                if one.score < near or one is chosen or _matters(one, self.known)
+            ]
+        chosen = plainest(chosen, rivals)
+        sharper = self.problem.weights() / base.fit.problem.weights()
+        first = [
+            replace(look[0], secants=under_other_weights(look[0].secants, sharper))
+            for look in looks
         ]
-    chosen = plainest(chosen, rivals)
-    # That first look, as sharp as the noise at the end allows.
-    sharper = problem.weights() / fit.problem.weights()
-    first = [
-        replace(look[0], secants=under_other_weights(look[0].secants, sharper)) for look in looks
-    ]
-    looked_from = replace(base.fitted, matrix=under_other_weights(base.fitted.matrix, sharper))
-    needed = _most_needed_first(chosen, known)
-    base = again(base, problem)
-    return Selection(base, chosen, chosen, needed, rivals, first, looked_from, problem)
+        looked_from = replace(base.fitted, matrix=under_other_weights(base.fitted.matrix, sharper))
+        needed = _most_needed_first(chosen, self.known)
+        return Selection(
+            again(base, self.problem),
+            chosen,
+            chosen,
+            needed,
+            rivals,
+            first,
+            looked_from,
+            self.problem,
+        )
 
 
 def _cures(one: Hypothesis, chosen: Hypothesis, lacking: bool) -> bool:
@@ -236,17 +305,22 @@ def _in_order(looks: Iterable[list[Screened]]) -> list[list[Screened]]:
 
 
 def _fit_all(
-    parent: Hypothesis, looks: Sequence[Sequence[Screened]], pool: ThreadPoolExecutor
+    parent: Hypothesis,
+    looks: Sequence[Sequence[Screened]],
+    pool: ThreadPoolExecutor,
+    *,
+    few: bool = False,
 ) -> list[Hypothesis]:
-    """Fit the promising ones."""
+    """Fit the promising ones; few of them on top of other effects."""
     if not looks:
         return []
     close = sum(look[0].gain > CLOSE * looks[0][0].gain for look in looks)
     count, shapes = min(max(FITTED, close), MOST_FITTED), STARTS
-    if parent.effects:
+    few = few or bool(parent.effects)
+    if few:
         count, shapes = FITTED_ON_TOP, 1
     starts = [one for look in looks[:count] for one in look[:shapes] if one.gain > 0.0]
-    if not parent.effects:
+    if not few:
         starts += [one for look in looks for one in look[:shapes] if one.rings]
         # A first look is a straight line; what has one number is fitted to be sure.
         starts += [look[0] for look in looks[count:] if look[0].has_one_number]
@@ -281,54 +355,6 @@ def _fit_one(parent: Hypothesis, look: Screened, problem: Problem) -> Hypothesis
     return Hypothesis((*parent.effects, look.candidate), fit, fitted)
 
 
-def _under_their_noise(
-    problem: Problem, tried: Sequence[Hypothesis], favourites: int, pool: ThreadPoolExecutor
-) -> tuple[Problem, list[Hypothesis]]:
-    """Judge by the noise that the best leaves: of all models it is the nearest to the truth.
-
-    Under the noise of a model that is far from the truth the data hardly weigh, and no model gets
-    where it belongs. So each of the favourites is fitted under its own, until one leaves noise.
-    Where none does, those that ring are asked: under the noise of models that do not they look bad.
-    """
-    rings = [one for one in tried if one.fit.problem is not problem and one.rest < AT_FLOOR]
-    alike = [one if one.fit.problem is problem else weighed(one, problem) for one in tried]
-    order = sorted(alike, key=lambda one: one.fitted.cost + one.fitted.judged)
-    for place, one in enumerate(order[:favourites]):
-        order[place] = _under_its_own(again(one, problem), pool)
-        if order[place].rest < AT_FLOOR:
-            break
-    else:
-        order += [_under_its_own(one, pool) for one in rings]
-
-    # Nearly as good under its own is as good: a model that makes much noise has less to explain.
-    enough = max(AT_FLOOR, ALIKE * min(one.rest for one in order))
-
-    def wrong(one: Hypothesis) -> tuple[bool, float]:
-        return one.rest >= enough, problem.rest(one.fitted.joint_model)
-
-    best = min(order, key=wrong)
-    nearer = problem.with_noise_of(best.fitted.model)
-    return nearer, _judged_again(order, nearer, pool)
-
-
-def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
-    """Fit under the noise that it leaves, again; from everywhere where that gets stuck."""
-    best, widely = one, False
-    rest = one.rest
-    for _ in range(MOST_ROUNDS):
-        nearer = again(best, best.fit.problem.with_noise_of(best.fitted.model, anew=widely))
-        if widely:
-            nearer = replace(nearer, fitted=solve_widely(nearer.fit, nearer.fitted, pool.map))
-        before, rest = rest, nearer.rest
-        if rest < before:
-            best = nearer
-        stuck = rest > NEARER * before
-        if stuck and (widely or rest < AT_FLOOR):
-            break
-        widely = stuck
-    return best
-
-
 def _most_needed_first(
     one: Hypothesis, known: Mapping[frozenset[tuple[str, str]], Hypothesis]
 ) -> tuple[Candidate, ...]:
@@ -336,7 +362,7 @@ def _most_needed_first(
 
     def left(effect: Candidate) -> float:
         rest = known.get(one.key - {effect.key})
-        return _cost(rest, one.fit.problem) if rest else math.inf
+        return cost_under(rest, one.fit.problem) if rest else math.inf
 
     return tuple(sorted(one.effects, key=left, reverse=True))
 
@@ -366,26 +392,3 @@ def _without_each(one: Hypothesis, base: Hypothesis, pool: ThreadPoolExecutor) -
             return None
 
     return [rest for rest in pool.map(fitted, one.effects) if rest is not None]
-
-
-def _judged_again(
-    tried: Sequence[Hypothesis], problem: Problem, pool: ThreadPoolExecutor
-) -> list[Hypothesis]:
-    """Fit the best once more under another noise model; weigh the others by it as they are."""
-    every = list(pool.map(lambda one: weighed(one, problem), tried))
-    best = min(one.fitted.cost for one in every)
-    near = [one for one in every if one.fitted.cost - best < WITHIN]
-    far = [one for one in every if one.fitted.cost - best >= WITHIN]
-    return _distinct([*pool.map(lambda one: again(one, problem), near), *far])
-
-
-def _cost(one: Hypothesis, problem: Problem) -> float:
-    return weighed(one, problem).fitted.cost
-
-
-def _distinct(tried: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Keep the best of those with the same effects, best first."""
-    best: dict[frozenset[tuple[str, str]], Hypothesis] = {}
-    for one in sorted(tried, key=lambda one: -one.score):
-        best.setdefault(one.key, one)
-    return list(best.values())

@@ -72,16 +72,16 @@ def set_tensions(
 
 @compiled_in_place
 def assemble(
-    t: ChainTables, s: ChainState, cable: int, dt: float, revising: bool, one: bool
+    t: ChainTables, s: ChainState, cable: int, dt: float, revising: bool, one: bool, gently: bool
 ) -> tuple[bool, float]:
     """Linearise all segments about the trial; (whether one has changed its state, worst error).
 
     Revising lets segments that slide backwards stop and those that are held too hard go: all at
-    once, or only the first, a rule that always comes to an end. Where fronts have just met it is
-    the segment between them that has to stop, not all that slide backwards because none does.
+    once, or only the first, a rule that always comes to an end. Where fronts have just met, many
+    may slide backwards for want of one that stops between them: gently, only that is stopped.
     """
     changed, worst = False, 0.0
-    met = fronts_met(t, s, cable) if revising and t.presliding_m == 0 else -1
+    met = fronts_met(t, s, cable) if revising and gently and t.presliding_m == 0 else -1
     for j in range(t.wrap.shape[2]):
         if t.presliding_m == 0 and has_friction(t, cable, j):
             towards = s.slides[cable, j]

@@ -43,6 +43,9 @@ from bowden.model.trajectory import (
 
 FRONTS_RUN = 6  # rounds in which fronts run ahead, see `mesh_chain.sweep`
 ALL_AT_ONCE = 16  # rounds that revise all segments at once; then one at a time, if at all
+# Ways to find which segments slide, tried in turn: all at once and giving up early; then one at a
+# time; and with regard to fronts that meet, see `mesh_chain.assemble`.
+QUICKLY, PATIENTLY, GENTLY = WAYS = 0, 1, 2
 REFINEMENTS = (1, 4, 16, 64)  # steps that a sample is cut into where fewer find no answer
 MOST_AHEAD = 2.0  # times the last step: how long motion is guessed to go on as it was
 ONLY_DIRECTION = 1e-6  # what is left of the last motion as a guess where it was a bad one
@@ -71,7 +74,7 @@ def attempt(
     load: float,
     longer: float,
     dt: float,
-    patient: bool,
+    way: int,
 ) -> tuple[float, float, bool]:
     """Solve a sample for the cables that are taut now; (both displacements, solved).
 
@@ -82,14 +85,15 @@ def attempt(
         motor, load = (0.0, load) if free == 0 else (motor, 0.0)
         return motor, load, abs(force) <= p.bearing_n
     motor, load = first_guess(p, free, motor, load)
-    for rounds in range(ALL_AT_ONCE + (4 * n if patient else 0)):
+    for rounds in range(ALL_AT_ONCE + (4 * n if way != QUICKLY else 0)):
         set_both(t, s, motor, load, longer, dt)
         one, changed, worst = rounds >= ALL_AT_ONCE, False, 0.0
         if rounds > 0:
             changed = revise_pulleys(t, s, p, free, force, motor, load, handle)
         for cable in range(2):
             if s.gap_m[cable] < 0:
-                change, error = assemble(t, s, cable, dt, rounds > 0 and not (one and changed), one)
+                revising = rounds > 0 and not (one and changed)
+                change, error = assemble(t, s, cable, dt, revising, one, way == GENTLY)
                 changed |= change
                 worst = max(worst, error)
         done = rounds > 0 and not changed and worst <= SETTLED
@@ -122,9 +126,9 @@ def step(
     factor: float,
     longer: float,
     dt: float,
-    patient: bool,
+    way: int,
 ) -> tuple[float, int]:
-    """Take one step, `patient` or giving up early.
+    """Take one step, in one of the ways to find its answer.
 
     `free` is the pulley whose torque is given (0 motor, 1 load, -1 none), as a difference of
     tensions `force` less `spring` times its displacement; `motor` and `load` are the displacements
@@ -147,7 +151,7 @@ def step(
                 as_before(t, s, cable)
             s.gap_m[cable] = 0.0 if is_slack else -1.0
             prepare(t, s, cable, factor)
-        x, y, solved = attempt(t, s, p, free, force, spring, motor, load, longer, dt, patient)
+        x, y, solved = attempt(t, s, p, free, force, spring, motor, load, longer, dt, way)
         for cable in range(2):
             sign = 1.0 - 2.0 * cable
             stretch = (before_a if cable == 0 else before_b) + sign * (x + y)
@@ -227,16 +231,16 @@ def sample(
 ) -> tuple[float, int]:
     """Take one sample in one step, or in 4, 16, 64 where that finds no answer."""
     save(s, p)
-    for tries in range(2 * len(REFINEMENTS)):
+    for tries in range(len(WAYS) * len(REFINEMENTS)):
         parts = REFINEMENTS[tries % len(REFINEMENTS)]
-        patient = tries >= len(REFINEMENTS)
+        way = WAYS[tries // len(REFINEMENTS)]
         share = 1.0 / parts
         moved, flags = 0.0, 0
         for part in range(parts):
             force = force_0 + (force_1 - force_0) * (part + 1) * share - spring * moved
             x, y, more = motor * share, load * share, longer * share
-            way, flag = step(t, s, p, free, force, spring, x, y, factor, more, dt * share, patient)
-            moved += way
+            went, flag = step(t, s, p, free, force, spring, x, y, factor, more, dt * share, way)
+            moved += went
             flags |= flag
             if flag & 8:
                 break

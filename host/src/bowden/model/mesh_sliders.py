@@ -44,6 +44,9 @@ from bowden.model.trajectory import FloatArray
 
 MOST_WRAP = 50.0  # mu ds/R of one segment: beyond any cable, but exp of it is still a number
 HELD = 2e-9  # share of the tensions by which a segment at rest may seem overloaded
+FAINT = (
+    1e-4  # of the reference tension: what carries less is known to rounding of what carries more
+)
 
 
 class ChainTables(NamedTuple):
@@ -189,7 +192,8 @@ def gives_way(
         grip = half_tanh(e)
     if s.rested[cable, j] == 1 and t.excess[j] > 0:
         grip = half_tanh(2.0 * math.atanh(grip) + trial * t.excess[j])
-    if trial * (there - here - grip * (there + here)) > HELD * (abs(there) + abs(here)):
+    sure = HELD * (abs(there) + abs(here) + FAINT * t.reference_n)
+    if trial * (there - here - grip * (there + here)) > sure:
         return trial
     return 0
 
@@ -283,4 +287,4 @@ def set_row(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> flo
     s.row[cable, ABOVE, j] = above
     s.row[cable, DIAGONAL, j] = -below - above - max(by_slip, 0.0)
     s.row[cable, RIGHT, j] = -error
-    return float(abs(error) / (both + HELD * t.reference_n))
+    return float(abs(error) / (both + FAINT * t.reference_n))
