@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import EffectNumber
 from bowden.diagnosis.fit import Fitted
 from bowden.diagnosis.free_parameters import Free
-from bowden.diagnosis.hypothesis import MOST_EFFECTS, Hypothesis
+from bowden.diagnosis.hypothesis import MOST_EFFECTS, WORTH, Hypothesis
 from bowden.diagnosis.problem import BY_CHANCE
 from bowden.diagnosis.select import Selection
 from bowden.model.effects.effect import EXACT
@@ -113,6 +113,11 @@ class Rest:
         return self.is_noise and (laws < MOST_EFFECTS or self.after <= MERE_NOISE)
 
     @property
+    def gained(self) -> float:
+        """Logarithm of how much likelier held-out data are with the effects than without."""
+        return 0.5 * self.samples * (self.before**2 - self.after**2)
+
+    @property
     def astray(self) -> float:
         """How far the chosen laws are from the rig's, as a share of what they explain, 0..1."""
         left = math.sqrt(max(self.after**2 - self._floor**2, 0.0))
@@ -126,6 +131,23 @@ class Rest:
     @property
     def _explained(self) -> float:
         return math.sqrt(max(self.before**2 - self.after**2, 0.0))
+
+
+def heard(selection: Selection, rest: Rest) -> tuple[Selection, Rest]:
+    """Return the selection without effects that no held-out sample speaks for, and what it leaves.
+
+    Fits see a part of the samples; what they gain there has to show in all of those held back.
+
+    Parameters
+    ----------
+    selection : Selection
+    rest : Rest
+    """
+    if not selection.chosen.effects or rest.gained > WORTH:
+        return selection, rest
+    base = selection.base
+    bare = replace(selection, chosen=base, reported=base, needed=())
+    return bare, replace(rest, after=rest.before)
 
 
 def decide(selection: Selection, rest: Rest) -> Decision:

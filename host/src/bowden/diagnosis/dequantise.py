@@ -106,7 +106,11 @@ class _Path:
 
 
 def dequantise(
-    time_s: _Floats, values: _Floats, *, expected_quantum: float | None = None
+    time_s: _Floats,
+    values: _Floats,
+    *,
+    expected_quantum: float | None = None,
+    felt: _Floats | None = None,
 ) -> Estimated:
     """Estimate what a sensor saw from what it said.
 
@@ -118,6 +122,9 @@ def dequantise(
         A channel: on a grid of counts, with white noise, both, or neither.
     expected_quantum : float, optional
         One count as the model file has it; used where the data agree or say nothing.
+    felt : ndarray of shape (n,), optional
+        The measured torque at that end over its noise: what seems to rest while this drifts may
+        move within its count.
 
     Returns
     -------
@@ -135,7 +142,7 @@ def dequantise(
     noise = float(np.sqrt(max(total**2 - 1.1 * quantum**2 / 12.0, 0.0)))
     if noise > NOISY_COUNTS * quantum:
         return replace(_denoised(time_s, values, total), quantum=quantum)
-    return _within_counts(time_s, values, quantum, noise)
+    return _within_counts(time_s, values, quantum, noise, felt)
 
 
 def grid(values: _Floats, expected_quantum: float | None = None) -> float | None:
@@ -198,7 +205,9 @@ def _denoised(time_s: _Floats, values: _Floats, sigma: float) -> Estimated:
     return Estimated(*path.estimate(), None, sigma, path)
 
 
-def _within_counts(time_s: _Floats, values: _Floats, quantum: float, noise: float) -> Estimated:
+def _within_counts(
+    time_s: _Floats, values: _Floats, quantum: float, noise: float, felt: _Floats | None
+) -> Estimated:
     zero = float(values[0])
     count = np.round((values - zero) / quantum)
     usual = float(np.median(np.diff(time_s)))
@@ -218,7 +227,7 @@ def _within_counts(time_s: _Floats, values: _Floats, quantum: float, noise: floa
         high=count + margin,
         zero=zero,
         unit=quantum,
-        rests=runs.rests(count),
+        rests=runs.rests(count, felt),
         turns=runs.turns(count),
     )
     return Estimated(*path.estimate(), quantum, noise, path)
@@ -266,7 +275,8 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
         turn = counts.get(name)
         if name.endswith("_rad") or name in mode.columns:
             one = 2.0 * np.pi / turn.value if turn is not None else None
-            channels[name] = dequantise(recording.time_s, values, expected_quantum=one)
+            felt = _felt(recording, name, mode)
+            channels[name] = dequantise(recording.time_s, values, expected_quantum=one, felt=felt)
         else:
             noise = noise_sigma(values, recording.time_s)
             channels[name] = Estimated(values, np.full(values.size, noise), None, noise)
@@ -278,3 +288,13 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
         load_torque_nm=channels["load_torque_nm"].values,
     )
     return Estimates(estimated, channels)
+
+
+def _felt(recording: Recording, name: str, mode: Mode) -> _Floats | None:
+    """Return the torque at an angle's end over its noise, where the mode predicts it."""
+    torque = name.replace("_angle_rad", "_torque_nm")
+    if torque == name or torque in mode.columns:
+        return None
+    values: _Floats = getattr(recording, torque)
+    least = CLEAN_SHARE * max(float(np.ptp(values)), 1e-9)
+    return values / max(noise_sigma(values, recording.time_s), least)

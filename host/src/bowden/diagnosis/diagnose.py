@@ -25,6 +25,7 @@ from bowden.diagnosis.decide import (
     Verdict,
     calibration,
     decide,
+    heard,
     invisible,
     look_alikes,
 )
@@ -199,7 +200,7 @@ def diagnose(
             ready = prepare(final, mode, recordings, seed, pool, step_s=0.0)
         except ModelError:  # it runs what was measured, but not every path beside it
             ready = prepare(about, mode, recordings, seed, pool, step_s=0.0)
-        rest = rest_of(selection, Problem(mode, ready), pool)
+        selection, rest = heard(selection, rest_of(selection, Problem(mode, ready), pool))
         selection, rest = leniently(selection, rest, mode, recordings, seed=seed, pool=pool)
         selection, rest = closely(selection, rest, mode, recordings, every, seed=seed, pool=pool)
         series = series_of(selection, mode, ready, pool)

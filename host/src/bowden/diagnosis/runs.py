@@ -18,6 +18,7 @@ _Index = NDArray[np.intp]
 NODES_A_RUN = 6  # in a run of equal counts: enough to bend within it
 REST_RATIO = 6.0  # a run so much longer than both neighbours is a rest; a turning parabola: < 4.9
 REST_SAMPLES = 20
+DRIFTS = 4.0  # standard deviations of a sample's noise
 BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
 BRAKING = (0.5, 3.0)  # as far as draws go: hands start and stop more or less gently
 
@@ -29,7 +30,7 @@ class Rest:
     What rests stands still: the least movement back would count as a reversal. Nobody knows where
     in the count it stands, nor when exactly it began to move, but it came and left without turning
     twice. One that a recording begins or ends with may be no rest at all: a motion that is still
-    slow, or one that has turned already.
+    slow, or one that has turned already. Nor may one in which the torque at that end `drifts`.
     """
 
     first: int
@@ -37,6 +38,7 @@ class Rest:
     count: float
     before: float
     after: float
+    drifts: bool = False
 
     def stand(self, path: _Floats, offset: float, arrival: float, leaving: float) -> _Floats:
         """Let a path (changed in place) stop at an offset from the count's middle.
@@ -66,16 +68,18 @@ class Rest:
         offset = float(generator.uniform(-0.5, 0.5))
         low, high = np.log(BRAKING)
         arrival, leaving = np.exp(generator.uniform(float(low), float(high), 2))
-        if (self.before > 0.0) == (self.after > 0.0):  # seen from both sides, or a locked load
+        both = (self.before > 0.0) == (self.after > 0.0)  # seen from both sides, or a locked load
+        if both and not (self.drifts and self.before > 0.0):
             self.stand(path, offset, float(arrival), float(leaving))
             return
-        # What nothing is seen before, or after, may move at any time of it, or all the time.
+        # It may move at any time, or all the time.
         going = min(float(generator.uniform(0.0, 2.0)), 1.0) * self._size
         coming = 0.0
         if self.before > 0.0:
-            path[self.last] = self.count + generator.uniform(-0.5, 0.5)
             coming = 2.0 * arrival * abs(float(path[self.first]) - self.count - offset)
             coming = min(coming * self.before, BRAKING_SHARE * self._size)
+        if self.after == 0.0:
+            path[self.last] = self.count + generator.uniform(-0.5, 0.5)
         self._settle(path, self.count + offset, coming, going)
 
     @property
@@ -116,10 +120,16 @@ class Runs:
         first = np.concatenate([[0], change + 1])
         last = np.concatenate([change, [count.size - 1]])
         length = last - first + 1.0
-        around = np.maximum(
-            np.concatenate([[0.0], length[:-1]]), np.concatenate([length[1:], [0.0]])
+        before, after = np.append(0.0, length[:-1]), np.append(length[1:], 0.0)
+        around = np.maximum(before, after)
+        longest = (length > REST_SAMPLES) & (length > REST_RATIO * around)
+        # A hand that rests on the edge between two counts makes two.
+        first_of_two = (length[:-1] > REST_RATIO * before[:-1]) & (
+            length[1:] > REST_RATIO * after[1:]
         )
-        rest = (length > REST_RATIO * around) & (length > REST_SAMPLES)
+        first_of_two &= np.minimum(length[:-1], length[1:]) > REST_SAMPLES
+        two = np.concatenate([first_of_two, [False]]) | np.concatenate([[False], first_of_two])
+        rest = longest | two
         number = np.repeat(np.arange(first.size), last - first + 1)
         return cls(first, last, number, np.maximum(around, 1.0), rest)
 
@@ -160,8 +170,8 @@ class Runs:
             (count.size - 1, count.size - 1, float(way[-1])),
         )
 
-    def rests(self, count: _Floats) -> tuple[Rest, ...]:
-        """List the rests."""
+    def rests(self, count: _Floats, felt: _Floats | None = None) -> tuple[Rest, ...]:
+        """List the rests; `felt` is the torque at that end over its noise."""
         length = np.concatenate([[0.0], self.last - self.first + 1.0, [0.0]])
         return tuple(
             Rest(
@@ -170,9 +180,17 @@ class Runs:
                 float(count[self.first[k]]),
                 float(length[k]),
                 float(length[k + 2]),
+                felt is not None and _drifts(felt[self.first[k] : self.last[k] + 1]),
             )
             for k in np.flatnonzero(self.rest)
         )
+
+
+def _drifts(felt: _Floats) -> bool:
+    """Whether a torque moves while its end seems to rest, coming and leaving aside."""
+    edge = int(BRAKING_SHARE * felt.size)
+    parts = np.array_split(felt[edge : felt.size - edge], 4)
+    return bool(np.ptp([float(np.mean(part)) for part in parts]) > DRIFTS)
 
 
 def one_way(path: _Floats, turns: Sequence[tuple[int, int, float]]) -> _Floats:
