@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
-from bowden.diagnosis.decide import Rest
+from bowden.diagnosis.decide import Rest, heard
+from bowden.diagnosis.select import Selection
 
 MANY = 1e6  # independent samples: no allowance for chance beyond 1.35
 
@@ -29,3 +32,22 @@ def test_numbers_are_as_sure_as_the_law_is_followed() -> None:
     # What is left beyond chance, sqrt(4^2 - 1.35^2), over what is explained, sqrt(20^2 - 4^2).
     assert Rest(before=20.0, after=4.0, samples=MANY).astray == pytest.approx(0.192, abs=2e-3)
     assert Rest(before=3.0, after=3.0, samples=MANY).astray == 0.0
+
+
+@pytest.mark.parametrize(
+    ("rest", "named"),
+    [
+        (Rest(before=2.5, after=3.3, samples=2.0), False),  # worse than without
+        (Rest(before=0.71, after=0.6, samples=12.0), False),  # a factor of 2 in likelihood
+        (Rest(before=1.3, after=0.9, samples=12.0), True),
+        (Rest(before=49.0, after=1.7, samples=1.0), True),
+    ],
+)
+def test_an_effect_has_to_be_heard_in_what_was_held_out(rest: Rest, named: bool) -> None:
+    base = SimpleNamespace(effects=())
+    chosen = SimpleNamespace(effects=("viscous_friction",))
+    selection = Selection(base, chosen, chosen, chosen.effects, [], [], None, None)  # type: ignore[arg-type]
+    found, left = heard(selection, rest)
+    assert (found.chosen is chosen) is named
+    assert (found.reported is chosen) is named
+    assert left.after == (rest.after if named else rest.before)

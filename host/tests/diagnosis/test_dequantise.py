@@ -105,6 +105,31 @@ def test_a_recording_may_end_with_motion_that_has_turned() -> None:
     assert np.mean(back < 1e-6) > 1 / 6  # it may as well have stopped, or gone on
 
 
+@pytest.mark.parametrize("drifts", [False, True])
+def test_what_seems_to_rest_may_move_where_its_torque_drifts(drifts: bool) -> None:
+    """Half a second of rest in the middle: what a slow hand does in it shows in the torque only."""
+    angle = stop_and_go()
+    felt = 100.0 * np.sin(2 * np.pi * TIME_S) if drifts else np.zeros(TIME_S.size)
+    found = dequantise(TIME_S, counted(angle), felt=felt)
+    resting = (TIME_S > 2.7) & (TIME_S < 2.85)  # it rests from 2.5 to 3.0 s
+    moved = np.array(
+        [np.ptp(found.draw(np.random.default_rng(seed))[resting]) for seed in range(24)]
+    )
+    assert bool(np.mean(moved > 0.02 * COUNT) > 1 / 3) is drifts
+
+
+def test_a_hand_that_rests_on_the_edge_between_two_counts_stands() -> None:
+    """In either count it is a rest; taken for slow motion, draws would wander through both."""
+    middle = (COUNT * 100.5) + COUNT * 0.2 * np.sign(TIME_S - 3.0)
+    angle = middle + 0.4 * np.clip(np.abs(TIME_S - 3.0) - 0.5, 0.0, None) * np.sign(TIME_S - 3.0)
+    found = dequantise(TIME_S, counted(angle))
+    for seed in range(8):
+        drawn = found.draw(np.random.default_rng(seed))
+        for at in (2.75, 3.25):
+            near = np.abs(TIME_S - at) < 0.05
+            assert np.ptp(drawn[near]) < 0.01 * COUNT
+
+
 def test_a_locked_load_stands() -> None:
     found = dequantise(TIME_S, np.zeros(TIME_S.size), expected_quantum=COUNT)
     for seed in range(8):
