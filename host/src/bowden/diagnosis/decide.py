@@ -94,11 +94,14 @@ class Rest:
         The chosen one.
     samples : float
         Independent samples of that, >= 1.
+    gained : float
+        Logarithm of how much likelier the chosen model makes what was held out, in all channels.
     """
 
     before: float
     after: float
     samples: float
+    gained: float = math.inf
 
     @property
     def is_noise(self) -> bool:
@@ -111,11 +114,6 @@ class Rest:
         As many as are ever tried together bend to nearly anything: they have to leave mere noise.
         """
         return self.is_noise and (laws < MOST_EFFECTS or self.after <= MERE_NOISE)
-
-    @property
-    def gained(self) -> float:
-        """Logarithm of how much likelier held-out data are with the effects than without."""
-        return 0.5 * self.samples * (self.before**2 - self.after**2)
 
     @property
     def astray(self) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +145,8 @@ def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> R
         common = min(part.channels[name].common for part in selection.problem.parts)
         first, then = rms(models[0], before, name, share), rms(models[1], after, name, share)
         found.append(Rest(first, then, max(1.0, common * float(share.sum()))))
-    return max(found, key=lambda one: one.after)
+    gained = sum(0.5 * one.samples * (one.before**2 - one.after**2) for one in found)
+    return replace(max(found, key=lambda one: one.after), gained=gained)
 
 
 def in_sigmas(gap: _Floats, sigma: _Floats, zero_sigma: float) -> _Floats:
