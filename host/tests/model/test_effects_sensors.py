@@ -71,6 +71,21 @@ def test_play_lags_by_half_its_width_and_keeps_still_within_it() -> None:
     )
 
 
+@pytest.mark.parametrize("height", [0.3, -0.1])
+def test_a_loop_nears_its_branches_along_exponentials(height: float) -> None:
+    """z = 1 - exp(-tau/bend) from rest; turned at tau = 1, back along -1 + (1 + z) exp(-d/bend)."""
+    true, bend = np.concatenate([np.linspace(0.0, 1.0, 101), np.linspace(0.99, -1.0, 200)]), 0.4
+    values = {"loop_nm": height, "bend_nm": bend}
+    (channel,) = CATALOGUE["load_cell_hysteresis"].variants[1].channels
+    read = channel.applied(true, {}, values)
+    top = 1.0 - np.exp(-1.0 / bend)
+    rising = 1.0 - np.exp(-true[:101] / bend)
+    falling = -1.0 + (1.0 + top) * np.exp(-(1.0 - true[101:]) / bend)
+    expected = true + height * np.concatenate([rising, falling])
+    np.testing.assert_allclose(read, expected, atol=1e-12)
+    np.testing.assert_allclose(channel.undone(read, {}, values), true, atol=1e-9)
+
+
 def test_a_wrong_torque_constant_is_another_torque() -> None:
     scaled = replace(given(TP), motor_torque_nm=1.1 * given(TP).motor_torque_nm)
     found, true = run("torque_constant_error", {"g": 0.1}, given(TP)), base(scaled)
@@ -186,6 +201,7 @@ def test_a_late_load_encoder_loses_no_corner_between_samples() -> None:
         ("load_cell_offset", {"offset_nm": 0.1}),
         ("load_cell_drift", {"drift_nm_per_s": 0.01}),
         ("load_cell_hysteresis", {"width_nm": 0.05}),
+        ("load_cell_hysteresis", {"loop_nm": 0.05, "bend_nm": 0.3}),
         ("torque_constant_error", {"g": -0.1}),
         ("motor_torque_offset", {"offset_nm": 0.03}),
         ("amplifier_lag", {"lag_s": 0.01}),

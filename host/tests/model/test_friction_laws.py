@@ -88,9 +88,9 @@ def test_stribeck_without_gain_is_coulomb() -> None:
     np.testing.assert_allclose(hand(3.0, stribeck_gain=1e-15), hand(3.0), atol=5e-2)
 
 
-def test_friction_that_falls_with_tension_in_steady_sliding() -> None:
+@pytest.mark.parametrize("p", [0.25, -0.25])
+def test_friction_that_falls_or_rises_with_tension_in_steady_sliding(p: float) -> None:
     """d(T^p)/ds = p mu T0^p / R: T1^p - TL^p = p m T0^p on the pulled side."""
-    p = 0.25
     found = at_constant_speed(1.0, tension_exponent=p)
     t_1, t_l = found.motor_tension_a_n[-1], found.load_tension_a_n[-1]
     # The mesh takes mu at the mean tension of a segment: second order in ds.
@@ -108,6 +108,7 @@ def test_friction_that_falls_with_tension_tends_to_coulomb() -> None:
         (0.477, (1.1693, 0.4850), (1.9596, 3.6441)),
         (0.315, (0.8836, 2.2470), (0.9274, 5.9247)),
         (0.441, (1.8043, 0.1932), (1.6017, 0.3012)),
+        (-0.441, (1.8043, 0.1932), (1.6017, 0.3012)),
     ],
 )
 def test_a_cable_that_gets_taut_again_where_friction_is_largest(
@@ -181,6 +182,7 @@ def test_terms_by_themselves() -> None:
         {"mu_v_s_per_m": -1.0},
         {"stribeck_speed_m_per_s": 0.0},
         {"tension_exponent": 1.0},
+        {"tension_exponent": -1.0},
         {"direction_asymmetry": -1.0},
         {"memory_s": float("nan")},
     ],

@@ -158,7 +158,7 @@ def bound(
         drag = t.wrap[cable, d, j] * t.mu_v_s_per_m / dt
         a += drag * abs(slip)
         slope = drag * towards if slip * towards >= 0 else -drag * towards
-    if t.tension_exponent > 0:
+    if t.tension_exponent != 0:
         mean = 0.5 * (s.now[cable, j] + s.now[cable, j + 1])
         factor, by_log = tension_factor(mean, t.reference_n, t.tension_exponent)
         a *= factor

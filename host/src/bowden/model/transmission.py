@@ -46,7 +46,7 @@ class FrictionLaw:
         Viscous term.
     stribeck_gain : float, >= 0
     stribeck_speed_m_per_s : float, m/s, > 0
-    tension_exponent : float, 0 <= p < 1
+    tension_exponent : float, -1 < p < 1
         ``mu ~ (T/T0)^-p``.
     direction_asymmetry : float, -1 < a < 1
         ``mu (1 + a)`` while the pair moves towards positive angle, ``mu (1 - a)`` back.
@@ -209,7 +209,7 @@ class Transmission:
                 _positive(law.stribeck_speed_m_per_s),
                 "> 0",
             ),
-            ("tension_exponent", law.tension_exponent, 0 <= law.tension_exponent < 1, "0 .. 1"),
+            ("tension_exponent", law.tension_exponent, -1 < law.tension_exponent < 1, "-1 .. 1"),
             (
                 "direction_asymmetry",
                 law.direction_asymmetry,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from bowden.model.compiled import compiled
@@ -79,6 +81,44 @@ def play(values: FloatArray, half_width: float) -> FloatArray:
     return found
 
 
+def _loop_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    del around
+    return loop(values, p["loop_nm"], p["bend_nm"], applied=True)
+
+
+def _loop_undone(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    del around
+    return loop(values, p["loop_nm"], p["bend_nm"], applied=False)
+
+
+@compiled
+def loop(values: FloatArray, height: float, bend: float, applied: bool) -> FloatArray:
+    """Add `height` z to a series, or take it away, dz = (1 - z sign(d tau)) d tau / bend.
+
+    Duhem's loop with Dahl's branch (Visintin, Differential Models of Hysteresis, 1994), z = 0 at
+    the first sample. Undone by bisection: where the loop leans over so far that the reading falls
+    as the torque rises (height < -bend/2), it has no inverse, and the step itself is taken.
+    """
+    found = np.empty_like(values)
+    found[0] = values[0]
+    z, at = 0.0, values[0]
+    for i in range(1, values.size):
+        step = values[i] - values[i - 1]
+        way = 1.0 if step >= 0.0 else -1.0
+        true = abs(step)
+        if not applied:
+            low, high = 0.0, true + 2.0 * abs(height)
+            for _ in range(60):
+                true = 0.5 * (low + high)
+                read = true + way * height * (way - z) * (1.0 - math.exp(-true / bend))
+                low, high = (true, high) if read < abs(step) else (low, true)
+        new = way + (z - way) * math.exp(-true / bend)
+        at += step + height * (new - z) if applied else way * true
+        z = new
+        found[i] = at
+    return found
+
+
 GAIN = Effect(
     name="load_cell_gain",
     title="Load-cell gain",
@@ -144,8 +184,19 @@ HYSTERESIS = Effect(
             (Parameter("width_nm", "N m", 0.0, 0.2, 0.0, 0.02, "full width of the play", least=0),),
             channels=(Channel(CHANNEL, _play_undone, _play_applied),),
         ),
+        Variant(
+            "loop",
+            (
+                Parameter("loop_nm", "N m", -0.3, 0.3, 0.0, -0.02, "half the loop's height"),
+                Parameter(
+                    "bend_nm", "N m", 0.02, 2.0, None, 0.3, "change that bends it", "log", least=0
+                ),
+            ),
+            channels=(Channel(CHANNEL, _loop_undone, _loop_applied),),
+        ),
     ),
-    law="recorded load torque follows the true one with a play of full width w",
+    law="recorded load torque follows the true one with a play of full width w; or it is true + "
+    "loop z, dz = (1 - z sign(d tau)) d tau / bend",
     signature="the reading lags every change of torque by the same amount, at any speed",
     excited_by=("reversal",),
     confused_with=("bearing_friction", "presliding_compliance", "termination_backlash"),

@@ -1,4 +1,4 @@
-"""Friction coefficient that falls with tension: `bowden.model.friction.tension_dependent`."""
+"""Friction that falls or rises with tension: `bowden.model.friction.tension_dependent`."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ EFFECT = Effect(
     variants=(
         Variant(
             "",
-            (Parameter("p", "", 0.0, 0.5, 0.0, 0.1, "exponent", least=0, most=0.999),),
+            (Parameter("p", "", -0.5, 0.5, 0.0, 0.1, "exponent", least=-0.999, most=0.999),),
             pair=_pair,
         ),
     ),
-    law="mu = mu_d (T / T0)^-p, T0 the pretension",
-    signature="the loop widens less than in proportion to tension",
+    law="mu = mu_d (T / T0)^-p, T0 the pretension; falls where p > 0",
+    signature="the loop widens less (p > 0) or more than in proportion to tension",
     excited_by=("reversal", "load_range"),
     confused_with=("wrap_angle_change", "cable_stiffening"),
 )
