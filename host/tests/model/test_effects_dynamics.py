@@ -326,6 +326,22 @@ def test_a_cable_whose_stiffness_was_measured_slack_is_the_parabola_of_its_strai
     np.testing.assert_allclose(found.load_tension_a_n, expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("tau_s", "stiffer"),
+    [(1e-6, 1.0), (1e5, 1.5)],  # all of it has come, or none of it yet
+)
+def test_a_cable_pulled_slowly_is_as_stiff_as_its_file_says(tau_s: float, stiffer: float) -> None:
+    inputs = given(TP)
+    found = run("viscoelastic_cable", {"slow_a": 0.5, "slow_tau_s": tau_s}, inputs)
+    pair = plain()
+    path = "rig.cable.axial_stiffness_n"
+    plainly = simulate(pair.with_values({path: stiffer * pair.value(path)}), TP, inputs)
+    # 1e-4: steps by Newton's method here, from event to event there.
+    for name in ("motor_angle_rad", "load_torque_nm"):
+        one, other = getattr(found, name), getattr(plainly, name)
+        np.testing.assert_allclose(one, other, atol=1e-4 * np.ptp(other))
+
+
 @pytest.mark.parametrize("end", ["motor_end_n_per_m", "load_end_n_per_m"])
 def test_a_conduit_held_softly_at_an_end_is_a_spring_in_series(end: str) -> None:
     """Without friction, theta_m - rho theta_l = tau (L/EA + 1/K)/(2 r^2), whichever end."""

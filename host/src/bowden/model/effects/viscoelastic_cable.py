@@ -1,7 +1,8 @@
 """A cable that stretches at once and then a little more.
 
-A standard linear solid: EA is the stiffness at once, the rig is at rest for long at the first
-sample. tau is the time constant at constant tension; at constant length it is tau/(1 + a).
+A standard linear solid: EA is the stiffness at once, or, where it was measured by pulling slowly,
+the one that is left in the end. The rig is at rest for long at the first sample. tau is the time
+constant at constant tension; at constant length it is tau/(1 + a).
 """
 
 from __future__ import annotations
@@ -23,33 +24,30 @@ def _pair(pair: Transmission, p: Values) -> Transmission:
     return replace(pair, creep_share=p["a"], creep_time_s=p["tau_s"])
 
 
+def _pulled_slowly(pair: Transmission, p: Values) -> Transmission:
+    at_once_n = pair.axial_stiffness_n * (1.0 + p["slow_a"])
+    return replace(
+        pair, axial_stiffness_n=at_once_n, creep_share=p["slow_a"], creep_time_s=p["slow_tau_s"]
+    )
+
+
+def _parameters(prefix: str) -> tuple[Parameter, Parameter]:
+    share, time = "compliance that comes late, share", "time in which it comes"
+    return (
+        Parameter(f"{prefix}a", "", 0.0, 3.0, 0.0, 0.2, share, least=0),
+        Parameter(f"{prefix}tau_s", "s", 0.01, 100.0, None, 0.5, time, scale="log", least=1e-6),
+    )
+
+
 EFFECT = Effect(
     name="viscoelastic_cable",
     title="Viscoelastic cable",
     enters="cable",
     variants=(
-        Variant(
-            "",
-            (
-                Parameter(
-                    "a", "", 0.0, 3.0, 0.0, 0.2, "compliance that comes late, share", least=0
-                ),
-                Parameter(
-                    "tau_s",
-                    "s",
-                    0.01,
-                    100.0,
-                    None,
-                    0.5,
-                    "time in which it comes",
-                    scale="log",
-                    least=1e-6,
-                ),
-            ),
-            pair=_pair,
-        ),
+        Variant("", _parameters(""), pair=_pair),
+        Variant("EA when slow", _parameters("slow_"), pair=_pulled_slowly),
     ),
-    law="standard linear solid: compliance (1 + a (1 - exp(-t/tau)))/EA",
+    law="standard linear solid: compliance (1 + a (1 - exp(-t/tau)))/EA, or that over 1 + slow_a",
     signature="angles and torques creep at rest; slower strokes are softer",
     excited_by=(
         "reversal",
