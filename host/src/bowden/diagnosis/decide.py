@@ -18,7 +18,7 @@ from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import EffectNumber
 from bowden.diagnosis.fit import Fitted
 from bowden.diagnosis.free_parameters import Free
-from bowden.diagnosis.hypothesis import MOST_EFFECTS, WORTH, Hypothesis
+from bowden.diagnosis.hypothesis import MOST_EFFECTS, Hypothesis
 from bowden.diagnosis.problem import BY_CHANCE
 from bowden.diagnosis.select import Selection
 from bowden.model.effects.effect import EXACT
@@ -132,16 +132,16 @@ class Rest:
 
 
 def heard(selection: Selection, rest: Rest) -> tuple[Selection, Rest]:
-    """Return the selection without effects that no held-out sample speaks for, and what it leaves.
+    """Return the selection without effects that the held-out samples speak against, and the rest.
 
-    Fits see a part of the samples; what they gain there has to show in all of those held back.
+    Fits see a part of the samples; what they gain there must not be lost in all of those held back.
 
     Parameters
     ----------
     selection : Selection
     rest : Rest
     """
-    if not selection.chosen.effects or rest.gained > WORTH:
+    if not selection.chosen.effects or rest.gained > 0.0:
         return selection, rest
     base = selection.base
     bare = replace(selection, chosen=base, reported=base, needed=())
