@@ -25,6 +25,7 @@ from bowden.diagnosis.hypothesis import (
     plainest,
 )
 from bowden.diagnosis.own_noise import (
+    ALIKE,
     AT_FLOOR,
     WITHIN,
     cost_under,
@@ -128,7 +129,12 @@ def select(
             tried += _fit_all(parent, seen, pool)
         if not tried:
             break
+        until_now = replace(course)
         tried, better = course.go_on(tried, count, pool)
+        if course.chosen.rest > ALIKE * max(until_now.chosen.rest, AT_FLOOR):
+            # Each under its own noise: one effect less left less. The search has lost its way.
+            course = until_now
+            break
         before, left = left, tried[0].rest
         hopeless = count > 1 and (not better or left > CLOSER * before)
         if course.chosen.rest < AT_FLOOR or hopeless:
@@ -191,7 +197,7 @@ class _Course:
         favourites = max(FAVOURITES - count + 1, 1)
         self.problem, tried = under_their_noise(self.problem, tried, favourites, pool)
         self.chosen = again(self.chosen, self.problem)
-        self.known |= {one.key: one for one in [*tried, self.chosen]}
+        self.known = self.known | {one.key: one for one in [*tried, self.chosen]}
         if count > 1:
             # A first effect that was a mistake is done without, once the right one is there.
             for one in _without_each(tried[0], self.base, pool):
