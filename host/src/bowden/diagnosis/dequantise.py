@@ -15,6 +15,7 @@ residual is left as it is where its noise is white.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -269,13 +270,13 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
         "motor_angle_rad": rig.motor_encoder_counts_per_turn,
         "load_angle_rad": rig.load_encoder_counts_per_turn,
     }
-    channels = {}
-    for name in ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm"):
+    channels: dict[str, Estimated] = {}
+    for name in ("motor_torque_nm", "load_torque_nm", "motor_angle_rad", "load_angle_rad"):
         values: _Floats = getattr(recording, name)
         turn = counts.get(name)
         if name.endswith("_rad") or name in mode.columns:
             one = 2.0 * np.pi / turn.value if turn is not None else None
-            felt = _felt(recording, name, mode)
+            felt = _felt(channels, name, mode)
             channels[name] = dequantise(recording.time_s, values, expected_quantum=one, felt=felt)
         else:
             noise = noise_sigma(values, recording.time_s)
@@ -290,11 +291,11 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
     return Estimates(estimated, channels)
 
 
-def _felt(recording: Recording, name: str, mode: Mode) -> _Floats | None:
+def _felt(channels: Mapping[str, Estimated], name: str, mode: Mode) -> _Floats | None:
     """Return the torque at an angle's end over its noise, where the mode predicts it."""
     torque = name.replace("_angle_rad", "_torque_nm")
     if torque == name or torque in mode.columns:
         return None
-    values: _Floats = getattr(recording, torque)
+    values = channels[torque].values
     least = CLEAN_SHARE * max(float(np.ptp(values)), 1e-9)
-    return values / max(noise_sigma(values, recording.time_s), least)
+    return values / max(channels[torque].noise, least)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.fit import Fit, Fitted, Point, solve
@@ -45,9 +46,9 @@ class Hypothesis:
         """How many numbers the effects have."""
         return sum(len(one.variant.parameters) for one in self.effects)
 
-    @property
+    @cached_property
     def rest(self) -> float:
-        """What it leaves, in sigmas of the noise that it was fitted under."""
+        """What it leaves, in sigmas of the noise that it was fitted under; simulated once."""
         return self.fit.problem.rest(self.fitted.joint_model)
 
     @property

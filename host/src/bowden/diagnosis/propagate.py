@@ -13,6 +13,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -194,10 +195,9 @@ def _simulated(
     def run(job: tuple[Model, Recording]) -> Trajectory:
         return simulate_recording(job[0], mode, job[1])
 
-    if pool is None:
-        with ThreadPoolExecutor(max_workers=os.cpu_count()) as own:
-            return dict(zip(asked, own.map(run, asked.values()), strict=True))
-    return dict(zip(asked, pool.map(run, asked.values()), strict=True))
+    lent = ThreadPoolExecutor(max_workers=os.cpu_count()) if pool is None else nullcontext(pool)
+    with lent as workers:
+        return dict(zip(asked, workers.map(run, asked.values()), strict=True))
 
 
 def at_samples(recording: Recording, index: _Index) -> Recording:

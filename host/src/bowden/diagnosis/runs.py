@@ -58,14 +58,15 @@ class Rest:
         ndarray of shape (last - first + 1,)
             How far the path has come to the place of rest, 0..1.
         """
-        place, most = self.count + offset, BRAKING_SHARE * self._size
-        coming = 2.0 * arrival * abs(float(path[self.first]) - place) * self.before
-        going = 2.0 * leaving * abs(float(path[self.last]) - place) * self.after
-        return self._settle(path, place, min(coming, most), min(going, most))
+        place = self.count + offset
+        coming = self._within(arrival, path[self.first] - place, self.before)
+        going = self._within(leaving, path[self.last] - place, self.after)
+        return self._settle(path, place, coming, going)
 
     def draw(self, path: _Floats, generator: np.random.Generator) -> None:
         """Let a path (changed in place) stop somewhere, as gently as hands may."""
         offset = float(generator.uniform(-0.5, 0.5))
+        place = self.count + offset
         low, high = np.log(BRAKING)
         arrival, leaving = np.exp(generator.uniform(float(low), float(high), 2))
         both = (self.before > 0.0) == (self.after > 0.0)  # seen from both sides, or a locked load
@@ -74,17 +75,21 @@ class Rest:
             return
         # It may move at any time, or all the time.
         going = min(float(generator.uniform(0.0, 2.0)), 1.0) * self._size
-        coming = 0.0
-        if self.before > 0.0:
-            coming = 2.0 * arrival * abs(float(path[self.first]) - self.count - offset)
-            coming = min(coming * self.before, BRAKING_SHARE * self._size)
+        coming = self._within(float(arrival), path[self.first] - place, self.before)
         if self.after == 0.0:
             path[self.last] = self.count + generator.uniform(-0.5, 0.5)
-        self._settle(path, self.count + offset, coming, going)
+        self._settle(path, place, coming, going)
 
     @property
     def _size(self) -> int:
         return self.last - self.first + 1
+
+    def _within(self, gently: float, way: float, count: float) -> float:
+        """Return the samples that braking takes over so much of a count; 0 where none is seen.
+
+        `gently` is against even acceleration, `count` the samples of the count beside.
+        """
+        return min(2.0 * gently * abs(float(way)) * count, BRAKING_SHARE * self._size)
 
     def _settle(self, path: _Floats, place: float, coming: float, going: float) -> _Floats:
         """Come to a place in so many samples, leave it in so many; 0: stands from the beginning."""

@@ -117,8 +117,7 @@ def select(
     fit = Fit(model, calibration, problem, pool.map)
     stated = solve(fit, np.zeros(len(calibration)))
     base = Hypothesis((), fit, solve_widely(fit, stated))
-    course, frontier = _Course.from_(base), [base]
-    left = math.inf
+    course, frontier, left = _Course.at(base, base), [base], math.inf
     progress("looking at every effect", 0.1)
     looks = _look(base, candidates, pool)
     for count in range(1, MOST_EFFECTS + 1):
@@ -163,9 +162,7 @@ def look_closer(
     pool : ThreadPoolExecutor
     """
     base, parent = again(selection.base, problem), again(selection.chosen, problem)
-    course = _Course.from_(base)
-    course.chosen, course.rivals = parent, [parent]
-    course.known[parent.key] = parent
+    course = _Course.at(base, parent)
     looks = _look(parent, [one for one in candidates if one.key not in parent.key], pool)
     tried = _fit_all(parent, looks, pool, few=True)
     if tried:
@@ -186,8 +183,10 @@ class _Course:
     lacking: bool
 
     @classmethod
-    def from_(cls, base: Hypothesis) -> _Course:
-        return cls(base, base, [], {base.key: base}, base.fit.problem, base.rest > FAR)
+    def at(cls, base: Hypothesis, chosen: Hypothesis) -> _Course:
+        rivals = [chosen] if chosen.effects else []
+        known = {one.key: one for one in (base, chosen)}
+        return cls(base, chosen, rivals, known, base.fit.problem, base.rest > FAR)
 
     def go_on(
         self, tried: Sequence[Hypothesis], count: int, pool: ThreadPoolExecutor
@@ -197,6 +196,7 @@ class _Course:
         favourites = max(FAVOURITES - count + 1, 1)
         self.problem, tried = under_their_noise(self.problem, tried, favourites, pool)
         self.chosen = again(self.chosen, self.problem)
+        # A new one: who kept the course as it was keeps what it knew.
         self.known = self.known | {one.key: one for one in [*tried, self.chosen]}
         if count > 1:
             # A first effect that was a mistake is done without, once the right one is there.

@@ -44,9 +44,7 @@ from bowden.model.trajectory import FloatArray
 
 MOST_WRAP = 50.0  # mu ds/R of one segment: beyond any cable, but exp of it is still a number
 HELD = 2e-9  # share of the tensions by which a segment at rest may seem overloaded
-FAINT = (
-    1e-4  # of the reference tension: what carries less is known to rounding of what carries more
-)
+FAINT = 1e-4  # of the reference tension: less is known to the rounding of what carries more
 
 
 class ChainTables(NamedTuple):

@@ -26,9 +26,8 @@ def _pair(pair: Transmission, p: Values) -> Transmission:
 
 def _pulled_slowly(pair: Transmission, p: Values) -> Transmission:
     at_once_n = pair.axial_stiffness_n * (1.0 + p["slow_a"])
-    return replace(
-        pair, axial_stiffness_n=at_once_n, creep_share=p["slow_a"], creep_time_s=p["slow_tau_s"]
-    )
+    stiffer = replace(pair, axial_stiffness_n=at_once_n)
+    return _pair(stiffer, {"a": p["slow_a"], "tau_s": p["slow_tau_s"]})
 
 
 def _parameters(prefix: str) -> tuple[Parameter, Parameter]:
