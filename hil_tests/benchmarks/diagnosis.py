@@ -33,6 +33,7 @@ from bowden.recording.recording import REQUIRED_COLUMNS, Recording
 from hil_tests.benchmarks import diagnosis_baselines as baselines
 from hil_tests.benchmarks.diagnosis_picture import svg
 from hil_tests.benchmarks.diagnosis_score import Answer, Result, markdown
+from hil_tests.benchmarks.diagnosis_truth import over_truth
 from hil_tests.hidden_effects import effects, recordings, unlisted
 from hil_tests.hidden_effects.recordings import Case
 from hil_tests.hidden_effects.strength import WEAKEST
@@ -86,7 +87,7 @@ def recording_of(case: Case) -> Recording:
     return Recording(**{k: case.columns[k] for k in REQUIRED_COLUMNS}, extra=extra)  # type: ignore[arg-type]
 
 
-def ours(found: Diagnosis, seconds: float) -> Answer:
+def ours(found: Diagnosis, seconds: float, over_truth: float = math.nan) -> Answer:
     """Reduce a diagnosis to what is scored."""
     gaps = [g for g in found.gaps if g.noise_floor > 0.0]
     parameters = {
@@ -99,6 +100,7 @@ def ours(found: Diagnosis, seconds: float) -> Answer:
         tuple(dict.fromkeys(one.name for one in found.ranking)),
         parameters,
         max((g.after / g.noise_floor for g in gaps), default=math.nan),  # none where data are bad
+        over_truth,
         seconds,
     )
 
@@ -122,7 +124,8 @@ def run(job: Job) -> dict[str, Result]:
     except ModelError as error:
         failed = Answer(f"failed: {error}", (), seconds=time.perf_counter() - start)
         return {OURS: result(failed)}
-    answers = {OURS: ours(found, time.perf_counter() - start)}
+    seconds = time.perf_counter() - start
+    answers = {OURS: ours(found, seconds, over_truth(case, recording, found))}
     if not baselines.missing():
         answers |= baselines.answers(found, recording)
     return {method: result(answer) for method, answer in answers.items()}

@@ -35,6 +35,8 @@ class Answer:
         Effect -> parameter -> (value, low, high); empty where the method gives none.
     gap_over_floor : float
         After the diagnosis, held out; nan where the method gives none.
+    gap_over_truth : float
+        That over what the true model leaves; nan where there is none.
     seconds : float
     """
 
@@ -43,6 +45,7 @@ class Answer:
     ranking: tuple[str, ...] = ()
     parameters: dict[str, dict[str, tuple[float, float, float]]] = field(default_factory=dict)
     gap_over_floor: float = math.nan
+    gap_over_truth: float = math.nan
     seconds: float = math.nan
 
 
@@ -185,6 +188,11 @@ def rates(results: Sequence[Result]) -> dict[str, Rate]:
             r.answer.gap_over_floor <= 1.1
             for r in single
             if r.first and math.isfinite(r.answer.gap_over_floor)
+        ),
+        "gap after <= 1.1 x what the truth leaves": rate(
+            r.answer.gap_over_truth <= 1.1
+            for r in single
+            if r.first and math.isfinite(r.answer.gap_over_truth)
         ),
     }
 

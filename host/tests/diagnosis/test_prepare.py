@@ -6,9 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bowden.diagnosis.figures import in_sigmas
 from bowden.diagnosis.prepare import prepare
-from bowden.diagnosis.problem import BY_CHANCE, Problem
+from bowden.diagnosis.problem import BY_CHANCE, Problem, about_zero
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.recording import Recording
 
@@ -52,5 +51,5 @@ def test_encoders_that_round_down_do_not_make_a_right_model_wrong() -> None:
     gap = problem.gaps(model, parts[0])["motor_angle_rad"]
     channel = parts[0].channels["motor_angle_rad"]
     assert abs(float(np.mean(gap))) > 1.5 * float(np.median(channel.sigma))
-    z = in_sigmas(gap, channel.sigma, channel.zero_sigma)
+    z = about_zero(model, "motor_angle_rad", channel, gap) / channel.sigma
     assert np.sqrt(np.mean(z**2)) < BY_CHANCE

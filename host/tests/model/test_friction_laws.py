@@ -84,6 +84,26 @@ def test_stribeck_in_steady_sliding_slow_and_fast() -> None:
     assert wrap_friction(between) == pytest.approx(M * (1 + 0.5 * np.exp(-1)), rel=1e-3)
 
 
+def test_friction_behind_speed_fades_with_its_time_constant() -> None:
+    """At a constant speed mu = mu_d (1 + b (1 - (1 - exp(-(v/v_s)^2)) (1 - exp(-t/memory))))."""
+    rad_per_s, memory_s, step_s = 20.0, 0.2, 1e-4  # all of the cable slides after 16 ms
+    t = np.arange(0, 1.0, step_s)
+    steady = np.exp(-((rad_per_s * R_LOAD_M / 3.0) ** 2))
+    pair = printed(
+        SEGMENTS,
+        stribeck_gain=0.5,
+        stribeck_speed_m_per_s=3.0,
+        memory_s=memory_s,
+        memory_is_of_friction=True,
+    )
+    found = simulate_mesh(pair, PP, t, RHO * rad_per_s * t, rad_per_s * t)
+    ratio = np.log(found.motor_tension_a_n / found.load_tension_a_n)
+    expected = M * (1 + 0.5 * (1 - (1 - steady) * -np.expm1(-t / memory_s)))
+    late = t > 0.05  # places that begin to slide 16 ms later are so much behind: 2 % of the fall
+    np.testing.assert_allclose(ratio[late], expected[late], atol=0.05 * 0.5 * M)
+    assert ratio[-1] == pytest.approx(expected[-1], rel=1e-3)
+
+
 def test_stribeck_without_gain_is_coulomb() -> None:
     np.testing.assert_allclose(hand(3.0, stribeck_gain=1e-15), hand(3.0), atol=5e-2)
 

@@ -41,6 +41,7 @@ PLATEAU_NM = 2 * R_LOAD_M * T0_N * M  # 3.12 N m: friction of the moving pair at
 LAWS: dict[str, dict[str, float]] = {
     "viscous": {"mu_v_s_per_m": 0.3},
     "stribeck": {"stribeck_gain": 0.3},
+    "behind speed": {"stribeck_gain": 0.3, "memory_s": 0.1, "memory_is_of_friction": True},
     "tension": {"tension_exponent": 0.2},
     "presliding": {"presliding_m": 3e-4},
     "rounded": {"presliding_m": 2e-4, "presliding_is_rounded": True},
@@ -284,6 +285,8 @@ PARAMETERS = st.fixed_dictionaries(
     optional={
         "mu_v_s_per_m": st.floats(0, 2),
         "stribeck_gain": st.floats(0, 1),
+        "memory_s": st.floats(0, 0.5),
+        "memory_is_of_friction": st.booleans(),
         "tension_exponent": st.floats(0, 0.3),
         "presliding_m": st.floats(0, 2e-3),
         "lag_s": st.floats(0, 0.2),

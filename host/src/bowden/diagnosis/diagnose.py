@@ -30,7 +30,7 @@ from bowden.diagnosis.decide import (
     look_alikes,
 )
 from bowden.diagnosis.excitation import Excitation, excitation
-from bowden.diagnosis.figures import Gap, Series, gap_in, in_sigmas, rest_of, series_of
+from bowden.diagnosis.figures import Gap, Series, gap_in, rest_of, series_of
 from bowden.diagnosis.fit import Fit, solve, solve_widely
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.hypothesis import Hypothesis
@@ -324,11 +324,7 @@ def _where(
     """Find where the calibrated model alone is wrong, in the channel where that is clearest."""
 
     def left(name: str) -> list[NDArray[np.float64]]:
-        return [
-            in_sigmas(one.measured - one.before, one.sigma, one.zero_sigma)
-            for one in series
-            if one.quantity == name
-        ]
+        return [(one.measured - one.before) / one.sigma for one in series if one.quantity == name]
 
     def size(name: str) -> float:
         return float(np.mean(np.concatenate(left(name)) ** 2))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.compare import PREDICTED
 from bowden.diagnosis.decide import Rest
-from bowden.diagnosis.problem import Part, Problem, zero_sigma_in
+from bowden.diagnosis.problem import Part, Problem, about_zero
 from bowden.diagnosis.select import Selection
 from bowden.model import Mode, Model
 
@@ -58,9 +58,8 @@ class Series:
     ----------
     source, quantity : str
     time_s, measured, before, after, sigma : ndarray of shape (n,)
+        What is predicted has its zero where it fits best, within what is known of an encoder's.
     held_out : ndarray of shape (n,), bool
-    zero_sigma : float
-        How well the channel's zero is known, same unit.
     """
 
     source: str
@@ -71,7 +70,6 @@ class Series:
     after: _Floats
     sigma: _Floats
     held_out: _Flags
-    zero_sigma: float = 0.0
 
 
 def series_of(
@@ -92,11 +90,10 @@ def series_of(
                     quantity=name,
                     time_s=part.recording.time_s,
                     measured=one.measured,
-                    before=one.measured - before[name],
-                    after=one.measured - after[name],
+                    before=one.measured - about_zero(models[0], name, one, before[name]),
+                    after=one.measured - about_zero(models[1], name, one, after[name]),
                     sigma=one.sigma,
                     held_out=~part.counts,
-                    zero_sigma=zero_sigma_in(models[1], name, one),
                 )
             )
     return tuple(found)
@@ -138,7 +135,7 @@ def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> R
             found = []
             for gap, part in zip(left, ready.parts, strict=True):
                 one = part.channels[name]
-                z = in_sigmas(gap[name], one.sigma, zero_sigma_in(model, name, one))
+                z = about_zero(model, name, one, gap[name]) / one.sigma
                 found.append(z[~part.counts])
             return float(np.sqrt(np.sum(share * np.concatenate(found) ** 2) / np.sum(share)))
 
@@ -147,9 +144,3 @@ def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> R
         found.append(Rest(first, then, max(1.0, common * float(share.sum()))))
     gained = sum(0.5 * one.samples * (one.before**2 - one.after**2) for one in found)
     return replace(max(found, key=lambda one: one.after), gained=gained)
-
-
-def in_sigmas(gap: _Floats, sigma: _Floats, zero_sigma: float) -> _Floats:
-    """Return what a model leaves, over the local noise; a zero may be off by what it may."""
-    shift = np.clip(np.median(gap), -zero_sigma, zero_sigma)
-    return np.asarray((gap - shift) / sigma)

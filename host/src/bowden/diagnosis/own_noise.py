@@ -24,7 +24,7 @@ NEARER = 0.9  # of the rest: less than that is worth another round
 
 def under_their_noise(
     problem: Problem, tried: Sequence[Hypothesis], favourites: int, pool: ThreadPoolExecutor
-) -> tuple[Problem, list[Hypothesis]]:
+) -> tuple[Problem, list[Hypothesis], Hypothesis]:
     """Judge by the noise that the best leaves.
 
     Each of the favourites is fitted under its own, until one leaves noise. Where none does, those
@@ -41,8 +41,8 @@ def under_their_noise(
 
     Returns
     -------
-    Problem, list of Hypothesis
-        The nearer problem; all under it, best first.
+    Problem, list of Hypothesis, Hypothesis
+        The nearer problem; all under it, best first; the one whose noise it is.
     """
     rings = [one for one in tried if one.fit.problem is not problem and one.rest < AT_FLOOR]
     alike = [one if one.fit.problem is problem else weighed(one, problem) for one in tried]
@@ -62,7 +62,8 @@ def under_their_noise(
 
     best = min(order, key=wrong)
     nearer = problem.with_noise_of(best.fitted.model)
-    return nearer, judged_again(order, nearer, pool)
+    found = judged_again(order, nearer, pool)
+    return nearer, found, next(one for one in found if one.key == best.key)
 
 
 def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:

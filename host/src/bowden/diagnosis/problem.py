@@ -204,12 +204,12 @@ class Problem:
         return worst
 
     def _in_sigmas(self, model: Model, part: Part) -> dict[str, _Floats]:
-        """Return each channel's gap over its stated sigma; angles about their mean."""
-        gaps = self.gaps(model, part).items()
-        return {
-            name: _about_its_mean(gap / part.channels[name].sigma, part.channels[name])
-            for name, gap in gaps
-        }
+        """Return each channel's gap over its stated sigma, its zero where it may be."""
+        found = {}
+        for name, gap in self.gaps(model, part).items():
+            channel = part.channels[name]
+            found[name] = about_zero(model, name, channel, gap) / channel.sigma
+        return found
 
     @property
     def fitted_samples(self) -> float:
@@ -253,13 +253,12 @@ class Problem:
             for name, gap in self.gaps(model, part).items():
                 channel = part.channels[name]
                 sigma, share = channel.sigma[part.counts], channel.share[part.counts]
-                left = gap[part.counts]
+                left = about_zero(model, name, channel, gap, part.counts)[part.counts]
                 typical = _typical(left, sigma)
-                z = _about_its_mean(left / np.hypot(sigma, typical), channel)
+                z = left / np.hypot(sigma, typical)
                 w = np.sqrt(share) * z
                 common = float(effective_samples(w) / w.size) / WHITE
-                wrong = _about_its_mean(left / sigma, channel)
-                if np.sum(share * wrong**2) > BY_CHANCE**2 * np.sum(share):
+                if np.sum(share * (left / sigma) ** 2) > BY_CHANCE**2 * np.sum(share):
                     common = max(common, HEARD / float(np.sum(share)))
                 channels[name] = replace(
                     channel,
@@ -284,8 +283,19 @@ def zero_sigma_in(model: Model, name: str, channel: Channel) -> float:
     return float(np.hypot(channel.zero_sigma, sum(found)))
 
 
-def _about_its_mean(z: _Floats, channel: Channel) -> _Floats:
-    return np.asarray(z - np.mean(z)) if channel.zero_sigma > 0.0 else z
+def about_zero(
+    model: Model, name: str, channel: Channel, gap: _Floats, counts: _Flags | None = None
+) -> _Floats:
+    """Return what a model leaves of a channel, its zero moved within what is known of it.
+
+    By the mean of the samples that count, each by what it is worth.
+    """
+    if channel.zero_sigma == 0.0:
+        return gap
+    worth = channel.share / channel.sigma**2 * (1.0 if counts is None else counts)
+    zero_sigma = zero_sigma_in(model, name, channel)
+    shift = np.clip(float(worth @ gap) / float(worth.sum()), -zero_sigma, zero_sigma)
+    return np.asarray(gap - shift)
 
 
 def _typical(gap: _Floats, sigma: _Floats) -> float:

@@ -252,8 +252,9 @@ def _doubts(model: Model) -> list[tuple[Model, float]]:
     """Return models with other numbers that might be as right, and the share of each."""
     pair, found = model.transmission, []
     alike = math.sqrt(1 / len(OTHERWISE))
-    if pair.friction.stribeck_gain > 0.0 and pair.friction.memory_s > 0.0:
-        found += [(with_memory(model, k * pair.friction.memory_s), alike) for k in OTHERWISE]
+    law = pair.friction
+    if law.stribeck_gain > 0.0 and law.memory_s > 0.0 and not law.memory_is_of_friction:
+        found += [(with_memory(model, k * law.memory_s), alike) for k in OTHERWISE]
     if pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh":
         found += [(with_damping(model, k * pair.damping_s), alike) for k in OTHERWISE]
     return found

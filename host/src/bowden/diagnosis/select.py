@@ -8,7 +8,7 @@ price; again, until nothing is. Hypotheses in order of their score out; `decide`
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -34,16 +34,12 @@ from bowden.diagnosis.own_noise import (
     under_their_noise,
 )
 from bowden.diagnosis.problem import Problem
-from bowden.diagnosis.screening import Screened, look_again, screen, under_other_weights
+from bowden.diagnosis.screening import Screened, under_other_weights
+from bowden.diagnosis.trials import first_looks, fit_all, looks_on_top
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
 
-FITTED = 8  # candidates that are fitted after the first look
-CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
-MOST_FITTED = 14
-STARTS = 2  # shapes of each
-FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from one shape
 STRAINED = 3.0  # tolerances
 FAR = 3.0  # of its own noise: so much is missing, however much noise a better model allows
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
@@ -119,13 +115,13 @@ def select(
     base = Hypothesis((), fit, solve_widely(fit, stated))
     course, frontier, left = _Course.at(base, base), [base], math.inf
     progress("looking at every effect", 0.1)
-    looks = _look(base, candidates, pool)
+    looks = first_looks(base, candidates, pool)
     for count in range(1, MOST_EFFECTS + 1):
         progress(f"fitting effect {count}", 0.1 + 0.8 * count / (MOST_EFFECTS + 1))
         tried = []
         for parent in frontier:
-            seen = _look_again(parent, base, looks) if parent.effects else looks
-            tried += _fit_all(parent, seen, pool)
+            seen = looks_on_top(parent, base, looks) if parent.effects else looks
+            tried += fit_all(parent, seen, pool)
         if not tried:
             break
         until_now = replace(course)
@@ -163,8 +159,8 @@ def look_closer(
     """
     base, parent = again(selection.base, problem), again(selection.chosen, problem)
     course = _Course.at(base, parent)
-    looks = _look(parent, [one for one in candidates if one.key not in parent.key], pool)
-    tried = _fit_all(parent, looks, pool, few=True)
+    looks = first_looks(parent, [one for one in candidates if one.key not in parent.key], pool)
+    tried = fit_all(parent, looks, pool, few=True)
     if tried:
         course.go_on(tried, len(parent.effects) + 1, pool)
     found = course.selection([])
@@ -194,7 +190,7 @@ class _Course:
         """Weigh hypotheses of so many effects; return them best first, and whether one is taken."""
         tried = distinct(tried)
         favourites = max(FAVOURITES - count + 1, 1)
-        self.problem, tried = under_their_noise(self.problem, tried, favourites, pool)
+        self.problem, tried, nearest = under_their_noise(self.problem, tried, favourites, pool)
         self.chosen = again(self.chosen, self.problem)
         # A new one: who kept the course as it was keeps what it knew.
         self.known = self.known | {one.key: one for one in [*tried, self.chosen]}
@@ -208,11 +204,21 @@ class _Course:
                     self.chosen = one
                     self.rivals = distinct([one, *judged_again(self.rivals, self.problem, pool)])
         better = next((one for one in tried if self._is_better(one, count)), None)
+        if not better and self._alone_foretells(nearest):
+            better = nearest
         if count == 1 or better:
             self.rivals = tried
         if better:
             self.chosen = better
         return tried, better is not None
+
+    def _alone_foretells(self, one: Hypothesis) -> bool:
+        """Whether a model that rings allows as much as it explains, and nothing else explains it.
+
+        Under its noise nothing is missing; under their own, all others leave more.
+        """
+        quiet = max(one.rest, self.chosen.rest) < AT_FLOOR
+        return quiet and self.lacking and not self.chosen.effects
 
     def _is_better(self, one: Hypothesis, count: int) -> bool:
         chosen = self.chosen
@@ -283,82 +289,6 @@ def _matters(one: Hypothesis, known: Mapping[frozenset[tuple[str, str]], Hypothe
         if problem.distance(model, without) < enough:
             return False
     return True
-
-
-def _look(
-    base: Hypothesis, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
-) -> list[list[Screened]]:
-    """Screen every candidate, best first."""
-    return _in_order(pool.map(lambda one: screen(base.fit, base.fitted, one), candidates))
-
-
-def _look_again(
-    parent: Hypothesis, base: Hypothesis, looks: Sequence[Sequence[Screened]]
-) -> list[list[Screened]]:
-    """Look at what the parent does not hold, on top of it, best first."""
-    reweighed = parent.fit.problem.weights() / base.fit.problem.weights()
-    return _in_order(
-        [look_again(parent.fit, parent.fitted, one, reweighed) for one in look]
-        for look in looks
-        if look[0].candidate.key not in parent.key
-    )
-
-
-def _in_order(looks: Iterable[list[Screened]]) -> list[list[Screened]]:
-    """Put the best shape of each first, and the best candidate."""
-    found = [sorted(look, key=lambda one: -one.gain) for look in looks if look]
-    return sorted(found, key=lambda look: -look[0].gain)
-
-
-def _fit_all(
-    parent: Hypothesis,
-    looks: Sequence[Sequence[Screened]],
-    pool: ThreadPoolExecutor,
-    *,
-    few: bool = False,
-) -> list[Hypothesis]:
-    """Fit the promising ones; few of them on top of other effects."""
-    if not looks:
-        return []
-    close = sum(look[0].gain > CLOSE * looks[0][0].gain for look in looks)
-    count, shapes = min(max(FITTED, close), MOST_FITTED), STARTS
-    few = few or bool(parent.effects)
-    if few:
-        count, shapes = FITTED_ON_TOP, 1
-    starts = [one for look in looks[:count] for one in look[:shapes] if one.gain > 0.0]
-    if not few:
-        starts += [one for look in looks for one in look[:shapes] if one.rings]
-        # A first look is a straight line; what has one number is fitted to be sure.
-        starts += [look[0] for look in looks[count:] if look[0].has_one_number]
-    problems = [_problem_of(parent, one) for one in starts]  # here: it uses the pool itself
-    fitted = pool.map(lambda one, under: _fit_one(parent, one, under), starts, problems)
-    return [one for one in fitted if one is not None]
-
-
-def _problem_of(parent: Hypothesis, look: Screened) -> Problem:
-    """Return what a candidate is fitted under: where it rings, under its own noise at once."""
-    problem = parent.fit.problem
-    if not look.rings or parent.effects:
-        return problem
-    try:
-        model = with_candidate(parent.fitted.model, look.candidate, look.values)
-        return problem.with_noise_of(model)
-    except ModelError:
-        return problem
-
-
-def _fit_one(parent: Hypothesis, look: Screened, problem: Problem) -> Hypothesis | None:
-    model = with_candidate(parent.fitted.model, look.candidate, look.values)
-    numbers = look.candidate.numbers(len(model.document.effects) - 1)
-    fit = Fit(model, [*parent.fit.parameters, *numbers], problem)
-    own = np.array([one.at(look.values[one.parameter.name]) for one in numbers])
-    start = np.concatenate([parent.fitted.at + look.step, own])
-    known = parent.fitted.matrix if problem is parent.fit.problem else None
-    try:
-        fitted = solve(fit, start, known, polish=False)
-    except ModelError:
-        return None
-    return Hypothesis((*parent.effects, look.candidate), fit, fitted)
 
 
 def _most_needed_first(

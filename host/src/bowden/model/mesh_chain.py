@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from bowden.model.compiled import compiled_in_place, inlined
-from bowden.model.friction.stribeck import filtered
+from bowden.model.friction.stribeck import faded, filtered
 from bowden.model.mesh_sliders import (
     ABOVE,
     BELOW,
@@ -312,7 +312,7 @@ def finish(
         for j in range(n):
             total += s.reserve_m[cable, j]
             s.reserve_m[cable, j] = 0.0
-            s.speed[cable, j] = 0.0
+            s.recalled[cable, j] = 0.0
             s.went_m[cable, j] = 0.0
             s.held[cable, j] = 0.0
             s.bristle_n[cable, j] = 0.0
@@ -332,7 +332,10 @@ def finish(
             s.creep_n[cable, i] += new * (tau - s.creep_n[cable, i])
     for j in range(n):
         s.went_m[cable, j] = s.slip[cable, j]
-        s.speed[cable, j] = filtered(s.speed[cable, j], s.slip[cable, j] / dt, t.memory_s, dt)
+        now = s.slip[cable, j] / dt
+        if t.recalls_friction:
+            now = faded(t.stribeck_gain, t.stribeck_speed_m_per_s, now)
+        s.recalled[cable, j] = filtered(s.recalled[cable, j], now, t.memory_s, dt)
         s.rested[cable, j] = 1 if s.slides[cable, j] == 0 else 0
         if t.lag_s > 0 or t.presliding_m > 0:
             here, there = s.tension[cable, j], s.tension[cable, j + 1]

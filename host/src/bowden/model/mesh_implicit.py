@@ -179,9 +179,9 @@ def save(s: ChainState, p: Pulleys) -> None:
             s.saved[cable, 1, i] = s.stretch[cable, i]
             s.saved[cable, 2, i] = s.tension[cable, i]
             s.saved[cable, 3, i] = s.creep_n[cable, i]
-        for j in range(s.speed.shape[1]):
+        for j in range(s.recalled.shape[1]):
             s.saved[cable, 0, j] = s.reserve_m[cable, j]
-            s.saved[cable, 4, j] = s.speed[cable, j]
+            s.saved[cable, 4, j] = s.recalled[cable, j]
             s.saved[cable, 5, j] = s.slides[cable, j]
             s.saved[cable, 6, j] = s.rested[cable, j]
             s.saved[cable, 7, j] = s.held[cable, j]
@@ -201,9 +201,9 @@ def restore(s: ChainState, p: Pulleys) -> None:
             s.stretch[cable, i] = s.saved[cable, 1, i]
             s.tension[cable, i] = s.saved[cable, 2, i]
             s.creep_n[cable, i] = s.saved[cable, 3, i]
-        for j in range(s.speed.shape[1]):
+        for j in range(s.recalled.shape[1]):
             s.reserve_m[cable, j] = s.saved[cable, 0, j]
-            s.speed[cable, j] = s.saved[cable, 4, j]
+            s.recalled[cable, j] = s.saved[cable, 4, j]
             s.slides[cable, j] = int(s.saved[cable, 5, j])
             s.rested[cable, j] = int(s.saved[cable, 6, j])
             s.held[cable, j] = s.saved[cable, 7, j]

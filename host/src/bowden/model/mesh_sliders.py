@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.model.compiled import compiled_in_place, inlined
-from bowden.model.friction.stribeck import stribeck_term
+from bowden.model.friction.stribeck import risen
 from bowden.model.friction.tension_dependent import tension_factor
 from bowden.model.trajectory import FloatArray
 
@@ -61,6 +61,7 @@ class ChainTables(NamedTuple):
     tension_exponent: float
     reference_n: float
     memory_s: float
+    recalls_friction: bool
     presliding_m: float
     rounded: bool
     keeps_share: bool
@@ -82,7 +83,7 @@ class ChainState(NamedTuple):
     stretch: FloatArray  # e
     tension: FloatArray
     creep_n: FloatArray  # tau that the slow part of the stretch has followed so far
-    speed: FloatArray  # filtered, m/s
+    recalled: FloatArray  # filtered: speed, m/s, or by how much Stribeck's term has faded
     went_m: FloatArray  # slip of the last sample
     slides: NDArray[np.int64]  # -1 towards the motor, 0 at rest, +1 towards the load
     rested: NDArray[np.int64]  # 1 where a segment was at rest at the last sample
@@ -134,7 +135,9 @@ def prepare(t: ChainTables, s: ChainState, cable: int, factor: float) -> None:
     n = t.wrap.shape[2]
     for j in range(n):
         mu = t.mu_d * factor
-        mu *= 1.0 + stribeck_term(t.stribeck_gain, t.stribeck_speed_m_per_s, s.speed[cable, j])
+        mu *= 1.0 + risen(
+            t.stribeck_gain, t.stribeck_speed_m_per_s, t.recalls_friction, s.recalled[cable, j]
+        )
         for d in range(2):
             limit = min(t.wrap[cable, d, j] * mu, MOST_WRAP)
             if limit != s.limit[cable, d, j]:

@@ -52,6 +52,8 @@ class FrictionLaw:
         ``mu (1 + a)`` while the pair moves towards positive angle, ``mu (1 - a)`` back.
     memory_s : float, s, >= 0
         Time constant of the low-pass filter on the speed of the Stribeck term.
+    memory_is_of_friction : bool
+        The filter is on the term itself: friction follows speed late (Hess and Soom 1990).
     presliding_m : float, m, >= 0
         Slip over which friction builds up before a segment slides.
     presliding_is_rounded : bool
@@ -74,6 +76,7 @@ class FrictionLaw:
     tension_exponent: float = 0.0
     direction_asymmetry: float = 0.0
     memory_s: float = 0.015
+    memory_is_of_friction: bool = False
     presliding_m: float = 0.0
     presliding_is_rounded: bool = False
     presliding_keeps_share: bool = False

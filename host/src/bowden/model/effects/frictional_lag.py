@@ -24,6 +24,17 @@ def _in_time_and_way(pair: Transmission, p: Values) -> Transmission:
     return replace(pair, friction=law)
 
 
+def _behind_speed(pair: Transmission, p: Values) -> Transmission:
+    law = replace(
+        pair.friction,
+        stribeck_gain=p["fall"],
+        stribeck_speed_m_per_s=p["fall_m_per_s"],
+        memory_s=p["memory_s"],
+        memory_is_of_friction=True,
+    )
+    return replace(pair, friction=law)
+
+
 EFFECT = Effect(
     name="frictional_lag",
     title="Frictional lag",
@@ -65,9 +76,41 @@ EFFECT = Effect(
             ),
             pair=_in_time_and_way,
         ),
+        Variant(
+            "behind speed",
+            (
+                Parameter(
+                    "fall", "", 0.0, 3.0, 0.0, 0.3, "rise of mu at rest, share of mu_d", least=0
+                ),
+                Parameter(
+                    "fall_m_per_s",
+                    "m/s",
+                    5e-4,
+                    0.1,
+                    None,
+                    0.01,
+                    "speed over which it fades",
+                    scale="log",
+                    least=1e-6,
+                ),
+                Parameter(
+                    "memory_s",
+                    "s",
+                    0.03,
+                    0.5,
+                    None,
+                    0.1,
+                    "with which it follows the speed",
+                    scale="log",
+                    least=0,
+                ),
+            ),
+            pair=_behind_speed,
+        ),
     ),
     law="friction that bears up against sliding grows towards mu T with the time constant lag_s; "
-    "or late_s (1 + slow/|v|), so that at rest it waits",
+    "or late_s (1 + slow/|v|), so that at rest it waits; "
+    "or mu_d (1 + fall z), z nearing exp(-(v/fall_m_per_s)^2) with the time constant memory_s",
     signature="the loop of friction over speed opens with frequency",
     excited_by=(
         "reversal",

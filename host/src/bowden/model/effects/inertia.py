@@ -75,7 +75,7 @@ MOTOR = Effect(
     variants=(
         Variant(
             "",
-            (_size(3e-4, 2e-5, "of rotor and pulley"),),
+            (_size(1e-3, 2e-5, "of rotor and pulley"),),
             pair=_motor_pair,
             channels=(Channel("motor_torque_nm", _motor_undone, _motor_applied),),
             longest_step_s=_step_s,

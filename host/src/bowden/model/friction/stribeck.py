@@ -9,6 +9,8 @@ Where friction falls with speed the quasi-static problem has no unique answer. S
 speed: it follows the segment's speed with the time constant `memory_s`, and the term takes it as it
 was one sample ago. Below v_s the motion then is stick-slip, whose single slips depend on the mesh
 and on the memory; what is robust is the friction of steady sliding and the first breakaway.
+
+Where friction itself comes late (Hess and Soom 1990), it is the term that follows with `memory_s`.
 """
 
 from __future__ import annotations
@@ -27,6 +29,20 @@ def stribeck_term(gain: float, stribeck_speed: float, speed: float) -> float:
 
 
 @compiled_in_place
-def filtered(before: float, speed: float, memory_s: float, dt: float) -> float:
-    """Return the speed behind a first-order low-pass filter, one backward Euler step on."""
-    return before + dt / (memory_s + dt) * (speed - before)
+def faded(gain: float, stribeck_speed: float, speed: float) -> float:
+    """Return what steady sliding takes off the term at rest, b (1 - exp(-(v/v_s)^2))."""
+    return gain - stribeck_term(gain, stribeck_speed, speed)
+
+
+@compiled_in_place
+def risen(gain: float, stribeck_speed: float, recalls_friction: bool, recalled: float) -> float:
+    """Return the term of what is recalled: a speed (m/s), or what it has faded by."""
+    if recalls_friction:
+        return gain - recalled
+    return stribeck_term(gain, stribeck_speed, recalled)
+
+
+@compiled_in_place
+def filtered(before: float, now: float, memory_s: float, dt: float) -> float:
+    """Return what a first-order low-pass filter makes of `now`, one backward Euler step on."""
+    return before + dt / (memory_s + dt) * (now - before)

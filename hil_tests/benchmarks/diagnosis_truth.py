@@ -1,0 +1,54 @@
+"""What the true model leaves of the same samples: how much of a gap is chance, how much is ours.
+
+A few moments after reversals, and rests that are one sample each, carry most of what counts are
+worth, so that a right model may leave 0.4 or 1.7 of the noise floor. `diagnosis` asks here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from bowden.diagnosis.compare import simulate_recording
+from bowden.diagnosis.dequantise import estimate_channels
+from bowden.diagnosis.diagnose import Diagnosis
+from bowden.model import Model, parse_model
+from bowden.recording.recording import Recording
+
+from hil_tests.hidden_effects.recordings import Case
+
+CALIBRATED = {
+    "pretension_n": "rig.cable.pretension_n",
+    "mu_d": "friction.mu_d",
+    "axial_stiffness_n": "rig.cable.axial_stiffness_n",
+}
+
+
+def over_truth(case: Case, recording: Recording, found: Diagnosis) -> float:
+    """Return the gap after over what the true model leaves, held out; of the worse channel.
+
+    nan where the truth is in no catalogue, or where the data allowed no verdict.
+    """
+    if case.truth.kind == "unlisted" or not found.series:
+        return math.nan
+    model = true_model(case)
+    given = estimate_channels(recording, model, found.mode).recording
+    trajectory = simulate_recording(model, found.mode, given)
+    ratios = []
+    for gap, one in zip(found.gaps, found.series, strict=True):
+        left = one.measured - getattr(trajectory, one.quantity)
+        if one.quantity.endswith("_rad"):  # an encoder's zero is known to a fraction of a count
+            left -= left.mean()
+        ratios.append(gap.after / float(np.sqrt(np.mean(left[one.held_out] ** 2))))
+    return max(ratios)
+
+
+def true_model(case: Case) -> Model:
+    """Return the lab's model with the true calibration and what is hidden."""
+    true = case.truth.calibration["rig"]
+    model = parse_model(case.model_yaml).with_values(
+        {path: true[name] for name, path in CALIBRATED.items()}
+    )
+    for name, values in case.truth.effects:
+        model = model.with_effect(name, values)
+    return model

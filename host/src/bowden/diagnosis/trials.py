@@ -1,0 +1,101 @@
+"""What is tried on top of a hypothesis: a first look at all candidates, fits of the promising.
+
+A calibrated model, perhaps with effects, and candidates in; hypotheses with one effect more out,
+for `select` to choose from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from bowden.diagnosis.candidates import Candidate, with_candidate
+from bowden.diagnosis.fit import Fit, solve
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.screening import Screened, look_again, screen
+from bowden.model import ModelError
+
+FITTED = 8  # candidates that are fitted after the first look
+CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
+MOST_FITTED = 14
+STARTS = 2  # shapes of each
+FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from one shape
+
+
+def first_looks(
+    base: Hypothesis, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
+) -> list[list[Screened]]:
+    """Screen every candidate, best first."""
+    return _in_order(pool.map(lambda one: screen(base.fit, base.fitted, one), candidates))
+
+
+def looks_on_top(
+    parent: Hypothesis, base: Hypothesis, looks: Sequence[Sequence[Screened]]
+) -> list[list[Screened]]:
+    """Look at what the parent does not hold, on top of it, best first."""
+    reweighed = parent.fit.problem.weights() / base.fit.problem.weights()
+    return _in_order(
+        [look_again(parent.fit, parent.fitted, one, reweighed) for one in look]
+        for look in looks
+        if look[0].candidate.key not in parent.key
+    )
+
+
+def _in_order(looks: Iterable[list[Screened]]) -> list[list[Screened]]:
+    """Put the best shape of each first, and the best candidate."""
+    found = [sorted(look, key=lambda one: -one.gain) for look in looks if look]
+    return sorted(found, key=lambda look: -look[0].gain)
+
+
+def fit_all(
+    parent: Hypothesis,
+    looks: Sequence[Sequence[Screened]],
+    pool: ThreadPoolExecutor,
+    *,
+    few: bool = False,
+) -> list[Hypothesis]:
+    """Fit the promising ones; few of them on top of other effects."""
+    if not looks:
+        return []
+    close = sum(look[0].gain > CLOSE * looks[0][0].gain for look in looks)
+    count, shapes = min(max(FITTED, close), MOST_FITTED), STARTS
+    few = few or bool(parent.effects)
+    if few:
+        count, shapes = FITTED_ON_TOP, 1
+    starts = [one for look in looks[:count] for one in look[:shapes] if one.gain > 0.0]
+    if not few:
+        starts += [one for look in looks for one in look[:shapes] if one.rings]
+        # A first look is a straight line; what has one number is fitted to be sure.
+        starts += [look[0] for look in looks[count:] if look[0].has_one_number]
+    problems = [_problem_of(parent, one) for one in starts]  # here: it uses the pool itself
+    fitted = pool.map(lambda one, under: _fit_one(parent, one, under), starts, problems)
+    return [one for one in fitted if one is not None]
+
+
+def _problem_of(parent: Hypothesis, look: Screened) -> Problem:
+    """Return what a candidate is fitted under: where it rings, under its own noise at once."""
+    problem = parent.fit.problem
+    if not look.rings or parent.effects:
+        return problem
+    try:
+        model = with_candidate(parent.fitted.model, look.candidate, look.values)
+        return problem.with_noise_of(model)
+    except ModelError:
+        return problem
+
+
+def _fit_one(parent: Hypothesis, look: Screened, problem: Problem) -> Hypothesis | None:
+    model = with_candidate(parent.fitted.model, look.candidate, look.values)
+    numbers = look.candidate.numbers(len(model.document.effects) - 1)
+    fit = Fit(model, [*parent.fit.parameters, *numbers], problem)
+    own = np.array([one.at(look.values[one.parameter.name]) for one in numbers])
+    start = np.concatenate([parent.fitted.at + look.step, own])
+    known = parent.fitted.matrix if problem is parent.fit.problem else None
+    try:
+        fitted = solve(fit, start, known, polish=False)
+    except ModelError:
+        return None
+    return Hypothesis((*parent.effects, look.candidate), fit, fitted)
