@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from bowden.diagnosis.own_noise import AT_FLOOR
 from bowden.diagnosis.prepare import prepare
 from bowden.diagnosis.problem import BY_CHANCE, Problem, about_zero
 from bowden.model import Inputs, Mode, parse_model, simulate
@@ -53,3 +54,4 @@ def test_encoders_that_round_down_do_not_make_a_right_model_wrong() -> None:
     assert abs(float(np.mean(gap))) > 1.5 * float(np.median(channel.sigma))
     z = about_zero(model, "motor_angle_rad", channel, gap) / channel.sigma
     assert np.sqrt(np.mean(z**2)) < BY_CHANCE
+    assert problem.rest(model) < AT_FLOOR
