@@ -131,6 +131,8 @@ class Candidate:
                 values = [0.0]
             elif _is_whole(one):
                 values = [float(k) for k in range(math.ceil(one.low), math.floor(one.high) + 1)]
+            elif one.spacing is not None:
+                values = list(np.arange(one.low + one.spacing / 2.0, one.high, one.spacing))
             elif one.low > 0.0:
                 values = list(np.geomspace(one.low, one.high, 7)[1:6:2])
             else:

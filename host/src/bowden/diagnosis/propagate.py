@@ -34,6 +34,7 @@ DRAWS = 24  # a turn that only one path in twenty takes still has to show
 SMOOTHED_S = 0.02  # neighbours share their spread
 MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
 OTHERWISE = (1 / 3, 3.0)  # times numbers that nobody knows better
+UNDAMPED_OR_MORE = (0.0, 3.0)  # times the damping of what rings
 HELD_OR_NOT = math.sqrt(2 / 3)  # half a sample late, early or neither, each as likely
 LEAST_SHARE = 1e-6  # of a channel's range: sigma never falls below, so that gaps can be weighed
 
@@ -256,7 +257,7 @@ def _doubts(model: Model) -> list[tuple[Model, float]]:
     if law.stribeck_gain > 0.0 and law.memory_s > 0.0 and not law.memory_is_of_friction:
         found += [(with_memory(model, k * law.memory_s), alike) for k in OTHERWISE]
     if pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh":
-        found += [(with_damping(model, k * pair.damping_s), alike) for k in OTHERWISE]
+        found += [(with_damping(model, k * pair.damping_s), alike) for k in UNDAMPED_OR_MORE]
     return found
 
 

@@ -119,8 +119,12 @@ def select(
     for count in range(1, MOST_EFFECTS + 1):
         progress(f"fitting effect {count}", 0.1 + 0.8 * count / (MOST_EFFECTS + 1))
         tried = []
-        for parent in frontier:
-            seen = looks_on_top(parent, base, looks) if parent.effects else looks
+        for place, parent in enumerate(frontier):
+            seen = looks
+            if parent.effects and place == 0:  # what it promises depends on what is there already
+                seen = first_looks(parent, candidates, pool)
+            elif parent.effects:
+                seen = looks_on_top(parent, base, looks)
             tried += fit_all(parent, seen, pool)
         if not tried:
             break
@@ -159,7 +163,7 @@ def look_closer(
     """
     base, parent = again(selection.base, problem), again(selection.chosen, problem)
     course = _Course.at(base, parent)
-    looks = first_looks(parent, [one for one in candidates if one.key not in parent.key], pool)
+    looks = first_looks(parent, candidates, pool)
     tried = fit_all(parent, looks, pool, few=True)
     if tried:
         course.go_on(tried, len(parent.effects) + 1, pool)

@@ -28,8 +28,9 @@ FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from on
 def first_looks(
     base: Hypothesis, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
 ) -> list[list[Screened]]:
-    """Screen every candidate, best first."""
-    return _in_order(pool.map(lambda one: screen(base.fit, base.fitted, one), candidates))
+    """Screen every candidate that is not there already, best first."""
+    others = [one for one in candidates if one.key not in base.key]
+    return _in_order(pool.map(lambda one: screen(base.fit, base.fitted, one), others))
 
 
 def looks_on_top(

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 
 from bowden.model.compiled import compiled_in_place, inlined
+from bowden.model.friction.ageing import aged
 from bowden.model.friction.stribeck import faded, filtered
 from bowden.model.mesh_sliders import (
     ABOVE,
@@ -313,6 +314,7 @@ def finish(
             total += s.reserve_m[cable, j]
             s.reserve_m[cable, j] = 0.0
             s.recalled[cable, j] = 0.0
+            s.age_s[cable, j] += dt
             s.went_m[cable, j] = 0.0
             s.held[cable, j] = 0.0
             s.bristle_n[cable, j] = 0.0
@@ -335,6 +337,7 @@ def finish(
         now = s.slip[cable, j] / dt
         if t.recalls_friction:
             now = faded(t.stribeck_gain, t.stribeck_speed_m_per_s, now)
+        s.age_s[cable, j] = aged(s.age_s[cable, j], s.slip[cable, j], t.ageing_m, dt)
         s.recalled[cable, j] = filtered(s.recalled[cable, j], now, t.memory_s, dt)
         s.rested[cable, j] = 1 if s.slides[cable, j] == 0 else 0
         if t.lag_s > 0 or t.presliding_m > 0:

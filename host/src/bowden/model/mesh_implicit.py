@@ -182,6 +182,7 @@ def save(s: ChainState, p: Pulleys) -> None:
         for j in range(s.recalled.shape[1]):
             s.saved[cable, 0, j] = s.reserve_m[cable, j]
             s.saved[cable, 4, j] = s.recalled[cable, j]
+            s.saved[cable, 10, j] = s.age_s[cable, j]
             s.saved[cable, 5, j] = s.slides[cable, j]
             s.saved[cable, 6, j] = s.rested[cable, j]
             s.saved[cable, 7, j] = s.held[cable, j]
@@ -204,6 +205,7 @@ def restore(s: ChainState, p: Pulleys) -> None:
         for j in range(s.recalled.shape[1]):
             s.reserve_m[cable, j] = s.saved[cable, 0, j]
             s.recalled[cable, j] = s.saved[cable, 4, j]
+            s.age_s[cable, j] = s.saved[cable, 10, j]
             s.slides[cable, j] = int(s.saved[cable, 5, j])
             s.rested[cable, j] = int(s.saved[cable, 6, j])
             s.held[cable, j] = s.saved[cable, 7, j]

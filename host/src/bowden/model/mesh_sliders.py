@@ -9,6 +9,7 @@ A slider bears the log-ratio of tensions E_j = ln(T_{j+1}/T_j), and gives way by
 With Coulomb friction, eq. (1), the bounds are +-A_j, A_j = mu ds/R. They depend on
 
     speed, tension      mu = (f mu_d (1 + b exp(-(v/v_s)^2)) + mu_v |v|) (T/T0)^-p
+    age                 mu_d grows with the logarithm of the contacts' age
     the last sample     with frictional lag E comes nearer to +-A by a share dt/(lag + dt) a step
     rest                a segment at rest holds (mu_s - mu_d) l_s/R more
 
@@ -38,6 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.model.compiled import compiled_in_place, inlined
+from bowden.model.friction.ageing import ageing_term
 from bowden.model.friction.stribeck import risen
 from bowden.model.friction.tension_dependent import tension_factor
 from bowden.model.trajectory import FloatArray
@@ -62,6 +64,9 @@ class ChainTables(NamedTuple):
     reference_n: float
     memory_s: float
     recalls_friction: bool
+    ageing_gain: float
+    ageing_s: float
+    ageing_m: float
     presliding_m: float
     rounded: bool
     keeps_share: bool
@@ -84,6 +89,7 @@ class ChainState(NamedTuple):
     tension: FloatArray
     creep_n: FloatArray  # tau that the slow part of the stretch has followed so far
     recalled: FloatArray  # filtered: speed, m/s, or by how much Stribeck's term has faded
+    age_s: FloatArray  # of the contacts
     went_m: FloatArray  # slip of the last sample
     slides: NDArray[np.int64]  # -1 towards the motor, 0 at rest, +1 towards the load
     rested: NDArray[np.int64]  # 1 where a segment was at rest at the last sample
@@ -138,6 +144,7 @@ def prepare(t: ChainTables, s: ChainState, cable: int, factor: float) -> None:
         mu *= 1.0 + risen(
             t.stribeck_gain, t.stribeck_speed_m_per_s, t.recalls_friction, s.recalled[cable, j]
         )
+        mu *= 1.0 + ageing_term(t.ageing_gain, t.ageing_s, s.age_s[cable, j])
         for d in range(2):
             limit = min(t.wrap[cable, d, j] * mu, MOST_WRAP)
             if limit != s.limit[cable, d, j]:

@@ -146,6 +146,9 @@ def chain_tables(transmission: Transmission) -> ChainTables:
         reference_n=float(reference),
         memory_s=float(law.memory_s),
         recalls_friction=bool(law.memory_is_of_friction),
+        ageing_gain=float(law.ageing_gain),
+        ageing_s=float(law.ageing_s),
+        ageing_m=float(law.ageing_m),
         presliding_m=float(law.presliding_m) if law.presliding_m >= LEAST_SLIP_M else 0.0,
         rounded=bool(law.presliding_is_rounded and law.presliding_m >= LEAST_SLIP_M),
         keeps_share=bool(law.presliding_keeps_share),
@@ -174,6 +177,7 @@ def chain_state(transmission: Transmission) -> ChainState:
         tension=rest.node_n.copy(),
         creep_n=tau.copy(),
         recalled=np.zeros((2, n)),
+        age_s=np.zeros((2, n)),
         went_m=np.zeros((2, n)),
         slides=np.where((t.wrap[:, 0] == 0) | (t.mu_d == 0), 1, 0),
         rested=np.ones((2, n), dtype=np.int64),
@@ -191,7 +195,7 @@ def chain_state(transmission: Transmission) -> ChainState:
         row=np.zeros((2, 4, n)),
         change=np.zeros((2, 3, n)),
         ahead=np.zeros((2, n)),
-        saved=np.zeros((2, 10, n + 1)),
+        saved=np.zeros((2, 11, n + 1)),
     )
 
 

@@ -54,6 +54,12 @@ class FrictionLaw:
         Time constant of the low-pass filter on the speed of the Stribeck term.
     memory_is_of_friction : bool
         The filter is on the term itself: friction follows speed late (Hess and Soom 1990).
+    ageing_gain : float, >= 0
+        Rise of mu by a factor of e in the age of contacts, see `bowden.model.friction.ageing`.
+    ageing_s : float, s, > 0
+        Age from which it counts.
+    ageing_m : float, m, > 0
+        Slip that renews contacts.
     presliding_m : float, m, >= 0
         Slip over which friction builds up before a segment slides.
     presliding_is_rounded : bool
@@ -77,6 +83,9 @@ class FrictionLaw:
     direction_asymmetry: float = 0.0
     memory_s: float = 0.015
     memory_is_of_friction: bool = False
+    ageing_gain: float = 0.0
+    ageing_s: float = 0.1
+    ageing_m: float = 5e-4
     presliding_m: float = 0.0
     presliding_is_rounded: bool = False
     presliding_keeps_share: bool = False
@@ -91,7 +100,8 @@ class FrictionLaw:
     @property
     def is_rate_independent(self) -> bool:
         """Whether time scaling leaves the answer as it is."""
-        return self.mu_v_s_per_m == 0.0 and self.stribeck_gain == 0.0 and self.lag_s == 0.0
+        timeless = self.mu_v_s_per_m == 0.0 and self.stribeck_gain == 0.0 and self.lag_s == 0.0
+        return timeless and self.ageing_gain == 0.0
 
     @property
     def is_coulomb(self) -> bool:
@@ -220,6 +230,9 @@ class Transmission:
                 "-1 .. 1",
             ),
             ("memory_s", law.memory_s, 0 <= law.memory_s < np.inf, ">= 0"),
+            ("ageing_gain", law.ageing_gain, 0 <= law.ageing_gain < np.inf, ">= 0"),
+            ("ageing_s", law.ageing_s, 0 < law.ageing_s < np.inf, "above 0"),
+            ("ageing_m", law.ageing_m, 0 < law.ageing_m < np.inf, "above 0"),
             ("presliding_m", law.presliding_m, 0 <= law.presliding_m < np.inf, ">= 0"),
             ("lag_s", law.lag_s, 0 <= law.lag_s < np.inf, ">= 0"),
             (

@@ -5,14 +5,15 @@ rate-and-state friction, which needs no threshold between rest and motion:
 
     dz/dt = (1 - z)/dwell_s - z |v|/distance_m,      mu (1 + a z)
 
-with v the speed of the cables' ends at the load. (Dieterich 1979 has the logarithm of the age; for
-rests of a few time constants the two are alike.) The other law in use lets z grow at rest only, so
-that slow motion is not stronger than fast. z = 0 at the first sample.
+with v the speed of the cables' ends at the load. Another law in use lets z grow at rest only, so
+that slow motion is not stronger than fast. The third is Dieterich's own, with the logarithm of each
+place's age (`bowden.model.friction.ageing`). z and ages are 0 at the first sample.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,6 +42,11 @@ def _only_at_rest(inside: Signals, pair: Transmission, p: Values) -> Histories:
     place = inside["load_angle_rad"] * pair.load_pulley_radius_m
     z = rested(inside["time_s"], place, p["rest_s"], p["travel_m"], AT_REST_M_PER_S)
     return Histories(friction_factor=1.0 + p["rise"] * z)
+
+
+def _by_age(pair: Transmission, p: Values) -> Transmission:
+    law = replace(pair.friction, ageing_gain=p["per_log"], ageing_s=p["age_s"], ageing_m=p["age_m"])
+    return replace(pair, friction=law)
 
 
 @compiled
@@ -99,8 +105,32 @@ EFFECT = Effect(
             histories=_only_at_rest,
             sees=("load_angle_rad",),
         ),
+        Variant(
+            "by age",
+            (
+                Parameter(
+                    "per_log", "", 0.0, 0.5, 0.0, 0.05, "rise of mu an e-fold of age", least=0
+                ),
+                Parameter(
+                    "age_s", "s", 1e-3, 10.0, None, 0.1, "age that counts", scale="log", least=1e-9
+                ),
+                Parameter(
+                    "age_m",
+                    "m",
+                    2e-5,
+                    2e-2,
+                    None,
+                    5e-4,
+                    "slip that renews contacts",
+                    scale="log",
+                    least=1e-9,
+                ),
+            ),
+            pair=_by_age,
+        ),
     ),
-    law="mu (1 + a z), dz/dt = (1 - z)/dwell - z |v|/distance; or the first term at rest only",
+    law="mu (1 + a z), dz/dt = (1 - z)/dwell - z |v|/distance; or the first term at rest only; "
+    "or mu (1 + per_log ln(1 + age/age_s)), d age/dt = 1 - |v| age/age_m place by place",
     signature="a peak of torque on the first motion after a rest",
     excited_by=("reversal", "rest"),
     confused_with=("stribeck_friction", "viscoelastic_cable"),

@@ -83,6 +83,9 @@ class Parameter:
         Of a phase.
     whole : bool, default False
         Whether only whole numbers make sense: a count a turn.
+    spacing : float or None
+        Of a frequency: a search starts this far apart, so that over a stroke one start looks like
+        the truth. Others start low, in the middle and high.
     optional : bool, default False
         Whether a file may leave it out: it is then `off`.
     least, most : float
@@ -99,6 +102,7 @@ class Parameter:
     scale: Scale = "linear"
     period: float | None = None
     whole: bool = False
+    spacing: float | None = None
     optional: bool = False
     least: float = -math.inf
     most: float = math.inf

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 from bowden.model.effects.derivative import acceleration
 from bowden.model.effects.effect import (
+    ONE_OF_SEVERAL,
     TO_A_TENTH,
     Channel,
     Effect,
@@ -86,6 +87,7 @@ MOTOR = Effect(
     excited_by=("acceleration",),
     confused_with=("load_inertia", "viscous_friction", "amplifier_lag", "time_delay"),
     on_drive=True,
+    leeway=ONE_OF_SEVERAL,  # how soon it stops ringing is one law of several
     known_to=TO_A_TENTH,
 )
 

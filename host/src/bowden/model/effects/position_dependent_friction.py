@@ -52,6 +52,7 @@ EFFECT = Effect(
                     4.0,
                     "of the load pulley",
                     scale="log",
+                    spacing=3.0,
                     least=1e-3,
                     most=1e4,
                 ),
