@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_tests.benchmarks.diagnosis_score import Answer, Rate, Result, rates
+from hil_tests.benchmarks.diagnosis_truth import true_model
 from hil_tests.hidden_effects import draws, effects, unlisted
 from hil_tests.hidden_effects.cable_law import Law
 from hil_tests.hidden_effects.continuum import Answer as Motion
@@ -255,6 +256,15 @@ def test_a_case_depends_on_its_seed_alone() -> None:
     assert one.csv_text() == same.csv_text()
     assert one.truth == same.truth
     assert one.csv_text() != other.csv_text()
+
+
+def test_the_true_model_is_the_labs_with_the_true_numbers_and_what_is_hidden() -> None:
+    """What it leaves is what a diagnosis' gap is measured by, so it had better be the truth."""
+    case = draw_case(5, "single", ("load_cell_gain",), 4.0)
+    model, true = true_model(case), case.truth.calibration["rig"]
+    assert model.value("friction.mu_d") == true["mu_d"] != true["believed mu_d"]
+    assert model.value("rig.cable.pretension_n") == true["pretension_n"]
+    assert model.value("effects[0].g") == dict(case.truth.effects)["load_cell_gain"]["g"]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -104,6 +104,25 @@ def test_friction_behind_speed_fades_with_its_time_constant() -> None:
     assert ratio[-1] == pytest.approx(expected[-1], rel=1e-3)
 
 
+def test_contacts_that_slide_steadily_are_as_old_as_their_way_takes() -> None:
+    """d age/dt = 0 at age_m/|v|, and backward Euler keeps that exactly."""
+    found = at_constant_speed(1.0, ageing_gain=0.2, ageing_s=0.02, ageing_m=2e-3)
+    age = 2e-3 / R_LOAD_M
+    assert wrap_friction(found) == pytest.approx(M * (1 + 0.2 * np.log1p(age / 0.02)), rel=1e-6)
+
+
+@pytest.mark.parametrize("rest_s", [0.5, 5.0])
+def test_friction_after_a_rest_grows_with_the_logarithm_of_it(rest_s: float) -> None:
+    rad_per_s, started = 20.0, np.arange(1, 400) * 1e-4
+    t = np.concatenate([np.arange(0, rest_s, 1e-2), rest_s + started])
+    angle = rad_per_s * np.concatenate([np.zeros(t.size - started.size), started])
+    pair = printed(SEGMENTS, ageing_gain=0.1, ageing_s=0.05, ageing_m=50.0)
+    found = simulate_mesh(pair, PP, t, RHO * angle, angle)
+    # Sliding everywhere after 16 ms. The 80 mm of it renew contacts by 0.2 % of their age.
+    expected = M * (1 + 0.1 * np.log1p(t[-1] / 0.05))
+    assert wrap_friction(found) == pytest.approx(expected, rel=2e-3)
+
+
 def test_stribeck_without_gain_is_coulomb() -> None:
     np.testing.assert_allclose(hand(3.0, stribeck_gain=1e-15), hand(3.0), atol=5e-2)
 
@@ -205,6 +224,9 @@ def test_terms_by_themselves() -> None:
         {"tension_exponent": -1.0},
         {"direction_asymmetry": -1.0},
         {"memory_s": float("nan")},
+        {"ageing_s": 0.0},
+        {"ageing_m": 0.0},
+        {"ageing_gain": -0.1},
     ],
 )
 def test_impossible_laws_are_refused(wrong: dict[str, float]) -> None:

@@ -5,6 +5,7 @@ Pure functions over arrays, for `dequantise`. Lengths in counts, times in sample
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,7 @@ NODES_A_RUN = 6  # in a run of equal counts: enough to bend within it
 REST_RATIO = 6.0  # a run so much longer than both neighbours is a rest; a turning parabola: < 4.9
 REST_SAMPLES = 20
 DRIFTS = 4.0  # standard deviations of a sample's noise
+PARTS = 12  # of a rest, whose means tell whether the torque comes back
 BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
 BRAKING = (0.5, 3.0)  # as far as draws go: hands start and stop more or less gently
 
@@ -30,7 +32,8 @@ class Rest:
     What rests stands still: the least movement back would count as a reversal. Nobody knows where
     in the count it stands, nor when exactly it began to move, but it came and left without turning
     twice. One that a recording begins or ends with may be no rest at all: a motion that is still
-    slow, or one that has turned already. Nor may one in which the torque at that end `drifts`.
+    slow, or one that has turned already. Nor may one in which the torque at that end `drifts`. And
+    where that torque goes one way and comes back (`returns`), so did the hand, within its count.
     """
 
     first: int
@@ -39,6 +42,7 @@ class Rest:
     before: float
     after: float
     drifts: bool = False
+    returns: bool = False
 
     def stand(self, path: _Floats, offset: float, arrival: float, leaving: float) -> _Floats:
         """Let a path (changed in place) stop at an offset from the count's middle.
@@ -72,13 +76,17 @@ class Rest:
         both = (self.before > 0.0) == (self.after > 0.0)  # seen from both sides, or a locked load
         if both and not (self.drifts and self.before > 0.0):
             self.stand(path, offset, float(arrival), float(leaving))
-            return
-        # It may move at any time, or all the time.
-        going = min(float(generator.uniform(0.0, 2.0)), 1.0) * self._size
-        coming = self._within(float(arrival), path[self.first] - place, self.before)
-        if self.after == 0.0:
-            path[self.last] = self.count + generator.uniform(-0.5, 0.5)
-        self._settle(path, place, coming, going)
+        else:
+            # It may move at any time, or all the time.
+            going = min(float(generator.uniform(0.0, 2.0)), 1.0) * self._size
+            coming = self._within(float(arrival), path[self.first] - place, self.before)
+            if self.after == 0.0:
+                path[self.last] = self.count + generator.uniform(-0.5, 0.5)
+            self._settle(path, place, coming, going)
+        if self.returns:
+            here = slice(self.first, self.last + 1)
+            away = path[here] + generator.uniform(-0.5, 0.5) * _excursion(self._size, generator)
+            path[here] = np.clip(away, self.count - 0.5, self.count + 0.5)
 
     @property
     def _size(self) -> int:
@@ -106,6 +114,13 @@ def _braking(size: int, within: float) -> _Floats:
     if within == 0.0:
         return np.zeros(size)
     return np.asarray((1.0 - np.minimum(np.arange(size) / within, 1.0)) ** 2)
+
+
+def _excursion(size: int, generator: np.random.Generator) -> _Floats:
+    """Return a hump of height 1, anywhere in so many samples and of any width."""
+    middle, width = generator.uniform(0.0, 1.0), generator.uniform(0.05, 0.5)
+    away = (np.linspace(0.0, 1.0, size) - middle) / width
+    return np.asarray(np.maximum(1.0 - away**2, 0.0) ** 2)
 
 
 @dataclass(frozen=True)
@@ -186,6 +201,7 @@ class Runs:
                 float(length[k]),
                 float(length[k + 2]),
                 felt is not None and _drifts(felt[self.first[k] : self.last[k] + 1]),
+                felt is not None and _returns(felt[self.first[k] : self.last[k] + 1]),
             )
             for k in np.flatnonzero(self.rest)
         )
@@ -196,6 +212,14 @@ def _drifts(felt: _Floats) -> bool:
     edge = int(BRAKING_SHARE * felt.size)
     parts = np.array_split(felt[edge : felt.size - edge], 4)
     return bool(np.ptp([float(np.mean(part)) for part in parts]) > DRIFTS)
+
+
+def _returns(felt: _Floats) -> bool:
+    """Whether a torque goes one way and comes back while its end seems to rest."""
+    parts = [float(np.mean(part)) for part in np.array_split(felt, PARTS)]
+    there_and_back = float(np.abs(np.diff(parts)).sum()) - abs(parts[-1] - parts[0])
+    by_chance = 2.0 * PARTS / math.sqrt(felt.size / PARTS)  # twice what white noise adds up to
+    return there_and_back > 2.0 * DRIFTS + by_chance
 
 
 def one_way(path: _Floats, turns: Sequence[tuple[int, int, float]]) -> _Floats:

@@ -35,7 +35,7 @@ from bowden.diagnosis.own_noise import (
 )
 from bowden.diagnosis.problem import Problem
 from bowden.diagnosis.screening import Screened, under_other_weights
-from bowden.diagnosis.trials import first_looks, fit_all, looks_on_top
+from bowden.diagnosis.trials import first_looks, fit_all, fit_from_usual, looks_on_top
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
@@ -114,6 +114,7 @@ def select(
     stated = solve(fit, np.zeros(len(calibration)))
     base = Hypothesis((), fit, solve_widely(fit, stated))
     course, frontier, left = _Course.at(base, base), [base], math.inf
+    first = base
     progress("looking at every effect", 0.1)
     looks = first_looks(base, candidates, pool)
     for count in range(1, MOST_EFFECTS + 1):
@@ -134,12 +135,16 @@ def select(
             # Each under its own noise: one effect less left less. The search has lost its way.
             course = until_now
             break
+        first = tried[0] if count == 1 else first
         before, left = left, tried[0].rest
         hopeless = count > 1 and (not better or left > CLOSER * before)
         if course.chosen.rest < AT_FLOOR or hopeless:
             break
         # Two effects that need each other: neither need be the best alone.
         frontier = tried[: ABREAST if count == 1 else 1]
+    if course.lacking and course.chosen.rest > FAR and first.effects:
+        progress("fitting from elsewhere", 0.85)
+        course.go_on(fit_from_usual(first, candidates, pool), 2, pool)
     return course.selection(looks)
 
 

@@ -76,6 +76,34 @@ def fit_all(
     return [one for one in fitted if one is not None]
 
 
+def fit_from_usual(
+    parent: Hypothesis, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
+) -> list[Hypothesis]:
+    """Fit every other candidate on top at its usual strength, calibration as the file says.
+
+    For where no first look gets anywhere: a calibration that has bent to what is missing makes its
+    cause look worthless, and the effect of friction beside it is no straight line.
+    """
+    calibration = np.zeros(len(parent.fit.parameters))
+    calibrated = len(parent.fitted.at) - parent.numbers
+    calibration[calibrated:] = parent.fitted.at[calibrated:]
+
+    def fitted(one: Candidate) -> Hypothesis | None:
+        usual = {each.name: each.typical for each in one.variant.parameters}
+        model = with_candidate(parent.fitted.model, one, usual)
+        numbers = one.numbers(len(model.document.effects) - 1)
+        fit = Fit(model, [*parent.fit.parameters, *numbers], parent.fit.problem)
+        own = np.array([each.at(each.parameter.typical) for each in numbers])
+        try:
+            found = solve(fit, np.concatenate([calibration, own]), polish=False)
+        except ModelError:
+            return None
+        return Hypothesis((*parent.effects, one), fit, found)
+
+    others = [one for one in candidates if one.key not in parent.key]
+    return [one for one in pool.map(fitted, others) if one is not None]
+
+
 def _problem_of(parent: Hypothesis, look: Screened) -> Problem:
     """Return what a candidate is fitted under: where it rings, under its own noise at once."""
     problem = parent.fit.problem
