@@ -110,12 +110,29 @@ def test_what_seems_to_rest_may_move_where_its_torque_drifts(drifts: bool) -> No
     """Half a second of rest in the middle: what a slow hand does in it shows in the torque only."""
     angle = stop_and_go()
     felt = 100.0 * np.sin(2 * np.pi * TIME_S) if drifts else np.zeros(TIME_S.size)
-    found = dequantise(TIME_S, counted(angle), felt=felt)
+    found = dequantise(TIME_S, counted(angle), felt=np.stack([felt, np.zeros(TIME_S.size)]))
     resting = (TIME_S > 2.7) & (TIME_S < 2.85)  # it rests from 2.5 to 3.0 s
     moved = np.array(
         [np.ptp(found.draw(np.random.default_rng(seed))[resting]) for seed in range(24)]
     )
     assert bool(np.mean(moved > 0.02 * COUNT) > 1 / 3) is drifts
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_hand_backs_up_in_a_rest_where_its_torque_alone_comes_back(alone: bool) -> None:
+    """A torque that follows the other end's says nothing about the hand."""
+    hump = 200.0 * np.clip(1.0 - ((TIME_S - 2.9) / 0.08) ** 2, 0.0, None)
+    felt = np.stack([hump, np.zeros(TIME_S.size) if alone else hump])
+    found = dequantise(TIME_S, counted(stop_and_go()), felt=felt)
+    resting = (TIME_S > 2.55) & (TIME_S < 2.95)
+
+    def backs_up(seed: int) -> bool:
+        path = found.draw(np.random.default_rng(seed))[resting]
+        way = path * np.sign(path[-1] - path[0])
+        return bool(np.max(np.maximum.accumulate(way) - way) > 0.02 * COUNT)
+
+    backs = np.mean([backs_up(seed) for seed in range(24)])
+    assert backs > 1 / 4 if alone else backs == 0.0
 
 
 def test_a_hand_that_rests_on_the_edge_between_two_counts_stands() -> None:

@@ -123,9 +123,9 @@ def dequantise(
         A channel: on a grid of counts, with white noise, both, or neither.
     expected_quantum : float, optional
         One count as the model file has it; used where the data agree or say nothing.
-    felt : ndarray of shape (n,), optional
-        The measured torque at that end over its noise: what seems to rest while this drifts may
-        move within its count.
+    felt : ndarray of shape (2, n), optional
+        The measured torques at that end and at the other, over their noise: what seems to rest
+        while the first drifts, or comes back without the second, may move within its count.
 
     Returns
     -------
@@ -292,10 +292,13 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
 
 
 def _felt(channels: Mapping[str, Estimated], name: str, mode: Mode) -> _Floats | None:
-    """Return the torque at an angle's end over its noise, where the mode predicts it."""
-    torque = name.replace("_angle_rad", "_torque_nm")
-    if torque == name or torque in mode.columns:
+    """Return the torques at an angle's end and the other, where the mode predicts the first."""
+    here = name.replace("_angle_rad", "_torque_nm")
+    if here == name or here in mode.columns:
         return None
-    values = channels[torque].values
-    least = CLEAN_SHARE * max(float(np.ptp(values)), 1e-9)
-    return values / max(channels[torque].noise, least)
+    there = "load_torque_nm" if here == "motor_torque_nm" else "motor_torque_nm"
+    found = []
+    for one in (channels[here], channels[there]):
+        least = CLEAN_SHARE * max(float(np.ptp(one.values)), 1e-9)
+        found.append(one.values / max(one.noise, least))
+    return np.stack(found)

@@ -33,7 +33,7 @@ class Rest:
     in the count it stands, nor when exactly it began to move, but it came and left without turning
     twice. One that a recording begins or ends with may be no rest at all: a motion that is still
     slow, or one that has turned already. Nor may one in which the torque at that end `drifts`. And
-    where that torque goes one way and comes back (`returns`), so did the hand, within its count.
+    where that torque goes one way and comes back by itself (`returns`), the hand did so, too.
     """
 
     first: int
@@ -191,7 +191,7 @@ class Runs:
         )
 
     def rests(self, count: _Floats, felt: _Floats | None = None) -> tuple[Rest, ...]:
-        """List the rests; `felt` is the torque at that end over its noise."""
+        """List the rests; `felt`: the torques at that end and the other over their noise."""
         length = np.concatenate([[0.0], self.last - self.first + 1.0, [0.0]])
         return tuple(
             Rest(
@@ -200,8 +200,8 @@ class Runs:
                 float(count[self.first[k]]),
                 float(length[k]),
                 float(length[k + 2]),
-                felt is not None and _drifts(felt[self.first[k] : self.last[k] + 1]),
-                felt is not None and _returns(felt[self.first[k] : self.last[k] + 1]),
+                felt is not None and _drifts(felt[0, self.first[k] : self.last[k] + 1]),
+                felt is not None and _returns(*felt[:, self.first[k] : self.last[k] + 1]),
             )
             for k in np.flatnonzero(self.rest)
         )
@@ -214,12 +214,16 @@ def _drifts(felt: _Floats) -> bool:
     return bool(np.ptp([float(np.mean(part)) for part in parts]) > DRIFTS)
 
 
-def _returns(felt: _Floats) -> bool:
-    """Whether a torque goes one way and comes back while its end seems to rest."""
-    parts = [float(np.mean(part)) for part in np.array_split(felt, PARTS)]
-    there_and_back = float(np.abs(np.diff(parts)).sum()) - abs(parts[-1] - parts[0])
-    by_chance = 2.0 * PARTS / math.sqrt(felt.size / PARTS)  # twice what white noise adds up to
-    return there_and_back > 2.0 * DRIFTS + by_chance
+def _returns(here: _Floats, there: _Floats) -> bool:
+    """Whether a torque goes one way and comes back while its end seems to rest.
+
+    And the torque at the other end, which it would follow, stands still.
+    """
+    parts = [float(np.mean(part)) for part in np.array_split(here, PARTS)]
+    ways = float(np.abs(np.diff(parts)).sum()) - abs(parts[-1] - parts[0])
+    by_chance = 2.0 * PARTS / math.sqrt(here.size / PARTS)  # twice what white noise adds up to
+    others = [float(np.mean(part)) for part in np.array_split(there, PARTS)]
+    return ways > 2.0 * DRIFTS + by_chance and np.ptp(others) < DRIFTS
 
 
 def one_way(path: _Floats, turns: Sequence[tuple[int, int, float]]) -> _Floats:
