@@ -122,7 +122,8 @@ def select(
         tried = []
         for place, parent in enumerate(frontier):
             seen = looks
-            if parent.effects and place == 0:  # what it promises depends on what is there already
+            if parent.effects and place == 0 and parent.rest > FAR:
+                # What it promises depends on what is there, and on how calibration has bent to it.
                 seen = first_looks(parent, candidates, pool)
             elif parent.effects:
                 seen = looks_on_top(parent, base, looks)
@@ -209,7 +210,10 @@ class _Course:
                 known = self.known.get(one.key)
                 if known is None or cost_under(known, self.problem) > one.fitted.cost:
                     self.known[one.key] = one
-                if one.score > self.chosen.score:
+                if one.score > self.chosen.score and (
+                    len(one.effects) <= len(self.chosen.effects)
+                    or self._is_better(one, len(one.effects))
+                ):
                     self.chosen = one
                     self.rivals = distinct([one, *judged_again(self.rivals, self.problem, pool)])
         better = next((one for one in tried if self._is_better(one, count)), None)
