@@ -275,11 +275,12 @@ class _Course:
 def _cures(one: Hypothesis, chosen: Hypothesis, lacking: bool) -> bool:
     """Whether it helps where something is surely missing; then it need not move much.
 
-    Where nothing has a name yet, to be better is enough, if much is lacking; beside another effect
-    it has to leave nothing, for that one's law may only be another than the rig's.
+    Where nothing has a name yet, to be better is enough, if much is lacking, or to leave nothing
+    where something is; beside another effect it has to leave nothing of much, for that one's law
+    may only be another than the rig's.
     """
     if not chosen.effects:
-        return lacking
+        return lacking or (chosen.rest > ALIKE * AT_FLOOR and one.rest < AT_FLOOR)
     return chosen.rest > FAR and one.rest < AT_FLOOR
 
 
