@@ -196,3 +196,10 @@ def test_a_bad_recording_gets_no_verdict_but_words() -> None:
     assert found.effects == ()
     assert "1000 times too large" in found.sentence
     assert found.to_document()["quality"]
+
+
+def test_one_candidate_that_explains_little_is_no_error() -> None:
+    """Much is missing, and there is no second effect to go on with."""
+    truth = TRUTH.with_effect("gravity_imbalance", {"amplitude_nm": 0.4, "phase_rad": 0.8})
+    found = diagnose(MODEL, [measured(truth)], names=("load_inertia",), seed=1)
+    assert found.verdict == "unlisted"

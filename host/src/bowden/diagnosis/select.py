@@ -130,12 +130,10 @@ def select(
             tried += fit_all(parent, seen, pool)
         if not tried:
             break
-        until_now = replace(course)
-        tried, better = course.go_on(tried, count, pool)
-        if course.chosen.rest > ALIKE * max(until_now.chosen.rest, AT_FLOOR):
-            # Each under its own noise: one effect less left less. The search has lost its way.
-            course = until_now
+        went = _gone_on(course, tried, count, pool)
+        if went is None:
             break
+        course, tried, better = went
         first = tried[0] if count == 1 else first
         before, left = left, tried[0].rest
         hopeless = count > 1 and (not better or left > CLOSER * before)
@@ -145,7 +143,9 @@ def select(
         frontier = tried[: ABREAST if count == 1 else 1]
     if course.lacking and course.chosen.rest > FAR and first.effects:
         progress("fitting from elsewhere", 0.85)
-        course.go_on(fit_from_usual(first, candidates, pool), 2, pool)
+        anywhere = fit_from_usual(first, candidates, pool)
+        went = _gone_on(course, anywhere, 2, pool) if anywhere else None
+        course = went[0] if went else course
     return course.selection(looks)
 
 
@@ -270,6 +270,17 @@ class _Course:
             looked_from,
             self.problem,
         )
+
+
+def _gone_on(
+    course: _Course, tried: Sequence[Hypothesis], count: int, pool: ThreadPoolExecutor
+) -> tuple[_Course, list[Hypothesis], bool] | None:
+    """Go on from a course; None where that loses its way and leaves more than there was."""
+    found = replace(course)
+    best, better = found.go_on(tried, count, pool)
+    # Each under its own noise: one effect less left less.
+    lost = found.chosen.rest > ALIKE * max(course.chosen.rest, AT_FLOOR)
+    return None if lost else (found, best, better)
 
 
 def _cures(one: Hypothesis, chosen: Hypothesis, lacking: bool) -> bool:
