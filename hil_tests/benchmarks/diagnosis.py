@@ -87,7 +87,7 @@ def recording_of(case: Case) -> Recording:
     return Recording(**{k: case.columns[k] for k in REQUIRED_COLUMNS}, extra=extra)  # type: ignore[arg-type]
 
 
-def ours(found: Diagnosis, seconds: float, over_truth: float = math.nan) -> Answer:
+def ours(found: Diagnosis, seconds: float, gap_over_truth: float = math.nan) -> Answer:
     """Reduce a diagnosis to what is scored."""
     gaps = [g for g in found.gaps if g.noise_floor > 0.0]
     parameters = {
@@ -100,7 +100,7 @@ def ours(found: Diagnosis, seconds: float, over_truth: float = math.nan) -> Answ
         tuple(dict.fromkeys(one.name for one in found.ranking)),
         parameters,
         max((g.after / g.noise_floor for g in gaps), default=math.nan),  # none where data are bad
-        over_truth,
+        gap_over_truth,
         seconds,
     )
 

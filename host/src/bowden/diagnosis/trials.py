@@ -6,10 +6,11 @@ for `select` to choose from.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate, with_candidate
 from bowden.diagnosis.fit import Fit, solve
@@ -17,6 +18,8 @@ from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.problem import Problem
 from bowden.diagnosis.screening import Screened, look_again, screen
 from bowden.model import ModelError
+
+_Floats = NDArray[np.float64]
 
 FITTED = 8  # candidates that are fitted after the first look
 CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
@@ -90,15 +93,7 @@ def fit_from_usual(
 
     def fitted(one: Candidate) -> Hypothesis | None:
         usual = {each.name: each.typical for each in one.variant.parameters}
-        model = with_candidate(parent.fitted.model, one, usual)
-        numbers = one.numbers(len(model.document.effects) - 1)
-        fit = Fit(model, [*parent.fit.parameters, *numbers], parent.fit.problem)
-        own = np.array([each.at(each.parameter.typical) for each in numbers])
-        try:
-            found = solve(fit, np.concatenate([calibration, own]), polish=False)
-        except ModelError:
-            return None
-        return Hypothesis((*parent.effects, one), fit, found)
+        return _fitted_on_top(parent, one, usual, calibration, parent.fit.problem)
 
     others = [one for one in candidates if one.key not in parent.key]
     return [one for one in pool.map(fitted, others) if one is not None]
@@ -117,14 +112,29 @@ def _problem_of(parent: Hypothesis, look: Screened) -> Problem:
 
 
 def _fit_one(parent: Hypothesis, look: Screened, problem: Problem) -> Hypothesis | None:
-    model = with_candidate(parent.fitted.model, look.candidate, look.values)
-    numbers = look.candidate.numbers(len(model.document.effects) - 1)
-    fit = Fit(model, [*parent.fit.parameters, *numbers], problem)
-    own = np.array([one.at(look.values[one.parameter.name]) for one in numbers])
-    start = np.concatenate([parent.fitted.at + look.step, own])
+    start = parent.fitted.at + look.step
     known = parent.fitted.matrix if problem is parent.fit.problem else None
+    return _fitted_on_top(parent, look.candidate, look.values, start, problem, known)
+
+
+def _fitted_on_top(  # noqa: PLR0917
+    parent: Hypothesis,
+    candidate: Candidate,
+    values: Mapping[str, float],
+    start: _Floats,
+    problem: Problem,
+    known: _Floats | None = None,
+) -> Hypothesis | None:
+    """Fit the parent with a candidate from its values, what moves already from `start`.
+
+    None where the search leads to no rig; `known` are derivatives by what moves already.
+    """
+    model = with_candidate(parent.fitted.model, candidate, values)
+    numbers = candidate.numbers(len(model.document.effects) - 1)
+    fit = Fit(model, [*parent.fit.parameters, *numbers], problem)
+    own = np.array([one.at(values[one.parameter.name]) for one in numbers])
     try:
-        fitted = solve(fit, start, known, polish=False)
+        fitted = solve(fit, np.concatenate([start, own]), known, polish=False)
     except ModelError:
         return None
-    return Hypothesis((*parent.effects, look.candidate), fit, fitted)
+    return Hypothesis((*parent.effects, candidate), fit, fitted)

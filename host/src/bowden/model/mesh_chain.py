@@ -337,7 +337,8 @@ def finish(
         now = s.slip[cable, j] / dt
         if t.recalls_friction:
             now = faded(t.stribeck_gain, t.stribeck_speed_m_per_s, now)
-        s.age_s[cable, j] = aged(s.age_s[cable, j], s.slip[cable, j], t.ageing_m, dt)
+        if t.ageing_gain > 0:
+            s.age_s[cable, j] = aged(s.age_s[cable, j], s.slip[cable, j], t.ageing_m, dt)
         s.recalled[cable, j] = filtered(s.recalled[cable, j], now, t.memory_s, dt)
         s.rested[cable, j] = 1 if s.slides[cable, j] == 0 else 0
         if t.lag_s > 0 or t.presliding_m > 0:

@@ -12,6 +12,7 @@ from bowden.model.effects.effect import (
     Values,
     Variant,
 )
+from bowden.model.effects.stribeck_friction import curve
 from bowden.model.transmission import Transmission
 
 
@@ -79,20 +80,7 @@ EFFECT = Effect(
         Variant(
             "behind speed",
             (
-                Parameter(
-                    "fall", "", 0.0, 3.0, 0.0, 0.3, "rise of mu at rest, share of mu_d", least=0
-                ),
-                Parameter(
-                    "fall_m_per_s",
-                    "m/s",
-                    5e-4,
-                    0.1,
-                    None,
-                    0.01,
-                    "speed over which it fades",
-                    scale="log",
-                    least=1e-6,
-                ),
+                *curve("fall", "fall_m_per_s"),
                 Parameter(
                     "memory_s",
                     "s",

@@ -20,6 +20,24 @@ def _pair(pair: Transmission, p: Values) -> Transmission:
     return replace(pair, friction=law)
 
 
+def curve(gain: str, speed: str) -> tuple[Parameter, Parameter]:
+    """Return the two numbers of Stribeck's curve, by the names that an effect gives them."""
+    return (
+        Parameter(gain, "", 0.0, 3.0, 0.0, 0.3, "rise of mu at rest, share of mu_d", least=0),
+        Parameter(
+            speed,
+            "m/s",
+            5e-4,
+            0.1,
+            None,
+            0.01,
+            "speed over which it fades",
+            scale="log",
+            least=1e-6,
+        ),
+    )
+
+
 EFFECT = Effect(
     name="stribeck_friction",
     title="Stribeck friction",
@@ -27,22 +45,7 @@ EFFECT = Effect(
     variants=(
         Variant(
             "",
-            (
-                Parameter(
-                    "a", "", 0.0, 3.0, 0.0, 0.3, "rise of mu at rest, share of mu_d", least=0
-                ),
-                Parameter(
-                    "v_s_m_per_s",
-                    "m/s",
-                    5e-4,
-                    0.1,
-                    None,
-                    0.01,
-                    "speed over which it fades",
-                    scale="log",
-                    least=1e-6,
-                ),
-            ),
+            curve("a", "v_s_m_per_s"),
             pair=_pair,
         ),
     ),
