@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from bowden.model import Inputs, Mode, Model, Trajectory, parse_model, simulate
-from bowden.model.mesh_free import simulate_mesh_free
+from bowden.model.mesh_free.solver import simulate_mesh_free
 from numpy.typing import NDArray
 
 from firmware.tests.native import NMT_START, Drive, Pair, settings

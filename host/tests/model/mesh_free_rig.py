@@ -7,7 +7,7 @@ import itertools
 from typing import Any
 
 import numpy as np
-from bowden.model.mesh_free import simulate_mesh_free
+from bowden.model.mesh_free.solver import simulate_mesh_free
 from bowden.model.trajectory import Mode, Trajectory
 from bowden.model.transmission import FrictionLaw, Transmission
 from numpy.typing import NDArray

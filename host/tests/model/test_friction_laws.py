@@ -13,7 +13,7 @@ from bowden.model.friction.stiction import breakaway_excess
 from bowden.model.friction.stribeck import filtered, stribeck_term
 from bowden.model.friction.tension_dependent import tension_factor
 from bowden.model.friction.viscous import viscous_term
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
 
 from .rigs import LENGTH_M, MU, R_LOAD_M, RADIUS_M, RHO, FloatArray, M, printed, through, times
 

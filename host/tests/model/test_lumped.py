@@ -12,7 +12,7 @@ from bowden.model.friction.bouc_wen import BoucWen, Branch
 from bowden.model.friction.dahl import Dahl
 from bowden.model.friction.lugre import LuGre
 from bowden.model.lumped import Lumped, simulate_lumped
-from bowden.model.mesh_free import simulate_mesh_free
+from bowden.model.mesh_free.solver import simulate_mesh_free
 from bowden.model.trajectory import Mode, Trajectory
 from bowden.model.transmission import FrictionLaw, Transmission
 from numpy.typing import NDArray

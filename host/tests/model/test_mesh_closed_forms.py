@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bowden.model import Mode, Trajectory, Transmission
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
 
 from .rigs import (
     EA_N,

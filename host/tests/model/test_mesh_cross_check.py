@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bowden.model import Mode
-from bowden.model.mesh_free import simulate_mesh_free
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
+from bowden.model.mesh_free.solver import simulate_mesh_free
 
 from .rigs import FloatArray, printed, through, times
 
@@ -125,7 +125,7 @@ def test_compiled_and_plain_python_give_the_same_numbers() -> None:
 import json
 import numpy as np
 from bowden.model import FrictionLaw, Mode, Transmission
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
 out = []
 for mu_s, mu_v in ((0.21, 0.0), (0.63, 0.0), (0.21, 0.3)):
     law = FrictionLaw(0.21, mu_s, 0.05, mu_v_s_per_m=mu_v)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-from bowden.model.mesh_free import simulate_mesh_free
+from bowden.model.mesh_free.solver import simulate_mesh_free
 from bowden.model.trajectory import Mode, Trajectory
 from bowden.model.transmission import FrictionLaw, Transmission
 from numpy.typing import NDArray

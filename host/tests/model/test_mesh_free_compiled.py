@@ -16,7 +16,7 @@ def test_the_compiled_kernels_are_the_plain_python_ones(tmp_path: Any) -> None:
     script.write_text(
         "import sys\n"
         "import numpy as np\n"
-        "from bowden.model.mesh_free import simulate_mesh_free\n"
+        "from bowden.model.mesh_free.solver import simulate_mesh_free\n"
         "from bowden.model.trajectory import Mode\n"
         "from bowden.model.transmission import FrictionLaw, Transmission\n"
         "answers = []\n"

@@ -10,10 +10,10 @@ import dataclasses
 from dataclasses import replace
 from typing import Any
 
-import bowden.model.mesh_free as solver
 import numpy as np
 import pytest
-from bowden.model.mesh_free import simulate_mesh_free
+from bowden.model.mesh_free import solver
+from bowden.model.mesh_free.solver import simulate_mesh_free
 from bowden.model.trajectory import Mode, Trajectory
 from bowden.model.transmission import FrictionLaw, Transmission
 from hypothesis import given, settings

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from bowden.model import Mode, ModelError, Trajectory
 from bowden.model.histories import Histories
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

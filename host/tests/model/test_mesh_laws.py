@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bowden.model import Mode, Trajectory, Transmission
-from bowden.model.mesh import breakaway_excesses, cut
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
+from bowden.model.mesh.state import breakaway_excesses, cut
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

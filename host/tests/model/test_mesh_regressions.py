@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bowden.model import Mode
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
 
 from .rigs import LENGTH_M, MU, R_LOAD_M, RADIUS_M, RHO, M, printed, through, times
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bowden.model import Mode
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from bowden.model import mesh_events
 from bowden.model.description import Model
 from bowden.model.errors import ModelError
 from bowden.model.layers import refuse_layers
-from bowden.model.mesh import Tables, rest_state, tables
-from bowden.model.mesh_solver import trajectory_of
+from bowden.model.mesh import events
+from bowden.model.mesh.solver import trajectory_of
+from bowden.model.mesh.state import Tables, rest_state, tables
 from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
 
 NEVER = 1e9  # ratio of tensions at which the segment at the load would break away
@@ -71,7 +71,7 @@ def simulate_passive_load(
     place, before = 0.0, 0.0
     for i in range(time_s.size):
         turned = pair.motor_pulley_radius_m * (motor[i] - motor[i - 1]) if i > 0 else 0.0
-        moved, flags = mesh_events.step(constants, state, 1, before, before, spring, turned, 0.0)
+        moved, flags = events.step(constants, state, 1, before, before, spring, turned, 0.0)
         if flags & 8:
             raise ModelError(f"no equilibrium found at {time_s[i]:g} s, accepted: smaller steps")
         place += moved

@@ -17,18 +17,18 @@ from typing import Protocol
 
 import numpy as np
 
-from bowden.model import mesh_events, mesh_implicit
 from bowden.model.description import Model
 from bowden.model.errors import ModelError
 from bowden.model.layers import refuse_layers
-from bowden.model.mesh import rest_state, tables
-from bowden.model.mesh_solver import (
+from bowden.model.mesh import events, implicit
+from bowden.model.mesh.solver import (
     chain_state,
     chain_tables,
     needs_implicit_steps,
     pulleys,
     trajectory_of,
 )
+from bowden.model.mesh.state import rest_state, tables
 from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
 
 
@@ -198,18 +198,16 @@ class _Stepper:
         before = self._last_force
         if self._implicit:
             s, given = self._chain, (before, force, spring, 0.0, load, 1.0, 0.0, dt)
-            moved, flags = mesh_implicit.sample(self._chain_tables, s, self._pulleys, 0, *given)
+            moved, flags = implicit.sample(self._chain_tables, s, self._pulleys, 0, *given)
             ends = s.tension[:, [0, -1]]
             slack = s.gap_m >= 0
         else:
             e = self._events
-            moved, flags = mesh_events.step(
-                self._events_tables, e, 0, before, force, spring, 0.0, load
-            )
+            moved, flags = events.step(self._events_tables, e, 0, before, force, spring, 0.0, load)
             if self._events_tables.sticks:
                 pair = self._pair
                 band, rest = pair.velocity_dead_band_m_per_s, pair.rest_time_s
-                mesh_events.stick_at_rest(self._events_tables, e, moved, load, dt, band, rest)
+                events.stick_at_rest(self._events_tables, e, moved, load, dt, band, rest)
             ends, slack = e.end_n, e.gap_m >= 0
         if flags & 8 or not np.isfinite(moved):
             raise ModelError("no equilibrium found, accepted: lower gains or smaller steps")

@@ -19,7 +19,7 @@ from bowden.model.friction.bouc_wen import BoucWen, Branch
 from bowden.model.friction.dahl import Dahl
 from bowden.model.friction.lugre import LuGre
 from bowden.model.lumped import Lumped
-from bowden.model.mesh_free import refuse_what_is_not_coulomb
+from bowden.model.mesh_free.solver import refuse_what_is_not_coulomb
 from bowden.model.model_effects import InForce
 from bowden.model.model_file import (
     BRISTLE_LAWS,

@@ -18,8 +18,8 @@ from bowden.model.errors import ModelError
 from bowden.model.histories import Histories
 from bowden.model.layers import Asked, Layers
 from bowden.model.lumped import simulate_lumped
-from bowden.model.mesh_free import simulate_mesh_free
-from bowden.model.mesh_solver import simulate_mesh
+from bowden.model.mesh.solver import simulate_mesh
+from bowden.model.mesh_free.solver import simulate_mesh_free
 from bowden.model.passes import Passes
 from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajectory
 

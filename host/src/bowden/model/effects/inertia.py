@@ -1,7 +1,7 @@
 """Mass of the motor's rotor and of the handle: torque in proportion to acceleration.
 
 Motor: what reaches the cables is the motor's torque less J times its acceleration. With its torque
-given, the mesh solves for the acceleration as it goes along (`mesh_events.pull_of_mass`), in steps
+given, the mesh solves for the acceleration as it goes along (`mesh.events.pull_of_mass`), in steps
 in which a motor rings on sliding cables as it does; faster ringing, on the short part of a cable
 that slides just after a reversal, dies out. With its angle given, the acceleration is that of
 `derivative`.

@@ -1,6 +1,6 @@
 """The pulleys at both ends of the mesh: given or in balance, with bearing friction and with play.
 
-Compiled helpers, part of what Newton's method in `mesh_implicit` settles.
+Compiled helpers, part of what Newton's method in `mesh.implicit` settles.
 
 A pulley either has its place given or is in balance with a torque. Two effects add cases of their
 own: with bearing friction the pulley whose torque is given stays where it is until the torque
@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.model.compiled import compiled_in_place
-from bowden.model.mesh_chain import end_line
-from bowden.model.mesh_sliders import ChainState, ChainTables
+from bowden.model.mesh.chain import end_line
+from bowden.model.mesh.sliders import ChainState, ChainTables
 from bowden.model.trajectory import FloatArray
 
 SETTLED = 1e-9  # share of the tensions that may be out of balance

@@ -1,6 +1,6 @@
 """One cable of the mesh as a chain of springs and sliders: linearise, solve, revise, go on.
 
-Compiled helpers; `mesh_implicit` drives them for both cables through time, `mesh_sliders` has what
+Compiled helpers; `mesh.implicit` drives them for both cables through time, `mesh.sliders` has what
 one segment bears.
 
 Slider j gives way by w_j within the sample, and the stretch of the spring at node i, between
@@ -22,7 +22,7 @@ import math
 from bowden.model.compiled import compiled_in_place, inlined
 from bowden.model.friction.ageing import aged
 from bowden.model.friction.stribeck import faded, filtered
-from bowden.model.mesh_sliders import (
+from bowden.model.mesh.sliders import (
     ABOVE,
     BELOW,
     DIAGONAL,

@@ -1,6 +1,6 @@
 """The cable cut into segments: a chain of Coulomb sliders joined by springs.
 
-Reads a `Transmission`; `mesh_events` and `mesh_implicit` step what is built here.
+Reads a `Transmission`; `mesh.events` and `mesh.implicit` step what is built here.
 
 Nodes 0..N carry a tension, segments 0..N-1 the friction. The friction of segment j acts at a slider
 inside it, and a segment whose end tensions are T_j and T_j+1 has the stretch
@@ -62,7 +62,7 @@ class State(NamedTuple):
     by `Tables.decay`. ``depth[c, e]`` counts the sliding segments from end e, ``motion[c, e]`` is
     RELEASE or PULL, ``virgin[c]`` the range of segments that never slid, ``gap_m[c]`` how far a
     slack cable is from being taut (-1 while taut), ``rest_s[c, e]`` how long an end has rested.
-    ``stiffness_n_per_m[c, e]`` is worked out from the rest by `mesh_zones.respond`.
+    ``stiffness_n_per_m[c, e]`` is worked out from the rest by `mesh.zones.respond`.
     """
 
     node_n: FloatArray

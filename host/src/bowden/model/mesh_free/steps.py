@@ -1,4 +1,4 @@
-"""The two cables of a pair, step by step, on the profiles of `mesh_free_profile`.
+"""The two cables of a pair, step by step, on the profiles of `mesh_free.profile`.
 
 Compiled arithmetic; no I/O. `run_torque` serves torque-position and position-torque, which are the
 same problem seen from the other end: at the *near* end a torque is given, at the *far* end an
@@ -18,8 +18,8 @@ from __future__ import annotations
 import math
 
 from bowden.model.compiled import compiled_in_place
-from bowden.model.mesh_free_neutral import neutral_point
-from bowden.model.mesh_free_profile import (
+from bowden.model.mesh_free.neutral import neutral_point
+from bowden.model.mesh_free.profile import (
     DISPLACEMENT,
     END,
     FAR,

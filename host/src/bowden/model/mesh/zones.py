@@ -1,6 +1,6 @@
 """One cable of the mesh: its two moving zones, how they answer, grow, meet, stop and go slack.
 
-Compiled helpers over `mesh.Tables` and `mesh.State`; `mesh_events` drives them through time.
+Compiled helpers over the `Tables` and `State` of `mesh.state`; `mesh.events` drives them.
 
 From each end e a zone of ``depth`` segments slides; between the zones the cable is at rest. At both
 ends the same words hold, seen from the end: its outward displacement pulls (PULL) or pays out
@@ -13,7 +13,7 @@ as a whole, with equal ones it parts at a neutral node.
 from __future__ import annotations
 
 from bowden.model.compiled import compiled_in_place
-from bowden.model.mesh import PULL, RELEASE, State, Tables
+from bowden.model.mesh.state import PULL, RELEASE, State, Tables
 
 NOTHING, SLIDE, KINK, GOES_SLACK, GOES_TAUT = 0, 1, 2, 3, 4
 SURE = 1e-12

@@ -1,6 +1,6 @@
 """The neutral point: the one place at rest in a cable whose ends both pull or both release.
 
-Compiled arithmetic on the profiles of `mesh_free_profile`; no I/O. `mesh_free_steps` calls it.
+Compiled arithmetic on the profiles of `mesh_free.profile`; no I/O. `mesh_free.steps` calls it.
 """
 
 # ruff: noqa: PLR0917  (kernels take plain numbers; numba knows no keyword-only arguments)
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from bowden.model.compiled import compiled_in_place
-from bowden.model.mesh_free_profile import (
+from bowden.model.mesh_free.profile import (
     COMPLIANCE,
     DISPLACEMENT,
     END,

@@ -1,8 +1,8 @@
 """The exact solution of a pull-pull pair with Coulomb friction: no mesh, no error of a mesh.
 
 Imports the numbers of the pair and the answer's type, nothing else of ours. It turns a
-`Transmission` into the arrays of `mesh_free_profile`, which holds the physics, and runs the kernels
-of `mesh_free_steps` over the samples. `simulate` calls it; it is the judge of every mesh.
+`Transmission` into the arrays of `mesh_free.profile`, which holds the physics, and runs the kernels
+of `mesh_free.steps` over the samples. `simulate` calls it; it is the judge of every mesh.
 
 **Exact in space**, for any number of path pieces, straight ones included. **In time** a step takes
 the shortest way from sample to sample: exact while the ends keep their direction, whatever the
@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from bowden.model.errors import ModelError
-from bowden.model.mesh_free_profile import (
+from bowden.model.mesh_free.profile import (
     BREAKPOINT_FIELDS,
     COMPLIANCE,
     DISPLACEMENT,
@@ -40,7 +40,7 @@ from bowden.model.mesh_free_profile import (
     FloatArray,
     Pair,
 )
-from bowden.model.mesh_free_steps import (
+from bowden.model.mesh_free.steps import (
     CARRIED_FIELDS,
     FAR_A,
     FAR_B,

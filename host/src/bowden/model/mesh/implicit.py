@@ -1,10 +1,10 @@
-"""Steps the mesh implicitly, for laws that the exact steps of `mesh_events` leave out.
+"""Steps the mesh implicitly, for laws that the exact steps of `mesh.events` leave out.
 
-The chains of `mesh_chain`, solved once a sample by Newton's method over all segments of both cables
+The chains of `mesh.chain`, solved once a sample by Newton's method over all segments of both cables
 and the pulleys: backward Euler in time, so that a speed term adds damping and no spikes, whatever
-the step. `mesh_solver` prepares the tables and reads the answer.
+the step. `mesh.solver` prepares the tables and reads the answer.
 
-`mesh_pulleys` has what the ends ask for: a place that is given, or balance with a torque.
+`mesh.pulleys` has what the ends ask for: a place that is given, or balance with a torque.
 """
 
 # ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
@@ -12,7 +12,7 @@ the step. `mesh_solver` prepares the tables and reads the answer.
 from __future__ import annotations
 
 from bowden.model.compiled import compiled_in_place
-from bowden.model.mesh_chain import (
+from bowden.model.mesh.chain import (
     as_before,
     assemble,
     elastic_stretch,
@@ -22,8 +22,8 @@ from bowden.model.mesh_chain import (
     set_tensions,
     solve,
 )
-from bowden.model.mesh_events import beyond, moved_on, pull_of_mass
-from bowden.model.mesh_pulleys import (
+from bowden.model.mesh.events import beyond, moved_on, pull_of_mass
+from bowden.model.mesh.pulleys import (
     SETTLED,
     Pulleys,
     balanced,
@@ -31,7 +31,7 @@ from bowden.model.mesh_pulleys import (
     move_pulleys,
     revise_pulleys,
 )
-from bowden.model.mesh_sliders import (
+from bowden.model.mesh.sliders import (
     ChainState,
     ChainTables,
     prepare,
@@ -41,10 +41,10 @@ from bowden.model.trajectory import (
     FloatArray,
 )
 
-FRONTS_RUN = 6  # rounds in which fronts run ahead, see `mesh_chain.sweep`
+FRONTS_RUN = 6  # rounds in which fronts run ahead, see `mesh.chain.sweep`
 ALL_AT_ONCE = 16  # rounds that revise all segments at once; then one at a time, if at all
 # Ways to find which segments slide, tried in turn: all at once and giving up early; then one at a
-# time; and with regard to fronts that meet, see `mesh_chain.assemble`.
+# time; and with regard to fronts that meet, see `mesh.chain.assemble`.
 QUICKLY, PATIENTLY, GENTLY = WAYS = 0, 1, 2
 REFINEMENTS = (1, 4, 16, 64)  # steps that a sample is cut into where fewer find no answer
 MOST_AHEAD = 2.0  # times the last step: how long motion is guessed to go on as it was
@@ -268,7 +268,7 @@ def run(
     longer: FloatArray,
     out: FloatArray,
 ) -> int:
-    """Run all samples; arguments and rows of `out` as in `mesh_events.run`.
+    """Run all samples; arguments and rows of `out` as in `mesh.events.run`.
 
     Returns 0, or the number of the first sample, from 1, in which no equilibrium was found.
     `factor` and `longer` are those of `Histories`, of one sample where nothing changes.

@@ -1,18 +1,20 @@
 """Answers a mode with the mesh: pulley angles and torques to cable ends and back.
 
-Reads a `Transmission` and two series, calls the compiled kernels (`mesh_events` where there are no
-laws but Coulomb's and Hooke's, `mesh_implicit` otherwise), returns a `Trajectory`.
+Reads a `Transmission` and two series, calls the compiled kernels (`mesh.events` where there are no
+laws but Coulomb's and Hooke's, `mesh.implicit` otherwise), returns a `Trajectory`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from bowden.model import mesh_events, mesh_implicit
 from bowden.model.errors import ModelError
 from bowden.model.friction.coulomb import slide_exponent
 from bowden.model.histories import Histories
-from bowden.model.mesh import (
+from bowden.model.mesh import events, implicit
+from bowden.model.mesh.pulleys import Pulleys
+from bowden.model.mesh.sliders import ChainState, ChainTables
+from bowden.model.mesh.state import (
     Mesh,
     breakaway_excesses,
     cut,
@@ -21,8 +23,6 @@ from bowden.model.mesh import (
     sliding_weight,
     tables,
 )
-from bowden.model.mesh_pulleys import Pulleys
-from bowden.model.mesh_sliders import ChainState, ChainTables
 from bowden.model.trajectory import FloatArray, Mode, Trajectory
 from bowden.model.transmission import Transmission
 
@@ -72,7 +72,7 @@ def simulate_mesh(  # noqa: PLR0917
     factor, longer = _series(histories or Histories(), time_s.size)
     changing = bool(np.any(factor != 1.0) or np.any(longer != 0.0))
     if needs_implicit_steps(transmission) or changing:
-        failed = mesh_implicit.run(
+        failed = implicit.run(
             chain_tables(transmission),
             chain_state(transmission),
             pulleys(transmission, free),
@@ -87,7 +87,7 @@ def simulate_mesh(  # noqa: PLR0917
             out,
         )
     else:
-        failed = mesh_events.run(
+        failed = events.run(
             tables(transmission),
             rest_state(transmission),
             free,
@@ -127,7 +127,7 @@ def _series(histories: Histories, samples: int) -> tuple[FloatArray, FloatArray]
 
 
 def chain_tables(transmission: Transmission) -> ChainTables:
-    """Compute the constants of `mesh_implicit`."""
+    """Compute the constants of `mesh.implicit`."""
     law, mesh = transmission.friction, cut(transmission)
     wrap = slide_exponent(1.0, law.direction_asymmetry, mesh.wrap_rad)
     compliance = _at_nodes(_half_length(transmission, mesh)) / transmission.axial_stiffness_n
@@ -163,7 +163,7 @@ def chain_tables(transmission: Transmission) -> ChainTables:
 
 
 def chain_state(transmission: Transmission) -> ChainState:
-    """Return both cables at rest for `mesh_implicit`."""
+    """Return both cables at rest for `mesh.implicit`."""
     rest, t, mesh = rest_state(transmission), chain_tables(transmission), cut(transmission)
     n = mesh.length_m.size
     # What a spring of the stiffness at no tension would carry: the root of T = (p + q tau) tau.
@@ -200,7 +200,7 @@ def chain_state(transmission: Transmission) -> ChainState:
 
 
 def pulleys(transmission: Transmission, free: int) -> Pulleys:
-    """Return the pulleys at rest for `mesh_implicit`, the load's in the middle of its play.
+    """Return the pulleys at rest for `mesh.implicit`, the load's in the middle of its play.
 
     A load whose torque is given (`free` 1) is the pulley itself: the handle's angle differs from it
     by the play, see `effects.termination_backlash`.

@@ -1,6 +1,6 @@
 """Steps the mesh exactly from event to event, for friction that knows no rate.
 
-Reads `mesh.Tables` and `mesh.State`, uses `mesh_zones`; `mesh_solver` calls `run`.
+Reads `mesh.state.Tables` and `mesh.state.State`, uses `mesh.zones`; `mesh.solver` calls `run`.
 
 Within a sample the given series are linear in time, and between two events (a segment starts to
 slide, a cable goes slack or taut) everything else is linear too, so the answer does not depend on
@@ -14,8 +14,8 @@ and +r theta for cable b; each cable feels them with its sign, +1 and -1.
 from __future__ import annotations
 
 from bowden.model.compiled import compiled_in_place
-from bowden.model.mesh import State, Tables
-from bowden.model.mesh_zones import (
+from bowden.model.mesh.state import State, Tables
+from bowden.model.mesh.zones import (
     GOES_SLACK,
     GOES_TAUT,
     NOTHING,
@@ -99,7 +99,7 @@ def reach_for(t: Tables, s: State, free: int, force: float) -> float:
 
 @compiled_in_place
 def happen(t: Tables, s: State, cable: int, what: int, end: int, motor: float, load: float) -> None:
-    """Let an event of `mesh_zones.next_event` happen."""
+    """Let an event of `mesh.zones.next_event` happen."""
     if what == SLIDE:
         slide(t, s, cable, end)
     elif what == GOES_SLACK:

@@ -1,6 +1,6 @@
 """What one segment of the mesh bears: the laws of friction as a slider, and their linearisation.
 
-Compiled helpers over the tables and the state of both chains; `mesh_chain` solves the rows.
+Compiled helpers over the tables and the state of both chains; `mesh.chain` solves the rows.
 
 A slider bears the log-ratio of tensions E_j = ln(T_{j+1}/T_j), and gives way by w_j in a sample:
 

@@ -1,7 +1,7 @@
 """The tension profile of one cable without a mesh: a list of breakpoints, clipped from both ends.
 
-Compiled arithmetic on plain arrays; no I/O. `mesh_free_steps` moves the
-two cables of a pair with it, `mesh_free` builds the arrays.
+Compiled arithmetic on plain arrays; no I/O. `mesh_free.steps` moves the
+two cables of a pair with it, `solver` builds the arrays.
 
 **The physics.** With ``y = ln T`` and the wrap ``Th(s)`` = integral of ``mu ds/R``, Coulomb
 friction allows ``|dy/dTh| <= 1``; cable that slides towards the load has slope +1, towards the
