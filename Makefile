@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate bench bench-diagnosis lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate wheels bench bench-diagnosis lock clean
 .PHONY: setup setup-firmware setup-baselines native
 
 help: ## list the targets
@@ -55,6 +55,9 @@ debug: setup-firmware ## gdb on a running board, through OpenOCD
 native: setup ## build the firmware as a shared library for this machine
 	$(MAKE) --no-print-directory -C firmware native BUILD=$(CURDIR)/build
 
+wheels: setup ## build dist/bowden-*.whl and dist/bowden_rig-*.whl (with the compiled firmware)
+	rm -rf dist && $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation -w dist ./host ./rig
+
 generate: setup ## remake everything that comes from shared/object_dictionary.yaml
 	$(BIN)/python -m shared.dictionary
 
@@ -65,7 +68,7 @@ bench-diagnosis: setup-baselines ## hidden effects against `bowden diagnose` and
 	$(BIN)/python -m hil_tests.benchmarks.diagnosis --seed $(SEED) $(BENCH_FLAGS)
 
 lock: setup ## resolve requirements.lock and requirements-baselines.lock anew (needs uv)
-	$(COMPILE) --no-emit-package bowden --no-emit-package bowden-bench \
+	$(COMPILE) --no-emit-package bowden --no-emit-package bowden-rig --no-emit-package bowden-bench \
 	    requirements.in -o requirements.lock
 	$(COMPILE) --override requirements.lock requirements-baselines.in -o requirements-baselines.lock
 
@@ -87,7 +90,7 @@ endef
 
 setup: $(VENV)/.ready
 
-$(VENV)/.ready: requirements.lock host/pyproject.toml pyproject.toml
+$(VENV)/.ready: requirements.lock host/pyproject.toml rig/pyproject.toml pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
 	    echo "bowden: found $$($(PYTHON) --version 2>&1); accepted: Python 3.11 or later (set PYTHON=...)" >&2; exit 1; }
 	$(call need,$(PYTHON) -c 'import ensurepip$(comma) venv',python3-venv)
@@ -95,7 +98,7 @@ $(VENV)/.ready: requirements.lock host/pyproject.toml pyproject.toml
 	@echo "bowden: making the virtual environment in $(VENV)" >&2
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e host -e .
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e host -e rig -e .
 	@touch $@
 
 setup-baselines: $(VENV)/.baselines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-# Spelt out here and in hil_tests/targets/target.py: this file must not import the bench, or tests
+# Spelt out here and in hil_tests/targets: this file must not import the bench, or tests
 # of the model would need a built firmware.
 TARGETS = ("native", "emulated", "hardware")
 
@@ -37,7 +37,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
-        "needs(*capabilities): skipped on a target that lacks one; hil_tests/targets/target.py",
+        "needs(*capabilities): skipped on a target that lacks one; bowden_rig/target.py",
     )
 
 

@@ -16,10 +16,9 @@ from typing import Final
 import can
 import numpy as np
 from bowden.report.canvas import MEASURED, PRESCRIBED, RESIDUAL, SIMULATED, draw, dress
+from bowden_rig.bench import Bench, Truth
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
-
-from hil_tests.bench import Bench, Truth
 
 POINTS: Final = 4000
 

@@ -10,14 +10,15 @@ from collections.abc import Iterable
 from typing import Final
 
 import can
+from bowden_rig.bench import EMCY, Bench
+from bowden_rig.frame_loss import Loss
+from bowden_rig.rig.parameters import Rig
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.target import DEFAULT_NODE_ID, fitted
+from bowden_rig.targets import make_target
+from bowden_rig.virtual_bus import VirtualBus
 
-from hil_tests.bench import EMCY, Bench
-from hil_tests.frame_loss import Loss
 from hil_tests.lockstep_host import FAULT_BIT, LockstepHost
-from hil_tests.rig.parameters import Rig
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import DEFAULT_NODE_ID, fitted, make_target
-from hil_tests.virtual_bus import VirtualBus
 
 LAST_WORDS_S: Final = 0.02  # for an EMCY that is on its way
 

@@ -13,14 +13,14 @@ from typing import Final
 
 import can
 import pytest
+from bowden_rig.bench import Bench
+from bowden_rig.rig.parameters import Hand, Rig
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.virtual_bus import VirtualBus
 
-from hil_tests.bench import Bench
 from hil_tests.emulated.records import Options, ResetCause
 from hil_tests.lockstep_host import CONTROLWORD, MODE, NMT_START, LockstepHost
-from hil_tests.rig.parameters import Hand, Rig
-from hil_tests.rig.rig import SimulatedRig
 from hil_tests.targets.emulated import ELF, EmulatedTarget
-from hil_tests.virtual_bus import VirtualBus
 
 NEEDS_ELF: Final = pytest.mark.skipif(
     not ELF.is_file(), reason="build/stm32f405/bowden.elf is missing; run 'make firmware'"

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import can
+from bowden_rig.rig.parameters import Hand
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
 from hil_tests.board_parity import COMPENSATION_LAW, MODEL_INVERSION, SETTLE_S, TUNNEL_MODE
-from hil_tests.rig.parameters import Hand
 
 CYCLES_PER_INSTRUCTION: Final = 1.5
 CORE_HZ: Final = 168_000_000

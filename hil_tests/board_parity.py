@@ -17,12 +17,12 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import can
+from bowden_rig.native import NativeTarget
+from bowden_rig.rig.parameters import Hand
+from bowden_rig.rig.rig import Actuators
+from bowden_rig.rig.sensors import Sensors
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
-from hil_tests.rig.parameters import Hand
-from hil_tests.rig.rig import Actuators
-from hil_tests.rig.sensors import Sensors
-from hil_tests.targets.native import NativeTarget
 
 TUNNEL_MODE: Final = -1
 COMPENSATION_LAW: Final = 0x2130

@@ -9,12 +9,13 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
+from bowden_rig.target import CAPABILITIES, SIMULATED_RIG
 
 from hil_tests.artefacts import directory_of, keep, keep_traffic
 from hil_tests.benches import Benches, verdict
 from hil_tests.lockstep_host import LockstepHost, Wire
+from hil_tests.targets.choice import capabilities_of, missing_firmware
 from hil_tests.targets.hardware import Guard, HardwareWire, open_wire
-from hil_tests.targets.target import CAPABILITIES, SIMULATED_RIG, capabilities_of, missing_firmware
 
 BUILD = Path(__file__).resolve().parents[1] / "build"
 WIRE = pytest.StashKey[HardwareWire]()

@@ -12,9 +12,8 @@ from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
 import can
 import numpy as np
+from bowden_rig.target import DEFAULT_NODE_ID
 from numpy.typing import NDArray
-
-from hil_tests.targets.target import DEFAULT_NODE_ID
 
 NMT_START: Final = 0x01
 NMT_STOP: Final = 0x02

@@ -12,17 +12,16 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from bowden_rig.bench import Bench
+from bowden_rig.native import Entry, NativeTarget
+from bowden_rig.rig import state as at
+from bowden_rig.rig.compiled import compiled
+from bowden_rig.rig.rig import Actuators, Parts, pass_period
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
-
-from hil_tests.bench import Bench
-from hil_tests.rig import state as at
-from hil_tests.rig.compiled import compiled
-from hil_tests.rig.rig import Actuators, Parts, pass_period
-from hil_tests.targets.native import Entry, NativeTarget
 
 HOST_SENDS: Final = "target_torque_unm"
 

@@ -14,11 +14,13 @@ import can
 import canopen
 import numpy as np
 import pytest
+from bowden_rig.frame_loss import SeededLoss
+from bowden_rig.rig.parameters import Cable, Hand, Rig, Sensing
+from bowden_rig.virtual_bus import VirtualBus
 
 from hil_tests.artefacts import directory_of, keep
 from hil_tests.benches import Benches
 from hil_tests.emulated.records import CanFault
-from hil_tests.frame_loss import SeededLoss
 from hil_tests.lockstep_host import (
     MODE,
     NMT_RESET_NODE,
@@ -27,9 +29,7 @@ from hil_tests.lockstep_host import (
     LockstepHost,
     samples,
 )
-from hil_tests.rig.parameters import Cable, Hand, Rig, Sensing
 from hil_tests.targets.emulated import EmulatedTarget
-from hil_tests.virtual_bus import VirtualBus
 
 pytestmark = pytest.mark.needs("simulated-rig", "virtual-time")
 

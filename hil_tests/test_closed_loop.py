@@ -11,12 +11,11 @@ import pytest
 from bowden.cli.demo_diagnosis import HIDDEN, RIG, close_the_loop
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
-
-from hil_tests.bench import Bench
-from hil_tests.rig import parameters
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import make_target
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.bench import Bench
+from bowden_rig.rig import parameters
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.targets import make_target
+from bowden_rig.virtual_bus import VirtualBus
 
 HIDDEN_RAD = float(HIDDEN.partition("=")[2])
 

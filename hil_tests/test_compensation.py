@@ -11,11 +11,11 @@ import struct
 import numpy as np
 import pytest
 from bowden.drive.dictionary import lookup
+from bowden_rig.rig.parameters import Cable, Hand, Rig, Sensing
+from bowden_rig.virtual_bus import VirtualBus
 
 from hil_tests.benches import Benches
 from hil_tests.lockstep_host import LockstepHost, samples
-from hil_tests.rig.parameters import Cable, Hand, Rig, Sensing
-from hil_tests.virtual_bus import VirtualBus
 
 pytestmark = pytest.mark.needs("simulated-rig", "virtual-time")
 

@@ -7,10 +7,10 @@ import math
 import can
 import numpy as np
 import pytest
+from bowden_rig.rig.parameters import Hand
 
 from hil_tests.board_bench import ENABLED, NEEDS_ELF, Board, start_node
 from hil_tests.lockstep_host import CONTROLWORD
-from hil_tests.rig.parameters import Hand
 from hil_tests.targets import board_map
 from hil_tests.targets.emulated import temperature_code
 

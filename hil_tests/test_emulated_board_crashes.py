@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 
 import pytest
+from bowden_rig.rig.parameters import Hand
 
 from hil_tests.board_bench import (
     FAULT,
@@ -22,7 +23,6 @@ from hil_tests.board_bench import (
 )
 from hil_tests.emulated.records import Options, ResetCause
 from hil_tests.lockstep_host import CONTROLWORD, NMT_RESET_NODE
-from hil_tests.rig.parameters import Hand
 
 pytestmark = NEEDS_ELF
 

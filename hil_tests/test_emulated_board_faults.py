@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import can
 import pytest
+from bowden_rig.rig.parameters import Hand, Rig, Sensing
 
 from hil_tests.board_bench import FAULT, NEEDS_ELF, TICK_US, Board, off_after_us, running
 from hil_tests.emulated.records import CanFault, Options, ResetCause
-from hil_tests.rig.parameters import Hand, Rig, Sensing
 from hil_tests.targets import board_map
 
 pytestmark = NEEDS_ELF

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import can
 import pytest
+from bowden_rig.rig.sensors import Sensors
 
 from hil_tests.board_bench import NEEDS_ELF
 from hil_tests.board_parity import EXPERIMENTS, Experiment, compare
-from hil_tests.rig.sensors import Sensors
 
 pytestmark = NEEDS_ELF
 

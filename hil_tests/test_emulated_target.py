@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import can
 import pytest
+from bowden_rig.bench import Bench
+from bowden_rig.rig.parameters import Hand, Motor, Rig
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.rig.sensors import Sensors
 
-from hil_tests.bench import Bench
 from hil_tests.emulated.elf import Image
 from hil_tests.emulated.small_program import NO_COMPILER, emulate
-from hil_tests.rig.parameters import Hand, Motor, Rig
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.rig.sensors import Sensors
 from hil_tests.targets.board_map import CURRENT_UA_PER_CODE
 from hil_tests.targets.emulated import BOARD_FAULT_OVERCURRENT, EmulatedTarget
 

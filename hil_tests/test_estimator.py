@@ -16,16 +16,16 @@ from typing import Final
 import numpy as np
 import pytest
 from bowden.drive.dictionary import TABLE
+from bowden_rig.bench import TICKS_PER_S, Bench
+from bowden_rig.rig import state as at
+from bowden_rig.rig.parameters import Cable, Hand, Rig, Sensing
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.targets import make_target
+from bowden_rig.virtual_bus import VirtualBus
 from numpy.typing import NDArray
 
 from hil_tests import native_loop
-from hil_tests.bench import TICKS_PER_S, Bench
 from hil_tests.lockstep_host import LockstepHost
-from hil_tests.rig import state as at
-from hil_tests.rig.parameters import Cable, Hand, Rig, Sensing
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import make_target
-from hil_tests.virtual_bus import VirtualBus
 
 pytestmark = pytest.mark.needs("simulated-rig", "virtual-time")
 

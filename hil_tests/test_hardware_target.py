@@ -15,9 +15,9 @@ from pathlib import Path
 
 import can
 import pytest
+from bowden_rig.process import DEFAULT_CHANNEL
 
 from hil_tests.lockstep_host import CONTROLWORD, LockstepHost
-from hil_tests.rig_process import DEFAULT_CHANNEL
 from hil_tests.targets.hardware import Guard, HardwareWire
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -122,7 +122,7 @@ def _run_tests(*arguments: str) -> str:
 def test_tests_of_the_wire_run_on_a_real_bus_and_the_others_say_why_not() -> None:
     if not _multicast_works():
         pytest.skip("multicast does not come back on this machine")
-    rig = [sys.executable, "-m", "hil_tests.rig_process", "--bus-kwargs", f"port={PORT}"]
+    rig = [sys.executable, "-m", "bowden_rig", "--bus-kwargs", f"port={PORT}"]
     with subprocess.Popen(rig, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import pytest
+from bowden_rig.pacing import GIVE_UP_S, MOST_SLICES_AT_ONCE, Pace
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from hil_tests.pacing import GIVE_UP_S, MOST_SLICES_AT_ONCE, Pace
 
 SLICE_S = 1e-3
 
 
 def run(pace: Pace, until_s: float, work_s: float = 1e-4, start_s: float = 0.0) -> float:
-    """Play the loop of rig_process on a clock of our own; the wall time at the end."""
+    """Play the loop of `process` on a clock of our own; the wall time at the end."""
     now = start_s
     while now < until_s:
         now += pace.due(now) * work_s

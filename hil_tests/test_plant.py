@@ -12,12 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bowden_rig.rig import state as at
+from bowden_rig.rig.constants import CONTROL_PERIOD_S, largest_stable_step_s
+from bowden_rig.rig.parameters import Cable, Hand, Load, Motor, Rig
+from bowden_rig.rig.plant import Plant
 from numpy.typing import NDArray
-
-from hil_tests.rig import state as at
-from hil_tests.rig.constants import CONTROL_PERIOD_S, largest_stable_step_s
-from hil_tests.rig.parameters import Cable, Hand, Load, Motor, Rig
-from hil_tests.rig.plant import Plant
 
 CAPSTAN = math.exp(1.5)
 COULOMB = Rig(cable=Cable(viscous_s_per_m=0.0), motor=Motor(current_limit_a=50.0))

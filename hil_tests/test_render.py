@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bowden_rig.bench import TICKS_PER_S
+from bowden_rig.rig.hidden import TABLE
+from bowden_rig.target import Target
 
-from hil_tests.bench import TICKS_PER_S
 from hil_tests.render import measures
 from hil_tests.render.document import document
 from hil_tests.render.laws import LAWS, NAIVE, OURS, WITHOUT_CELL, entries, law_named
@@ -16,9 +18,7 @@ from hil_tests.render.rigs import MODERATE, draw
 from hil_tests.render.table import error_ratios, markdown, summarise
 from hil_tests.render.tasks import TASKS, Task, task_named
 from hil_tests.render.trial import Outcome, judge, run
-from hil_tests.rig.hidden import TABLE
 from hil_tests.targets.emulated import ELF, EmulatedTarget
-from hil_tests.targets.target import Target
 
 TIME = np.arange(TICKS_PER_S) / TICKS_PER_S
 SINE = np.sin(2.0 * math.pi * TIME)

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from hil_tests.rig import state as at
-from hil_tests.rig.compiled import packed
-from hil_tests.rig.human import reduced, wanted
-from hil_tests.rig.parameters import Hand, Rig, Sensing, changed
-from hil_tests.rig.rig import Actuators, SimulatedRig
-from hil_tests.rig.sensors import FAULT_LOAD_CELL, SensorBoard
+from bowden_rig.rig import state as at
+from bowden_rig.rig.compiled import packed
+from bowden_rig.rig.human import reduced, wanted
+from bowden_rig.rig.parameters import Hand, Rig, Sensing, changed
+from bowden_rig.rig.rig import Actuators, SimulatedRig
+from bowden_rig.rig.sensors import FAULT_LOAD_CELL, SensorBoard
 
 ENABLED = Actuators(bridge_enabled=True)
 QUIET = Sensing(load_cell_noise_nm=0.0, current_noise_a=0.0)

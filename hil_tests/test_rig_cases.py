@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bowden_rig.rig.hidden import TABLE
+from bowden_rig.rig.parameters import Cable, Hand, Motor, Rig
 
 from hil_tests import rig_cases
 from hil_tests.hidden_effects import effects, unlisted
 from hil_tests.hidden_effects.continuum import Histories, solve
 from hil_tests.hidden_effects.hidden import Signals
 from hil_tests.hidden_effects.recordings import draw_rig
-from hil_tests.rig.hidden import TABLE
-from hil_tests.rig.parameters import Cable, Hand, Motor, Rig
 from hil_tests.rig_cases.cases import draw_case
 from hil_tests.rig_cases.recording import record
 

@@ -11,15 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bowden_rig.rig import mechanics
+from bowden_rig.rig import state as at
+from bowden_rig.rig.cable import CREEP
+from bowden_rig.rig.constants import CONTROL_PERIOD_S
+from bowden_rig.rig.hidden import TABLE, hide
+from bowden_rig.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
+from bowden_rig.rig.plant import Plant
+from bowden_rig.rig.sensors import SensorBoard
 
-from hil_tests.rig import mechanics
-from hil_tests.rig import state as at
-from hil_tests.rig.cable import CREEP
-from hil_tests.rig.constants import CONTROL_PERIOD_S
-from hil_tests.rig.hidden import TABLE, hide
-from hil_tests.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
-from hil_tests.rig.plant import Plant
-from hil_tests.rig.sensors import SensorBoard
 from hil_tests.test_plant import COULOMB, LOCKED, PLATEAU_NM, run, stroke
 
 SMOOTH = Cable(friction=0.0, viscous_s_per_m=0.0, material_damping_s=1e-3)

@@ -13,16 +13,16 @@ from pathlib import Path
 
 import can
 import pytest
+from bowden_rig.bench import Bench
+from bowden_rig.frame_loss import SeededLoss
+from bowden_rig.process import DEFAULT_CHANNEL, Bridge, main, taken
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.targets import make_target
 
-from hil_tests.bench import Bench
 from hil_tests.board_bench import NEEDS_ELF
-from hil_tests.frame_loss import SeededLoss
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.rig_process import DEFAULT_CHANNEL, Bridge, main, taken
 from hil_tests.targets import emulated
-from hil_tests.targets.target import make_target
 
-COMMAND = [sys.executable, "-m", "hil_tests.rig_process"]
+COMMAND = [sys.executable, "-m", "bowden_rig"]
 PORT = 43917  # not python-can's default: another rig may run on this machine
 BUS = ["--bus-kwargs", f"port={PORT}"]
 PATIENCE_S = 60.0  # only ends a test that hangs

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from bowden_rig.target import SIMULATED_RIG
+from bowden_rig.virtual_bus import VirtualBus
 
 from hil_tests.benches import Benches
 from hil_tests.lockstep_host import NMT_RESET_NODE, LockstepHost, SdoAbort
-from hil_tests.targets.target import SIMULATED_RIG
-from hil_tests.virtual_bus import VirtualBus
 
 pytestmark = pytest.mark.needs(SIMULATED_RIG)  # a real board's configuration is not ours to change
 

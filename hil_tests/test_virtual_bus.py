@@ -6,13 +6,12 @@ from collections import deque
 
 import can
 import pytest
-
-from hil_tests.bench import Bench
-from hil_tests.frame_loss import SeededLoss
-from hil_tests.rig.rig import Actuators, SimulatedRig
-from hil_tests.rig.sensors import Sensors
-from hil_tests.targets.target import Converters
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.bench import Bench
+from bowden_rig.frame_loss import SeededLoss
+from bowden_rig.rig.rig import Actuators, SimulatedRig
+from bowden_rig.rig.sensors import Sensors
+from bowden_rig.target import Converters
+from bowden_rig.virtual_bus import VirtualBus
 
 
 class Echo:

@@ -13,12 +13,12 @@ from bowden.drive.capture import record
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
 from bowden.drive.power import Mode, Run
+from bowden_rig.bench import TICKS_PER_S, Bench
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.targets import make_target
+from bowden_rig.virtual_bus import VirtualBus
 
-from hil_tests.bench import TICKS_PER_S, Bench
 from hil_tests.benchmarks.measurement import Figure, medians_s
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import make_target
-from hil_tests.virtual_bus import VirtualBus
 
 _CAPTURE_S = 60.0
 _TICKS = 4000

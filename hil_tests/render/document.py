@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from bowden_rig.rig.constants import CONTROL_PERIOD_S
+
 from hil_tests.render.laws import OURS, WITHOUT_CELL
 from hil_tests.render.rigs import LENGTH_M, draw
 from hil_tests.render.table import error_ratios, markdown
 from hil_tests.render.trial import Outcome
-from hil_tests.rig.constants import CONTROL_PERIOD_S
 
 TEXT: Final = """\
 # Compensation: the benchmark

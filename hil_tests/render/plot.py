@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 from bowden.report.canvas import MEASURED, PRESCRIBED, RESIDUAL, SIMULATED, draw, dress
+from bowden_rig.rig import state as at
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from hil_tests.render.trial import Trial
-from hil_tests.rig import state as at
 
 POINTS: Final = 6000
 

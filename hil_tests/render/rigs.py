@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-
-from hil_tests.rig.constants import least_substeps
-from hil_tests.rig.hidden import hide
-from hil_tests.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
+from bowden_rig.rig.constants import least_substeps
+from bowden_rig.rig.hidden import hide
+from bowden_rig.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
 
 MODEL_ERROR: Final = 0.15
 LENGTH_M: Final = 2.0

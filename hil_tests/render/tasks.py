@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
+from bowden_rig.bench import TICKS_PER_S
 from numpy.typing import NDArray
 
-from hil_tests.bench import TICKS_PER_S
 from hil_tests.render.rigs import RenderRig, Tunnel
 
 TUNNEL_MODE: Final = -1

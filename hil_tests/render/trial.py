@@ -14,19 +14,20 @@ from typing import Final
 
 import numpy as np
 from bowden.drive.dictionary import TABLE
+from bowden_rig.bench import TICKS_PER_S, Bench
+from bowden_rig.rig import state as at
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.target import Target, fitted
+from bowden_rig.targets import make_target
+from bowden_rig.virtual_bus import VirtualBus
 from numpy.typing import NDArray
 
 from hil_tests import native_loop
-from hil_tests.bench import TICKS_PER_S, Bench
 from hil_tests.lockstep_host import LockstepHost
 from hil_tests.render import measures
 from hil_tests.render.laws import Law, entries
 from hil_tests.render.rigs import RenderRig
 from hil_tests.render.tasks import Task
-from hil_tests.rig import state as at
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import Target, fitted, make_target
-from hil_tests.virtual_bus import VirtualBus
 
 TARGET_TORQUE: Final = 0x2040
 SETTLE_S: Final = 0.06  # the drive takes a configuration 50 ms after its last entry

@@ -17,6 +17,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from bowden_rig.rig.constants import CONTROL_PERIOD_S, least_substeps
+from bowden_rig.rig.hidden import hide
+from bowden_rig.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
 
 from hil_tests.hidden_effects import effects, excitation, unlisted
 from hil_tests.hidden_effects.hidden import Hidden, Signals, Values, Vector, together
@@ -42,9 +45,6 @@ from hil_tests.hidden_effects.strength import (
     sized,
     strength_of,
 )
-from hil_tests.rig.constants import CONTROL_PERIOD_S, least_substeps
-from hil_tests.rig.hidden import hide
-from hil_tests.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
 from hil_tests.rig_cases.recording import MOST_LOAD_NM, record
 
 LINER_N_PER_M2: Final = 1.5e8

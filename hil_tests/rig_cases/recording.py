@@ -10,17 +10,17 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from bowden_rig.bench import TICKS_PER_S, Bench
+from bowden_rig.rig import state as at
+from bowden_rig.rig.parameters import Rig
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.targets import make_target
+from bowden_rig.virtual_bus import VirtualBus
 
 from hil_tests import native_loop
-from hil_tests.bench import TICKS_PER_S, Bench
 from hil_tests.hidden_effects.continuum import Histories
 from hil_tests.hidden_effects.hidden import Signals, Vector
 from hil_tests.lockstep_host import LockstepHost
-from hil_tests.rig import state as at
-from hil_tests.rig.parameters import Rig
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import make_target
-from hil_tests.virtual_bus import VirtualBus
 
 MOTOR_TORQUE_LIMIT: Final = 0x2107  # entry, in uN m
 LIMIT_NM: Final = 0.8

@@ -13,16 +13,12 @@ from pathlib import Path
 from typing import Final
 
 import can
-
-from hil_tests.emulated.bridge import Motor
-from hil_tests.emulated.elf import Image, read_elf
-from hil_tests.emulated.machine import Stm32F405
-from hil_tests.emulated.records import Options
-from hil_tests.rig.rig import CONTROL_PERIOD_US, Actuators
-from hil_tests.rig.sensors import Sensors
-from hil_tests.targets import board_map as board
-from hil_tests.targets.target import (
+from bowden_rig.rig.parameters import Rig
+from bowden_rig.rig.rig import CONTROL_PERIOD_US, Actuators
+from bowden_rig.rig.sensors import Sensors
+from bowden_rig.target import (
     CHIP,
+    DEFAULT_NODE_ID,
     MEASURED_CURRENT,
     MOTION,
     SEVERAL,
@@ -30,6 +26,12 @@ from hil_tests.targets.target import (
     VIRTUAL_TIME,
     Converters,
 )
+
+from hil_tests.emulated.bridge import Motor
+from hil_tests.emulated.elf import Image, read_elf
+from hil_tests.emulated.machine import Stm32F405
+from hil_tests.emulated.records import Options
+from hil_tests.targets import board_map as board
 
 ELF: Final = Path(__file__).resolve().parents[2] / "build" / "stm32f405" / "bowden.elf"
 
@@ -98,6 +100,23 @@ class EmulatedTarget:
         regulation_nm=REGULATION_NM,
         sampling_ticks=2,  # its clock starts when it boots, and its ticks are not the bench's
     )
+
+    @staticmethod
+    def missing_firmware() -> str:
+        """Tell in one line what has to be built first; empty where nothing is missing."""
+        return "" if ELF.is_file() else f"{ELF} is missing; run 'make firmware'"
+
+    @staticmethod
+    def for_rig(node_id: int, rig: Rig) -> EmulatedTarget:
+        """Build a board for that rig; ValueError unless the node id is the ELF's."""
+        if node_id != DEFAULT_NODE_ID:
+            raise ValueError(
+                f"node id: found {node_id}; accepted: {DEFAULT_NODE_ID}, which is in the ELF"
+            )
+        return EmulatedTarget(
+            motor_counts_per_turn=rig.sensing.motor_counts_per_turn,
+            load_counts_per_turn=rig.sensing.load_counts_per_turn,
+        )
 
     def __init__(
         self,

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import can
+from bowden_rig.bench import FRAMES_KEPT
 
-from hil_tests.bench import FRAMES_KEPT
 from hil_tests.lockstep_host import CONTROLWORD, NMT_RESET_NODE, LockstepHost, Wire
 
 BOOT_PATIENCE_S: Final = 2.0

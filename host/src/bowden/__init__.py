@@ -1,3 +1,3 @@
 """bowden: host tools for a drive that feels through a cable-conduit transmission."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

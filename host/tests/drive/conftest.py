@@ -13,13 +13,12 @@ from bowden.drive.bus_options import BusOptions
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
 from bowden.model import format_model, table_1
-
-from hil_tests.bench import Bench
-from hil_tests.frame_loss import Loss
-from hil_tests.rig.parameters import Hand, Rig
-from hil_tests.rig.rig import SimulatedRig
-from hil_tests.targets.target import make_target
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.bench import Bench
+from bowden_rig.frame_loss import Loss
+from bowden_rig.rig.parameters import Hand, Rig
+from bowden_rig.rig.rig import SimulatedRig
+from bowden_rig.targets import make_target
+from bowden_rig.virtual_bus import VirtualBus
 
 
 def open_rig(drop: Loss | None = None, motion: str = "sine") -> tuple[Drive, VirtualBus]:

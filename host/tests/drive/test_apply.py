@@ -14,8 +14,7 @@ from bowden.drive.connection import Connection
 from bowden.drive.dictionary import ENTRIES
 from bowden.errors import BadInput
 from bowden.model import format_model, parse_model, table_1
-
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.virtual_bus import VirtualBus
 
 VISCOUS = "effects:\n- {name: viscous_friction, mu_v_s_per_m: 0.3}\n"
 

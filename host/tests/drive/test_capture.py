@@ -15,9 +15,8 @@ from bowden.drive.watch import Progress
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.read import read_recording
 from bowden.recording.side_file import side_path
-
-from hil_tests.frame_loss import SeededLoss
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.frame_loss import SeededLoss
+from bowden_rig.virtual_bus import VirtualBus
 
 MakeRig = Callable[..., tuple[Drive, VirtualBus]]
 

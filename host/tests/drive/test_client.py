@@ -13,8 +13,7 @@ from bowden.drive.connection import Connection
 from bowden.drive.dictionary import HASH
 from bowden.drive.scan import scan
 from bowden.errors import BadInput, DriveFailed
-
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.virtual_bus import VirtualBus
 
 MakeRig = Callable[..., tuple[Drive, VirtualBus]]
 MakeSilent = Callable[..., tuple[Connection, can.BusABC]]

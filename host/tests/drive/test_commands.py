@@ -10,8 +10,7 @@ import pytest
 from bowden.cli.main import main
 from bowden.drive import client
 from bowden.recording.read import read_recording
-
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.virtual_bus import VirtualBus
 
 
 def document(capsys: pytest.CaptureFixture[str]) -> dict:

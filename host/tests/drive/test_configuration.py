@@ -9,8 +9,7 @@ from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
 from bowden.drive.power import Mode, Run, powered
 from bowden.errors import BadInput, DriveFailed
-
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.virtual_bus import VirtualBus
 
 MakeRig = Callable[..., tuple[Drive, VirtualBus]]
 

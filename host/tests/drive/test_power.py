@@ -8,8 +8,7 @@ import pytest
 from bowden.drive.client import Drive
 from bowden.drive.power import Mode, Run, power_state, powered, safe_stop
 from bowden.errors import DriveFailed
-
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.virtual_bus import VirtualBus
 
 MakeRig = Callable[..., tuple[Drive, VirtualBus]]
 

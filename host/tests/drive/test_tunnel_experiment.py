@@ -16,8 +16,7 @@ from bowden.drive.connection import Connection
 from bowden.errors import BadInput
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
-
-from hil_tests.virtual_bus import VirtualBus
+from bowden_rig.virtual_bus import VirtualBus
 
 TUNNEL = Tunnel(half_width_rad=0.05, stiffness_nm_per_rad=0.5, torque_limit_nm=0.2, ratio=5.2)
 

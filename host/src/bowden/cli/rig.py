@@ -24,7 +24,7 @@ EXAMPLES = """examples:
   bowden rig -i socketcan -c vcan0            on a virtual CAN interface of the kernel
 """
 
-_PROCESS = "hil_tests.rig_process"
+_PLUGIN = "bowden_rig"
 TARGETS = ("native", "emulated")
 
 
@@ -75,16 +75,16 @@ def rig_command(
     Raises
     ------
     BadInput
-        The simulated rig (the repository's bench) is not installed.
+        The simulated rig (package `bowden-rig`) is not installed.
     """
-    if find_spec("hil_tests") is None:
+    if find_spec(_PLUGIN) is None:
         raise BadInput(
             "bowden rig",
             "no simulated rig in this installation",
-            "an installation from the repository (`make` there, or `pip install -e . -e host`)",
+            "the package bowden-rig beside this one (pip install bowden-rig)",
         )
     return [
-        sys.executable, "-m", _PROCESS, *options.flags(), "--node-id", str(node_id), *further
+        sys.executable, "-m", _PLUGIN, *options.flags(), "--node-id", str(node_id), *further
     ]  # fmt: skip
 
 

@@ -17,11 +17,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig import state as at
-from hil_tests.rig.cable import TENSION, move, rub
-from hil_tests.rig.compiled import compiled
-from hil_tests.rig.constants import HAND_LOCKED, HAND_ON, Constants
-from hil_tests.rig.slow_changes import age
+from bowden_rig.rig import state as at
+from bowden_rig.rig.cable import TENSION, move, rub
+from bowden_rig.rig.compiled import compiled
+from bowden_rig.rig.constants import HAND_LOCKED, HAND_ON, Constants
+from bowden_rig.rig.slow_changes import age
 
 BEARING_WINDUP_RAD: Final = 1e-4  # a bearing winds up elastically by this before it turns
 STOP_NM_PER_RAD: Final = 5000.0  # the dog between load pulley and handle, where it has play

@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
-from hil_tests.rig.constants import CONTROL_PERIOD_S, least_substeps
-from hil_tests.rig.parameters import Rig, changed
+from bowden_rig.rig.constants import CONTROL_PERIOD_S, least_substeps
+from bowden_rig.rig.parameters import Rig, changed
 
 Reduce = Callable[[float, Rig], float]
 

@@ -1,6 +1,6 @@
 """Frames lost on purpose, seeded, so that tests can compare what was lost with what was reported.
 
-`virtual_bus` and `rig_process` ask `loses(message)` of each frame that the drive sends.
+`virtual_bus` and `process` ask `loses(message)` of each frame that the drive sends.
 """
 
 from __future__ import annotations

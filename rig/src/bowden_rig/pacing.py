@@ -1,7 +1,7 @@
 """Keeps virtual time beside the wall clock: how much of it is due now.
 
 Pure arithmetic on times that the caller reads, so it is tested without waiting. Used by
-`rig_process`.
+`process`.
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ from typing import Final
 import can
 from can.broadcastmanager import CyclicSendTaskABC
 
-from hil_tests.bench import TICKS_PER_S, Bench
-from hil_tests.frame_loss import Loss
+from bowden_rig.bench import TICKS_PER_S, Bench
+from bowden_rig.frame_loss import Loss
 
 PATIENCE_S: Final = 10.0  # of virtual time, for recv(None)
 

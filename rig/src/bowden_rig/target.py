@@ -1,8 +1,8 @@
 """The one interface of everything that runs the drive's firmware, and what each of them can do.
 
-Native build, emulated board and real board: `bench` drives the first two (sensors in, one control
-tick, actuators out, CAN frames both ways); a real board is only a wire (`hardware`). Tests ask for
-capabilities, never for names: ``@pytest.mark.needs("simulated-rig")``.
+`bench` drives a `Target`: sensors in, one control tick, actuators out, CAN frames both ways.
+`targets` finds the installed ones by name. Tests ask for capabilities, never for names:
+``@pytest.mark.needs("simulated-rig")``.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ from typing import Final, Protocol
 
 import can
 
-from hil_tests.rig.parameters import Rig
-from hil_tests.rig.rig import Actuators
-from hil_tests.rig.sensors import Sensors
+from bowden_rig.rig.parameters import Rig
+from bowden_rig.rig.rig import Actuators
+from bowden_rig.rig.sensors import Sensors
 
 DEFAULT_NODE_ID: Final = 16
-TARGETS: Final = ("native", "emulated", "hardware")
 
-VIRTUAL_TIME: Final = "virtual-time"  # time passes only while somebody waits; reproducible
+VIRTUAL_TIME: Final = "virtual-time"  # time passes only while a caller waits; reproducible
 SIMULATED_RIG: Final = "simulated-rig"  # motor, cables, hand and the truth about them
 SEVERAL: Final = "several"  # many drives can live at once
 NODE_ID: Final = "node-id"  # the node id can be chosen
@@ -88,66 +87,6 @@ class Target(Protocol):
 
     def complaints(self) -> list[str]:
         """Say what went wrong inside that no frame tells; empty where all is well."""
-
-
-def make_target(name: str, node_id: int = DEFAULT_NODE_ID, rig: Rig | None = None) -> Target:
-    """Build the target of that name, for a rig with these encoders.
-
-    Raises
-    ------
-    ValueError
-        An unknown name, or a node id that the target cannot have.
-    FileNotFoundError
-        Its firmware has not been built; the text names the make target.
-    """
-    # imported here: each loads a library that the others do without
-    if name == "native":
-        from hil_tests.targets.native import NativeTarget  # noqa: PLC0415
-
-        return NativeTarget(node_id)
-    if name == "emulated":
-        from hil_tests.targets.emulated import EmulatedTarget  # noqa: PLC0415
-
-        if missing := missing_firmware(name):
-            raise FileNotFoundError(missing)
-        if node_id != DEFAULT_NODE_ID:
-            raise ValueError(
-                f"node id: found {node_id}; accepted: {DEFAULT_NODE_ID}, which is in the ELF"
-            )
-        sensing = (rig or Rig()).sensing
-        return EmulatedTarget(
-            motor_counts_per_turn=sensing.motor_counts_per_turn,
-            load_counts_per_turn=sensing.load_counts_per_turn,
-        )
-    raise ValueError(f"target: found {name!r}; accepted: native, emulated")
-
-
-def missing_firmware(name: str) -> str:
-    """Tell what has to be built first for that target, in one line; empty where all is there."""
-    if name == "emulated":
-        from hil_tests.targets import emulated  # noqa: PLC0415
-
-        if not emulated.ELF.is_file():
-            return f"{emulated.ELF} is missing; run 'make firmware'"
-    return ""
-
-
-def capabilities_of(name: str, allow_motion: bool) -> frozenset[str]:
-    """Tell what the target of that name can do, without making one.
-
-    `allow_motion` matters to a real board alone: a simulated rig cannot hurt anybody.
-    """
-    if name == "native":
-        from hil_tests.targets.native import NativeTarget  # noqa: PLC0415
-
-        return NativeTarget.capabilities
-    if name == "emulated":
-        from hil_tests.targets.emulated import EmulatedTarget  # noqa: PLC0415
-
-        return EmulatedTarget.capabilities
-    if name == "hardware":
-        return frozenset({MOTION}) if allow_motion else frozenset()
-    raise ValueError(f"target: found {name!r}; accepted: {', '.join(TARGETS)}")
 
 
 def fitted(rig: Rig, capabilities: frozenset[str]) -> Rig:

@@ -1,7 +1,7 @@
 """The simulated rig as a process of its own: a CANopen node on any python-can bus, in real time.
 
-    python -m hil_tests.rig_process -i socketcan -c vcan0 --human sine --drop-probability 0.001
-    python -m hil_tests.rig_process --target emulated     the flashed ELF on the emulated chip
+    python -m bowden_rig -i socketcan -c vcan0 --human sine --drop-probability 0.001
+    python -m bowden_rig --target emulated     the flashed ELF on the emulated chip
 
 Runs the bench in slices of 1 ms beside the wall clock and carries frames between the drive and the
 bus. Without -i it uses UDP multicast that never leaves the machine. Ends on SIGINT, SIGTERM, after
@@ -27,12 +27,13 @@ from typing import Final
 import can
 import can.cli
 
-from hil_tests.bench import TICKS_PER_S, Bench
-from hil_tests.frame_loss import SeededLoss
-from hil_tests.pacing import Pace
-from hil_tests.rig import parameters
-from hil_tests.rig.rig import Actuators, SimulatedRig
-from hil_tests.targets.target import DEFAULT_NODE_ID, Target, fitted, make_target
+from bowden_rig.bench import TICKS_PER_S, Bench
+from bowden_rig.frame_loss import SeededLoss
+from bowden_rig.pacing import Pace
+from bowden_rig.rig import parameters
+from bowden_rig.rig.rig import Actuators, SimulatedRig
+from bowden_rig.target import DEFAULT_NODE_ID, Target, fitted
+from bowden_rig.targets import make_target, names
 
 DEFAULT_INTERFACE: Final = "udp_multicast"
 DEFAULT_CHANNEL: Final = "239.74.163.2"
@@ -238,12 +239,12 @@ def _describe(options: argparse.Namespace) -> parameters.Rig:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m hil_tests.rig_process",
+        prog="python -m bowden_rig",
         description="Simulated rig with the drive's firmware, as a CANopen node on a CAN bus.",
     )
     can.cli.add_bus_arguments(parser, group_title=f"bus (default: -i {DEFAULT_INTERFACE})")
     add = parser.add_argument
-    add("--target", choices=("native", "emulated"), default="native", help="runs the firmware")
+    add("--target", choices=names(), default="native", help="runs the firmware")
     add("--node-id", type=int, default=DEFAULT_NODE_ID, choices=range(1, 128), metavar="1..127")
     add("--seed", type=int, default=0, help="of the sensors' noise and of the dropped frames")
     add("--human", choices=("still", "sine", "locked", "free"), default="sine")
@@ -261,7 +262,3 @@ def _parser() -> argparse.ArgumentParser:
 def _say(line: str) -> None:
     sys.stderr.write(f"rig: {line}\n")
     sys.stderr.flush()
-
-
-if __name__ == "__main__":
-    sys.exit(main())

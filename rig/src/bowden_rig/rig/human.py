@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig import parameters
-from hil_tests.rig import state as at
-from hil_tests.rig.compiled import compiled
+from bowden_rig.rig import parameters
+from bowden_rig.rig import state as at
+from bowden_rig.rig.compiled import compiled
 
 
 class Intention(NamedTuple):

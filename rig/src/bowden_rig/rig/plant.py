@@ -12,11 +12,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig import mechanics, parameters
-from hil_tests.rig import state as at
-from hil_tests.rig.cable import BRISTLE, CREEP, POSITION, SPEED
-from hil_tests.rig.compiled import packed
-from hil_tests.rig.constants import constants
+from bowden_rig.rig import mechanics, parameters
+from bowden_rig.rig import state as at
+from bowden_rig.rig.cable import BRISTLE, CREEP, POSITION, SPEED
+from bowden_rig.rig.compiled import packed
+from bowden_rig.rig.constants import constants
 
 
 class Plant:

@@ -13,9 +13,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig import state as at
-from hil_tests.rig.compiled import compiled, packed
-from hil_tests.rig.parameters import Sensing
+from bowden_rig.rig import state as at
+from bowden_rig.rig.compiled import compiled, packed
+from bowden_rig.rig.parameters import Sensing
 
 FAULT_LOAD_CELL: Final = 1 << 2  # BOARD_FAULT_LOAD_CELL of board.h
 NOISE_BLOCK: Final = 4096

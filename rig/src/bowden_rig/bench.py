@@ -2,7 +2,7 @@
 
 Each `step` is one control period: the drive reads the sensors, ticks, and its actuators move the
 rig. Frames for the drive wait in `to_drive`, frames from it in `from_drive`; `virtual_bus` or
-`rig_process` carry them on. The same rig, target and frames give the same bits.
+`process` carry them on. The same rig, target and frames give the same bits.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig import state as at
-from hil_tests.rig.rig import CONTROL_PERIOD_US, Actuators, SimulatedRig
-from hil_tests.targets.target import Target
+from bowden_rig.rig import state as at
+from bowden_rig.rig.rig import CONTROL_PERIOD_US, Actuators, SimulatedRig
+from bowden_rig.target import Target
 
 TICKS_PER_S: Final = 1_000_000 // CONTROL_PERIOD_US
 EMCY: Final = 0x80

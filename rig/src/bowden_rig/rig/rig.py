@@ -11,13 +11,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig import human, mechanics, parameters
-from hil_tests.rig import sensors as board
-from hil_tests.rig import state as at
-from hil_tests.rig.compiled import compiled, packed
-from hil_tests.rig.constants import CONTROL_PERIOD_S
-from hil_tests.rig.plant import Plant
-from hil_tests.rig.sensors import SensorBoard, Sensors
+from bowden_rig.rig import human, mechanics, parameters
+from bowden_rig.rig import sensors as board
+from bowden_rig.rig import state as at
+from bowden_rig.rig.compiled import compiled, packed
+from bowden_rig.rig.constants import CONTROL_PERIOD_S
+from bowden_rig.rig.plant import Plant
+from bowden_rig.rig.sensors import SensorBoard, Sensors
 
 CONTROL_PERIOD_US: Final = 250
 

@@ -1,7 +1,8 @@
-"""The drive compiled for this machine: a shared library that `make -C firmware native` builds.
+"""The drive compiled for this machine: a shared library, from the wheel or from the repository.
 
-The C declarations come with the library (native.cdef, preprocessed from the firmware's headers), so
-nothing is declared twice. Each NativeTarget is a drive in its own memory: many can live at once.
+In a checkout it is what `make native` builds in build/native; a wheel carries it as package data.
+The C declarations come with it (native.cdef, preprocessed from the firmware's headers), so nothing
+is declared twice. Each NativeTarget is a drive in its own memory: many can live at once.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ import cffi
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig.rig import Actuators
-from hil_tests.rig.sensors import Sensors
-from hil_tests.targets.target import (
+from bowden_rig.rig.parameters import Rig
+from bowden_rig.rig.rig import Actuators
+from bowden_rig.rig.sensors import Sensors
+from bowden_rig.target import (
     DEFAULT_NODE_ID,
     MOTION,
     NODE_ID,
@@ -27,7 +29,13 @@ from hil_tests.targets.target import (
     Converters,
 )
 
-BUILD: Final = Path(__file__).resolve().parents[2] / "build" / "native"
+REPOSITORY: Final = Path(__file__).resolve().parents[3]
+IN_REPOSITORY: Final = (REPOSITORY / "firmware" / "Makefile").is_file()
+BUILD: Final = (
+    REPOSITORY / "build" / "native" if IN_REPOSITORY else Path(__file__).parent / "firmware"
+)
+LIBRARY: Final = BUILD / "libbowden_native.so"
+DECLARATIONS: Final = BUILD / "native.cdef"
 STORE_WORDS: Final = 509  # BOARD_STORE_WORDS
 DRIVE_ALIGNMENT: Final = 16  # malloc's, which is any C type's
 
@@ -35,13 +43,11 @@ DRIVE_ALIGNMENT: Final = 16  # malloc's, which is any C type's
 @functools.cache
 def _library() -> tuple[cffi.FFI, Any]:
     """Load the library once; FileNotFoundError says how to build it."""
-    shared_object, declarations = BUILD / "libbowden_native.so", BUILD / "native.cdef"
-    for path in (shared_object, declarations):
-        if not path.is_file():
-            raise FileNotFoundError(f"{path} is missing; run 'make -C firmware native'")
+    if missing := NativeTarget.missing_firmware():
+        raise FileNotFoundError(missing)
     ffi = cffi.FFI()
-    ffi.cdef(declarations.read_text(encoding="ascii"))
-    return ffi, ffi.dlopen(str(shared_object))
+    ffi.cdef(DECLARATIONS.read_text(encoding="ascii"))
+    return ffi, ffi.dlopen(str(LIBRARY))
 
 
 class Inside(NamedTuple):
@@ -77,6 +83,19 @@ class NativeTarget:
     name = "native"
     capabilities = frozenset({VIRTUAL_TIME, SIMULATED_RIG, SEVERAL, NODE_ID, MOTION})
     converters = Converters()
+
+    @staticmethod
+    def missing_firmware() -> str:
+        """Tell in one line what has to be built first; empty where nothing is missing."""
+        for path in (LIBRARY, DECLARATIONS):
+            if not path.is_file():
+                return f"{path} is missing; run 'make native'"
+        return ""
+
+    @staticmethod
+    def for_rig(node_id: int, rig: Rig) -> NativeTarget:  # noqa: ARG004  (it counts no encoders)
+        """Build a drive with that node id."""
+        return NativeTarget(node_id)
 
     def __init__(self, node_id: int = DEFAULT_NODE_ID, serial_number: int = 1) -> None:
         self._ffi, self._lib = _library()

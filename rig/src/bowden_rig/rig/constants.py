@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from hil_tests.rig import parameters
+from bowden_rig.rig import parameters
 
 CONTROL_PERIOD_S: Final = 250e-6
 GRAVITY_M_PER_S2: Final = 9.81

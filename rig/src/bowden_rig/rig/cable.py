@@ -21,8 +21,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_tests.rig.compiled import compiled
-from hil_tests.rig.constants import Constants
+from bowden_rig.rig.compiled import compiled
+from bowden_rig.rig.constants import Constants
 
 POSITION = 0
 SPEED = 1

@@ -1,0 +1,25 @@
+"""What pytest --target can name: the installed targets, and a real board on a CAN bus."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from bowden_rig import targets
+from bowden_rig.target import MOTION
+
+HARDWARE: Final = "hardware"
+
+
+def capabilities_of(name: str, allow_motion: bool) -> frozenset[str]:
+    """Tell what the target of that name can do, without making one.
+
+    `allow_motion` matters to a real board alone: a simulated rig cannot hurt anybody.
+    """
+    if name == HARDWARE:
+        return frozenset({MOTION}) if allow_motion else frozenset()
+    return targets.kind(name).capabilities
+
+
+def missing_firmware(name: str) -> str:
+    """Tell in one line what has to be built first for that target; empty where nothing is."""
+    return "" if name == HARDWARE else targets.kind(name).missing_firmware()
