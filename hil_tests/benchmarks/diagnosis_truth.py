@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from bowden.diagnosis.compare import simulate_recording
-from bowden.diagnosis.dequantise import estimate_channels
 from bowden.diagnosis.diagnose import Diagnosis
 from bowden.model import Model, parse_model
 from bowden.recording.recording import Recording
+from bowden.signals.dequantise import estimate_channels
+from bowden.signals.prediction import simulate_recording
 
 from hil_tests.hidden_effects.recordings import Case
 

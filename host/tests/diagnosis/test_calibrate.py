@@ -16,7 +16,7 @@ from bowden.diagnosis.free_parameters import free_parameters
 from bowden.model import ModelError, parse_model
 from bowden.recording.recording import Recording
 
-from .rigs import TABLE_1, TABLE_1_COARSE, experiment_2
+from ..rigs import TABLE_1, TABLE_1_COARSE, experiment_2
 
 MODEL = parse_model(TABLE_1, source="table_1.yaml")
 PRETENSION, FRICTION = "rig.cable.pretension_n", "friction.mu_d"

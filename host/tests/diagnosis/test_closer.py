@@ -19,7 +19,7 @@ from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.select import Selection, look_closer
 from bowden.model import Mode, Model, parse_model
 
-from .rigs import TABLE_1, wiggle
+from ..rigs import TABLE_1, wiggle
 
 MODE = Mode.TORQUE_POSITION
 MISSING = Rest(before=20.0, after=20.0, samples=1e6)

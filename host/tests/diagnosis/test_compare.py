@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bowden.diagnosis.compare import compare, simulate_recording
+from bowden.diagnosis.compare import compare
 from bowden.model import Mode, ModelError, parse_model
 from bowden.recording.recording import Recording
+from bowden.signals.prediction import simulate_recording
 
-from .rigs import TABLE_1, experiment_2, wiggle
+from ..rigs import TABLE_1, experiment_2, wiggle
 
 MODEL = parse_model(TABLE_1, source="table_1.yaml")
 

@@ -12,7 +12,7 @@ from bowden.diagnosis.diagnose import Diagnosis, diagnose
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.recording.recording import Recording
 
-from .rigs import TABLE_1
+from ..rigs import TABLE_1
 
 # The truth has another mesh and other numbers, within their tolerances: 0.6 and -0.33 sigma off.
 MODEL = parse_model(TABLE_1.replace("segments: 50", "segments: 30"))

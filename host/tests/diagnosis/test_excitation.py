@@ -12,7 +12,7 @@ from bowden.model.effects import CATALOGUE
 from bowden.model.effects.effect import Excitation as Word
 from bowden.recording.recording import Recording
 
-from .rigs import TABLE_1
+from ..rigs import TABLE_1
 
 MODEL = parse_model(TABLE_1)
 TIME_S = np.arange(24_000) * 1e-3

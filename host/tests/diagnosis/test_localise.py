@@ -11,7 +11,7 @@ from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.recording import Recording
 from scipy.signal import lfilter
 
-from .rigs import TABLE_1_COARSE
+from ..rigs import TABLE_1_COARSE
 
 TIME_S = np.arange(20_000) * 1e-3
 ANGLE = 0.6 * np.sin(2 * np.pi * 0.4 * TIME_S)

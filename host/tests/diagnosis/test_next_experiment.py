@@ -11,7 +11,7 @@ from bowden.diagnosis.next_experiment import PROTOCOLS, Protocol, next_experimen
 from bowden.model import Mode, Model, parse_model
 from bowden.model.effects import CATALOGUE
 
-from .rigs import TABLE_1_COARSE
+from ..rigs import TABLE_1_COARSE
 
 BASE = parse_model(TABLE_1_COARSE)
 SIGMA = {"load_torque_nm": 1e-3, "motor_angle_rad": 1e-3}

@@ -12,7 +12,7 @@ from bowden.diagnosis.problem import BY_CHANCE, Problem, about_zero
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.recording import Recording
 
-from .rigs import TABLE_1
+from ..rigs import TABLE_1
 
 MODEL = parse_model(TABLE_1)
 MODE = Mode.TORQUE_POSITION

@@ -10,7 +10,7 @@ from bowden.diagnosis.quality import Finding, check_quality
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.recording.recording import Recording
 
-from .rigs import TABLE_1, as_recording, experiment_2
+from ..rigs import TABLE_1, as_recording, experiment_2
 
 MODEL = parse_model(TABLE_1)
 MODE = Mode.TORQUE_POSITION

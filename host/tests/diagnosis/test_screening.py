@@ -15,7 +15,7 @@ from bowden.diagnosis.screening import screen
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.recording import Recording
 
-from .rigs import TABLE_1_COARSE
+from ..rigs import TABLE_1_COARSE
 
 MODE = Mode.TORQUE_POSITION
 

@@ -15,7 +15,7 @@ from bowden.diagnosis.problem import Problem
 from bowden.diagnosis.trials import first_looks, fit_from_usual
 from bowden.model import Mode, parse_model
 
-from .rigs import TABLE_1, wiggle
+from ..rigs import TABLE_1, wiggle
 
 MODE = Mode.TORQUE_POSITION
 NAMES = ("time_delay", "bearing_friction", "load_cell_offset", "motor_torque_offset")

@@ -9,7 +9,6 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from bowden.diagnosis.calibrate import Estimate
-from bowden.diagnosis.compare import simulate_recording
 from bowden.diagnosis.decide import NamedEffect, Value
 from bowden.diagnosis.diagnose import Diagnosis, Ranked
 from bowden.diagnosis.excitation import excitation
@@ -19,6 +18,7 @@ from bowden.diagnosis.quality import Finding
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.recording.recording import Recording
 from bowden.report.diagnosis import TITLES, diagnosis_report
+from bowden.signals.prediction import simulate_recording
 
 MODEL = parse_model(
     """

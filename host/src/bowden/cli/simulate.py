@@ -57,9 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write."""
-    from bowden.diagnosis.compare import simulate_recording  # noqa: PLC0415
     from bowden.recording.csv_file import write_csv  # noqa: PLC0415
     from bowden.recording.read import read_recording  # noqa: PLC0415
+    from bowden.signals.prediction import simulate_recording  # noqa: PLC0415
 
     model = read_model(args.model)
     recording = read_recording(args.input)

@@ -14,11 +14,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.compare import PREDICTED
 from bowden.diagnosis.free_parameters import Free, free_parameters
 from bowden.diagnosis.search import Fit, Part, beside, difference, solve
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
+from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.motion import Motion
+from bowden.signals.motion import Motion
 
 _Floats = NDArray[np.float64]
 

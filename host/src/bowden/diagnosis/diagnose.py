@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.closer import closely
-from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.decide import (
     NamedEffect,
     Verdict,
@@ -44,6 +43,7 @@ from bowden.diagnosis.select import Progress, Selection, select, silent
 from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
+from bowden.signals.prediction import PREDICTED, simulate_recording
 
 
 @dataclass(frozen=True)

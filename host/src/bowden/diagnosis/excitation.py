@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.mistakes import thinned
-from bowden.diagnosis.motion import Motion, velocity
 from bowden.model import Inputs, Mode, Model, ModelError, simulate
 from bowden.model.effects.effect import Excitation as Word
 from bowden.recording.recording import Recording
+from bowden.signals.motion import Motion, velocity
 
 _Floats = NDArray[np.float64]
 

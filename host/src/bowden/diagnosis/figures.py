@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.compare import PREDICTED
 from bowden.diagnosis.decide import Rest
 from bowden.diagnosis.problem import Part, Problem, about_zero
 from bowden.diagnosis.select import Selection
 from bowden.model import Mode, Model
+from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.conditions import motion_bands
-from bowden.diagnosis.motion import Motion
-from bowden.diagnosis.noise import effective_samples
 from bowden.model import Trajectory
 from bowden.recording.recording import Recording
+from bowden.signals.motion import Motion
+from bowden.signals.noise import effective_samples
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.compare import PREDICTED, simulate_recording
-from bowden.diagnosis.noise import noise_sigma
 from bowden.model import Mode, Model, ModelError
 from bowden.recording.recording import Recording
+from bowden.signals.noise import noise_sigma
+from bowden.signals.prediction import PREDICTED, simulate_recording
 
 _Floats = NDArray[np.float64]
 

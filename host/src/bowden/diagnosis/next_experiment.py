@@ -13,11 +13,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.compare import PREDICTED
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.model import Inputs, Mode, Model, ModelError, Trajectory, simulate
 from bowden.model.experiments.tunnel import tunnel_torque
 from bowden.model.experiments.variants import with_pretension, with_segments
+from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.motion import Motion
 from bowden.diagnosis.problem import Channel, Part
-from bowden.diagnosis.propagate import LocalNoise, local_noise
 from bowden.model import Mode, Model
 from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.signals.motion import Motion
+from bowden.signals.propagate import LocalNoise, local_noise
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from bowden.diagnosis.dequantise import grid
 from bowden.diagnosis.mistakes import DOUBTFUL, Reading, best_correction, read_with, thinned
-from bowden.diagnosis.motion import time_gaps
-from bowden.diagnosis.noise import noise_sigma
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
+from bowden.signals.dequantise import grid
+from bowden.signals.motion import time_gaps
+from bowden.signals.noise import noise_sigma
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from bowden.diagnosis.compare import PREDICTED, simulate_recording
 from bowden.diagnosis.free_parameters import Free
-from bowden.diagnosis.noise import effective_samples
 from bowden.model import Mode, Model, ModelError
 from bowden.recording.recording import Recording
+from bowden.signals.noise import effective_samples
+from bowden.signals.prediction import PREDICTED, simulate_recording
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bowden.diagnosis.dequantise import dequantise, estimate_channels, grid
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
+from bowden.signals.dequantise import dequantise, estimate_channels, grid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from .rigs import TABLE_1
+from ..rigs import TABLE_1
 
 TIME_S = np.arange(6000) * 1e-3
 COUNT = 2 * np.pi / 10_000

@@ -6,13 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bowden.diagnosis.compare import simulate_recording
-from bowden.diagnosis.propagate import LocalNoise, local_noise, noise_floor
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.model.experiments.variants import with_damping, with_memory
 from bowden.recording.recording import Recording
+from bowden.signals.prediction import simulate_recording
+from bowden.signals.propagate import LocalNoise, local_noise, noise_floor
 
-from .rigs import TABLE_1
+from ..rigs import TABLE_1
 
 MODEL = parse_model(TABLE_1)
 EXACT = parse_model(TABLE_1.replace("{segments: 50}", "{solver: mesh_free}"))

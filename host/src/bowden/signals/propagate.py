@@ -19,12 +19,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.compare import PREDICTED, simulate_recording
-from bowden.diagnosis.dequantise import Estimates, estimate_channels
-from bowden.diagnosis.noise import effective_samples
 from bowden.model import Mode, Model, Trajectory
 from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.signals.dequantise import Estimates, estimate_channels
+from bowden.signals.noise import effective_samples
+from bowden.signals.prediction import PREDICTED, simulate_recording
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]

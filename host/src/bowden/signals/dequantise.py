@@ -21,11 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.noise import noise_sigma
-from bowden.diagnosis.runs import Rest, Runs, one_way
-from bowden.diagnosis.smooth_path import SmoothPath, path_through_boxes, path_through_noise
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
+from bowden.signals.noise import noise_sigma
+from bowden.signals.runs import Rest, Runs, one_way
+from bowden.signals.smooth_path import SmoothPath, path_through_boxes, path_through_noise
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bowden.diagnosis.noise import effective_samples, noise_sigma
+from bowden.signals.noise import effective_samples, noise_sigma
 
 # For n samples of white noise the estimator scatters by 1.3 / sqrt(n) and is 1 % low (its own
 # docstring); four of these and the bias make the tolerance.

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bowden.diagnosis.conditions import split_by_motion
-from bowden.diagnosis.motion import Motion, steady, time_gaps, velocity
 from bowden.recording.recording import Recording
+from bowden.signals.motion import Motion, steady, time_gaps, velocity
 
 
 def recording(time_s: np.ndarray, load_angle_rad: np.ndarray, motor: float = 5.2) -> Recording:

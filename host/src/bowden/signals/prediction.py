@@ -1,0 +1,80 @@
+"""What a model predicts of a recording: its mode's two given series in, a `Trajectory` out.
+
+Which columns a mode gives and which it predicts stands here; every gap is measured against this.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.model import Inputs, Mode, Model, Trajectory, simulate
+from bowden.recording.recording import Recording
+
+_Floats = NDArray[np.float64]
+
+TEMPERATURE = "conduit_temperature_c"
+
+PREDICTED = {
+    Mode.TORQUE_POSITION: ("load_torque_nm", "motor_angle_rad"),
+    Mode.POSITION_TORQUE: ("motor_torque_nm", "load_angle_rad"),
+    Mode.POSITION_POSITION: ("load_torque_nm", "motor_torque_nm"),
+}
+"""The two series that a mode predicts; the first is the one whose gap counts."""
+
+
+def simulate_recording(
+    model: Model, mode: Mode, recording: Recording, *, before: Recording | None = None
+) -> Trajectory:
+    """Run the model on the two series of a recording that the mode takes as given.
+
+    Parameters
+    ----------
+    model : Model
+    mode : Mode
+    recording : Recording
+        The rig is virgin at its first sample, unless `before` is given: both cables at their
+        initial tension. Where both angles are given, the simulator takes them to agree there, since
+        two encoders seldom share a zero.
+    before : Recording, optional
+        What the rig did just before, from virgin; the model runs through it first.
+
+    Returns
+    -------
+    Trajectory
+        On the recording's samples; depends on no other columns than the two given ones and, where
+        the model's friction depends on it, ``conduit_temperature_c``.
+
+    Raises
+    ------
+    bowden.model.ModelError
+        Fewer than two samples, or a series that the model cannot run.
+    """
+    time_s = recording.time_s
+    series = _given(recording, mode)
+    lead = 0
+    if before is not None:
+        lead = before.time_s.size
+        step = float(np.median(np.diff(before.time_s))) if lead > 1 else 1.0
+        shift = float(before.time_s[-1]) + step - float(time_s[0])
+        time_s = np.concatenate([before.time_s, time_s + shift])
+        earlier = _given(before, mode)
+        series = {
+            name: np.concatenate([earlier[name], values])
+            for name, values in series.items()
+            if name in earlier
+        }
+    trajectory = simulate(model, mode, Inputs(time_s=time_s, **series))
+    kept = {name: values[lead:] for name, values in vars(trajectory).items()}
+    kept["time_s"] = recording.time_s
+    return replace(trajectory, **kept)
+
+
+def _given(recording: Recording, mode: Mode) -> dict[str, _Floats]:
+    """Return the columns that a simulation may look at."""
+    series: dict[str, _Floats] = {name: getattr(recording, name) for name in mode.columns}
+    if TEMPERATURE in recording.extra:
+        series[TEMPERATURE] = recording.extra[TEMPERATURE]
+    return series
