@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import can
+from bowden.drive.meanings import CompensationLaw, ModeOfOperation
 from bowden_rig.rig.parameters import Hand
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
-from hil_tests.board_parity import COMPENSATION_LAW, MODEL_INVERSION, SETTLE_S, TUNNEL_MODE
+from hil_tests.board_parity import COMPENSATION_LAW, SETTLE_S
 
 CYCLES_PER_INSTRUCTION: Final = 1.5
 CORE_HZ: Final = 168_000_000
@@ -40,10 +41,10 @@ class Scenario:
 
     name: str
     hand: Hand
-    mode: int = TUNNEL_MODE
+    mode: int = ModeOfOperation.TUNNEL
     command: Callable[[Board], None] | None = None  # in every control period
     babbler: can.Message | None = None  # on the bus without a pause
-    law: int = 0  # of the compensation
+    law: CompensationLaw = CompensationLaw.NONE
 
 
 @dataclass(frozen=True)
@@ -79,19 +80,23 @@ SCENARIOS: Final = (
     # without motor torque the pulled-out cable goes slack in a third of each cycle
     Scenario("slack, 40 deg at 1 Hz", Hand(motion="sine", frequency_hz=1.0), TORQUE_MODE),
     Scenario("bus flood", Hand(motion="sine"), babbler=_SHORTEST),
-    Scenario("model inversion, 40 deg at 0.5 Hz", Hand(motion="sine"), law=MODEL_INVERSION),
+    Scenario(
+        "model inversion, 40 deg at 0.5 Hz",
+        Hand(motion="sine"),
+        law=CompensationLaw.MODEL_INVERSION,
+    ),
     Scenario(
         "model inversion, 40 deg at 2 Hz, bus flood",
         Hand(motion="sine", frequency_hz=2.0),
         babbler=_SHORTEST,
-        law=MODEL_INVERSION,
+        law=CompensationLaw.MODEL_INVERSION,
     ),
     Scenario(
         "model inversion, reversals",
         Hand(motion="locked"),
         TORQUE_MODE,
         _reversals,
-        law=MODEL_INVERSION,
+        law=CompensationLaw.MODEL_INVERSION,
     ),
 )
 

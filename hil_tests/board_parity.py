@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import can
+from bowden.drive.meanings import CompensationLaw, ModeOfOperation
 from bowden_rig.native import NativeTarget
 from bowden_rig.rig.parameters import Hand
 from bowden_rig.rig.rig import Actuators
@@ -24,9 +25,7 @@ from bowden_rig.rig.sensors import Sensors
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
 
-TUNNEL_MODE: Final = -1
 COMPENSATION_LAW: Final = 0x2130
-MODEL_INVERSION: Final = 5
 SETTLE_S: Final = 0.06  # a configuration is taken 50 ms after its last entry
 HOST_PERIOD_S: Final = 0.01  # of the commands
 
@@ -43,7 +42,7 @@ class Experiment:
     name: str
     hand: Hand
     torque_nm: Callable[[float, float], float] | None
-    law: int = 0
+    law: CompensationLaw = CompensationLaw.NONE
 
 
 def _locked_sine(time_s: float, load_angle_rad: float) -> float:
@@ -62,7 +61,12 @@ EXPERIMENTS: Final = (
     Experiment("1, load locked", Hand(motion="locked"), _locked_sine),
     Experiment("2, passive transmission with the tunnel", Hand(motion="sine"), None),
     Experiment("3, position control of the handle", Hand(motion="free"), _follow),
-    Experiment("4, tunnel through model inversion", Hand(motion="sine"), None, MODEL_INVERSION),
+    Experiment(
+        "4, tunnel through model inversion",
+        Hand(motion="sine"),
+        None,
+        CompensationLaw.MODEL_INVERSION,
+    ),
 )
 
 
@@ -201,7 +205,7 @@ def compare(
         board.host.write(COMPENSATION_LAW, 0, experiment.law, 1)
         board.run(SETTLE_S)
     board.chip.set_babbling(babbler)
-    board.host.enable(TUNNEL_MODE if experiment.torque_nm is None else TORQUE_MODE)
+    board.host.enable(ModeOfOperation.TUNNEL if experiment.torque_nm is None else TORQUE_MODE)
     for i in range(round(duration_s / HOST_PERIOD_S)):
         if experiment.torque_nm is not None:
             angle = board.bench.rig.sensors.load_encoder_counts * 2 * math.pi / 10_000

@@ -11,6 +11,12 @@ import struct
 import numpy as np
 import pytest
 from bowden.drive.dictionary import lookup
+from bowden.drive.meanings import (
+    CompensationFallback,
+    CompensationLaw,
+    CompensationRung,
+    ModeOfOperation,
+)
 from bowden_rig.rig.parameters import Cable, Hand, Rig, Sensing
 from bowden_rig.virtual_bus import VirtualBus
 
@@ -20,10 +26,19 @@ from hil_tests.lockstep_host import LockstepHost, samples
 pytestmark = pytest.mark.needs("simulated-rig", "virtual-time")
 
 Host = LockstepHost[VirtualBus]
-TUNNEL, TORQUE = -1, -2
-COULOMB, MODEL_INVERSION = 1, 5
-WITH_CELL, WITHOUT_CELL, COULOMB_RUNG, NONE = range(4)
-CELL_BROKEN, CELL_CAUSES, ENCODER_SLIPPED = 1 << 1, 0b11110, 1 << 5
+TUNNEL, TORQUE = ModeOfOperation.TUNNEL, ModeOfOperation.TORQUE
+COULOMB, MODEL_INVERSION = CompensationLaw.COULOMB, CompensationLaw.MODEL_INVERSION
+WITH_CELL, WITHOUT_CELL, COULOMB_RUNG, NONE = CompensationRung
+CELL_BROKEN, ENCODER_SLIPPED = (
+    CompensationFallback.CELL_BROKEN,
+    CompensationFallback.ENCODER_SLIPPED,
+)
+CELL_CAUSES = (
+    CELL_BROKEN
+    | CompensationFallback.CELL_END_OF_RANGE
+    | CompensationFallback.CELL_STUCK
+    | CompensationFallback.CELL_IMPLAUSIBLE
+)
 STATE, ENABLED = 0x6F, 0x27
 WARNING = 0xFF01
 SOFT = Cable(pretension_n=5.0)  # 2 r_in T0 m = 0.3 N m: the motor has torque to spare

@@ -12,6 +12,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "../meanings.h"
+
 /* Period of the control tick in microseconds: the cable model runs at 4 kHz. */
 #define BOARD_CONTROL_PERIOD_US 250
 
@@ -84,23 +86,11 @@ typedef struct {
     uint32_t tick; /* control ticks from that program's start to its end */
 } board_crash_t;
 
-/* Why this program started, entry reset_cause. */
-typedef enum {
-    BOARD_RESET_UNKNOWN, /* another program, a boot loader, has cleared the flags */
-    BOARD_RESET_POWER_ON,
-    BOARD_RESET_BROWN_OUT,
-    BOARD_RESET_PIN,
-    BOARD_RESET_SOFTWARE, /* asked for by a host, or the end of a crash: see board_crash_t */
-    BOARD_RESET_WATCHDOG,
-    BOARD_RESET_WINDOW_WATCHDOG,
-    BOARD_RESET_LOW_POWER,
-} board_reset_t;
-
 /* Who this board is and how it came here; fixed from power-on. */
 typedef struct {
     uint8_t node_id;        /* CANopen node id, 1 .. 127 */
     uint32_t serial_number; /* 0x1018 sub 4; 32 bits of the chip's unique id */
-    board_reset_t reset;
+    reset_cause_t reset;
     board_crash_t crash;
     const uint32_t *saved; /* what was kept last; read in drive_init() only */
     uint32_t saved_words;  /* 0: nothing */

@@ -97,15 +97,15 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
     const int32_t naive_unm =
         fixed_scale(wanted_unm, compensation->motor_per_load_torque, &saturations);
     switch (inputs->law) {
-    case COMPENSATION_COULOMB:
+    case COMPENSATION_LAW_COULOMB:
         return fixed_add(naive_unm, published_coulomb_unm(published), &saturations);
-    case COMPENSATION_INTEGRAL:
+    case COMPENSATION_LAW_INTEGRAL:
         return fixed_add(naive_unm, published_integral_unm(published), &saturations);
-    case COMPENSATION_SMOOTH_INVERSE:
+    case COMPENSATION_LAW_SMOOTH_INVERSE:
         return fixed_add(naive_unm, published_smooth_inverse_unm(published), &saturations);
-    case COMPENSATION_ADAPTIVE_HYSTERESIS:
+    case COMPENSATION_LAW_ADAPTIVE_HYSTERESIS:
         return fixed_add(naive_unm, published_hysteresis_unm(published), &saturations);
-    case COMPENSATION_MODEL_INVERSION:
+    case COMPENSATION_LAW_MODEL_INVERSION:
         return inversion_step(
             &compensation->inversion,
             /* without a cell the observer's friction is that of the pair as it is configured */
@@ -116,12 +116,11 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
                 .asked_unm = inputs->wanted_unm,
                 .load_torque_unm = load_torque_unm,
                 .cell = inputs->load_cell_valid,
-                .limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0,
+                .limited = (compensation->outputs.flags & COMPENSATION_FLAGS_LIMITED) != 0,
                 .owes = passivity_back_off_q16(&compensation->passivity) > 0,
                 .share_q16 = friction_share_q16(compensation, inputs->load_cell_valid),
             });
-    case COMPENSATION_NONE:
-    case COMPENSATION_LAWS:
+    case COMPENSATION_LAW_NONE:
     default:
         return naive_unm;
     }
@@ -129,7 +128,7 @@ static int32_t law_torque_unm(compensation_t *compensation, const compensation_i
 
 /* 1 or -1: the whole pair slides that way; else 0. */
 static int32_t side_of(const estimator_t *estimator) {
-    return (estimator->slip == SLIP_POSITIVE) - (estimator->slip == SLIP_NEGATIVE);
+    return (estimator->slip == SLIP_STATE_POSITIVE) - (estimator->slip == SLIP_STATE_NEGATIVE);
 }
 
 /* Is the friction of the pair to be seen in this tick? Then it is learned from. */
@@ -137,7 +136,7 @@ static void adapt(compensation_t *compensation, const transmission_t *transmissi
                   const compensation_inputs_t *inputs) {
     const int32_t side = side_of(&compensation->estimator);
     const bool slides = side != 0 && compensation->estimator.load_direction == side;
-    const bool limited = (compensation->outputs.flags & COMPENSATION_LIMITED) != 0;
+    const bool limited = (compensation->outputs.flags & COMPENSATION_FLAGS_LIMITED) != 0;
     if (!compensation->settings.adapt || !inputs->load_cell_valid || !slides || limited) {
         return;
     }
@@ -169,19 +168,19 @@ static uint8_t flags_of(const compensation_t *compensation, const compensation_i
                         bool limited, bool damped) {
     uint8_t flags = 0;
     if (limited) {
-        flags |= COMPENSATION_LIMITED;
+        flags |= COMPENSATION_FLAGS_LIMITED;
     }
     if (damped) {
-        flags |= COMPENSATION_DAMPED;
+        flags |= COMPENSATION_FLAGS_DAMPED;
     }
     if (compensation->estimator.confidence < TRUSTED) {
-        flags |= COMPENSATION_DISAGREES;
+        flags |= COMPENSATION_FLAGS_DISAGREES;
     }
-    if (inputs->law == COMPENSATION_MODEL_INVERSION && compensation->inversion.resting) {
-        flags |= COMPENSATION_RESTING;
+    if (inputs->law == COMPENSATION_LAW_MODEL_INVERSION && compensation->inversion.resting) {
+        flags |= COMPENSATION_FLAGS_RESTING;
     }
-    if (inputs->law == COMPENSATION_MODEL_INVERSION && compensation->inversion.held_taut) {
-        flags |= COMPENSATION_HELD_TAUT;
+    if (inputs->law == COMPENSATION_LAW_MODEL_INVERSION && compensation->inversion.held_taut) {
+        flags |= COMPENSATION_FLAGS_HELD_TAUT;
     }
     return flags;
 }
@@ -215,13 +214,13 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
     const int32_t load_torque_unm =
         inputs->load_cell_valid ? inputs->load_cell_unm : estimator->load_torque_unm;
     const int32_t error_unm = fixed_subtract(inputs->wanted_unm, load_torque_unm, &saturations);
-    const bool runs = inputs->active && inputs->law != COMPENSATION_NONE;
-    const bool ours = inputs->law == COMPENSATION_MODEL_INVERSION;
+    const bool runs = inputs->active && inputs->law != COMPENSATION_LAW_NONE;
+    const bool ours = inputs->law == COMPENSATION_LAW_MODEL_INVERSION;
     passivity_step(&compensation->passivity, inputs->load_arc_nm, runs ? -error_unm : 0);
     if (!ours) {
         published_step(&compensation->published, estimator, inputs->load_arc_nm, error_unm,
-                       runs && inputs->law == COMPENSATION_INTEGRAL,
-                       runs && inputs->law == COMPENSATION_ADAPTIVE_HYSTERESIS);
+                       runs && inputs->law == COMPENSATION_LAW_INTEGRAL,
+                       runs && inputs->law == COMPENSATION_LAW_ADAPTIVE_HYSTERESIS);
     }
     int32_t torque_unm = 0;
     if (inputs->active) {

@@ -19,6 +19,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "../meanings.h"
 #include "adaptation.h"
 #include "estimator.h"
 #include "fixed.h"
@@ -28,17 +29,6 @@
 #include "passivity.h"
 #include "sliding.h"
 #include "transmission.h"
-
-/* Values of the entry compensation_law. */
-typedef enum {
-    COMPENSATION_NONE,
-    COMPENSATION_COULOMB,
-    COMPENSATION_INTEGRAL,
-    COMPENSATION_SMOOTH_INVERSE,
-    COMPENSATION_ADAPTIVE_HYSTERESIS,
-    COMPENSATION_MODEL_INVERSION,
-    COMPENSATION_LAWS,
-} compensation_law_t;
 
 typedef struct {
     uint32_t ticks_per_s;        /* 1000 .. 20000 */
@@ -67,22 +57,13 @@ typedef struct {
     int32_t load_cell_unm;    /* by the cables on the load; any value while not valid */
 } compensation_inputs_t;
 
-/* Bits of compensation_outputs_t.flags. */
-enum {
-    COMPENSATION_LIMITED = 1 << 0,   /* the motor's limit cuts the law */
-    COMPENSATION_HELD_TAUT = 1 << 1, /* the slack floor cuts the law */
-    COMPENSATION_RESTING = 1 << 2,   /* the error is small: the motor torque is held */
-    COMPENSATION_DAMPED = 1 << 3,    /* the passivity observer takes energy back */
-    COMPENSATION_DISAGREES = 1 << 4, /* the motor encoder and the model part: see innovation */
-};
-
 typedef struct {
     int32_t motor_torque_unm;
     int32_t load_torque_unm; /* estimate: model, corrected by the load cell when valid */
     int32_t innovation_nm;   /* arc of the motor, encoder minus model */
     slip_state_t slip;
-    uint8_t confidence; /* in the estimate, 0 .. 255 */
-    uint8_t flags;
+    uint8_t confidence;   /* in the estimate, 0 .. 255 */
+    uint8_t flags;        /* COMPENSATION_FLAGS_* */
     bool informed;        /* estimator.h */
     int32_t energy_uj;    /* what the rendering error has given the load beyond the wanted */
     int32_t friction_unm; /* friction of the sliding pair at the load, by the observer */
@@ -112,8 +93,8 @@ typedef struct {
 void compensation_configure(compensation_t *compensation, const transmission_t *transmission,
                             const compensation_settings_t *settings);
 
-/* One tick. Steps the model exactly once; with COMPENSATION_NONE by measured motor torque and load
- * arc alone. The result stays in compensation->outputs. */
+/* One tick. Steps the model exactly once; with COMPENSATION_LAW_NONE by measured motor torque and
+ * load arc alone. The result stays in compensation->outputs. */
 void compensation_step(compensation_t *compensation, transmission_t *transmission,
                        const compensation_inputs_t *inputs);
 

@@ -56,12 +56,12 @@ static slip_state_t slip_of(const transmission_t *transmission) {
     const bool b_slides = b->motion == CABLE_MASS;
     if (!(a_slides || a->motion == CABLE_SLACK) || !(b_slides || b->motion == CABLE_SLACK) ||
         !(a_slides || b_slides)) {
-        return SLIP_STUCK;
+        return SLIP_STATE_STUCK;
     }
     const cable_direction_t a_would =
         a_slides ? a->end[CABLE_PROXIMAL].direction
                  : (b->end[CABLE_PROXIMAL].direction == CABLE_PULL ? CABLE_RELEASE : CABLE_PULL);
-    return a_would == CABLE_PULL ? SLIP_POSITIVE : SLIP_NEGATIVE;
+    return a_would == CABLE_PULL ? SLIP_STATE_POSITIVE : SLIP_STATE_NEGATIVE;
 }
 
 static int32_t doubt(int32_t disagreement, ratio_t doubt_per_unit) {
@@ -85,7 +85,8 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
     follow_gap(estimator, inputs);
     estimator->slip = slip_of(transmission);
     estimator->slid[estimator->slip] = true;
-    estimator->informed = estimator->slid[SLIP_POSITIVE] && estimator->slid[SLIP_NEGATIVE];
+    estimator->informed =
+        estimator->slid[SLIP_STATE_POSITIVE] && estimator->slid[SLIP_STATE_NEGATIVE];
     estimator->innovation_nm =
         fixed_subtract(inputs->motor_arc_nm, transmission->motor.arc_nm, &ignored);
     const int32_t model_unm = transmission_load_torque_unm(transmission);

@@ -18,15 +18,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "../meanings.h"
 #include "fixed.h"
 #include "transmission.h"
-
-/* Is the pair moving as a whole? */
-typedef enum {
-    SLIP_STUCK,    /* part of a cable at rest: what the motor does need not reach the load */
-    SLIP_POSITIVE, /* slides as for a positive angle */
-    SLIP_NEGATIVE,
-} slip_state_t;
 
 typedef struct {
     int32_t motor_arc_nm; /* radius times angle, from where the model started */

@@ -12,7 +12,7 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xFC5C7762)
+#define DICTIONARY_HASH UINT32_C(0x4025B115)
 
 /* Rows of DICTIONARY. */
 #define DICTIONARY_COUNT 181

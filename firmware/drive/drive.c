@@ -10,8 +10,6 @@
 
 #define I24_MAX 8388607
 
-enum { FLAG_SATURATED = 1 << 2, FLAG_NO_TAUT_CABLE = 1 << 3, FLAG_TORQUE_LIMIT = 1 << 4 };
-
 void drive_init(drive_t *drive, const board_identity_t *identity) {
     /* No configuration has these revisions: the first tick takes the defaults. */
     *drive = (drive_t){
@@ -154,7 +152,7 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late
     const state_command_t command = drive->took_configuration ? COMMAND_NONE : wanted;
     const bool up = leads_up(drive->state, wanted);
     const bool running = state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON);
-    const bool compensates = drive->rendering.law != COMPENSATION_NONE;
+    const bool compensates = drive->rendering.law != COMPENSATION_LAW_NONE;
     const uint32_t expected =
         (late ? BOARD_FAULT_TICK_OVERRUN : 0u) | (compensates ? BOARD_FAULT_LOAD_CELL : 0u);
     fault_t fault =
@@ -186,12 +184,12 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late
 static int32_t tunnel_angle_urad(drive_t *drive) {
     dictionary_t *dictionary = &drive->dictionary;
     switch (drive->parameters.tunnel_angle_source) {
-    case TUNNEL_ON_MOTOR_ANGLE:
+    case TUNNEL_ANGLE_SOURCE_MOTOR:
         return dictionary->motor_angle_urad;
-    case TUNNEL_ON_SCALED_MOTOR_ANGLE:
+    case TUNNEL_ANGLE_SOURCE_SCALED_MOTOR:
         return fixed_scale(dictionary->motor_angle_urad, drive->parameters.load_per_motor_angle,
                            &drive->saturations);
-    case TUNNEL_ON_LOAD_ANGLE:
+    case TUNNEL_ANGLE_SOURCE_LOAD:
     default:
         return dictionary->load_angle_urad;
     }
@@ -202,9 +200,9 @@ static int32_t target_torque_unm(drive_t *drive) {
         return 0;
     }
     switch (drive->dictionary.mode_of_operation) {
-    case DRIVE_MODE_TUNNEL:
+    case MODE_OF_OPERATION_TUNNEL:
         return tunnel_torque_unm(&drive->parameters.tunnel, tunnel_angle_urad(drive));
-    case DRIVE_MODE_TORQUE:
+    case MODE_OF_OPERATION_TORQUE:
         return drive->dictionary.target_torque_unm;
     default:
         return 0;
@@ -241,13 +239,13 @@ static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
         counts_since(dictionary->load_encoder_counts, drive->load_zero_counts);
     /* without compensation nobody looks at the motor's place: then it is free to turn for ever */
     uint32_t ignored = 0;
-    uint32_t *motor_count = drive->rendering.law == COMPENSATION_NONE ? &ignored : count;
+    uint32_t *motor_count = drive->rendering.law == COMPENSATION_LAW_NONE ? &ignored : count;
     const int32_t cell_unm = dictionary->load_torque_unm;
     return rendering_step(
         &drive->rendering, &drive->transmission,
         &(rendering_inputs_t){
             .active = drive->state == STATE_OPERATION_ENABLED &&
-                      dictionary->mode_of_operation != DRIVE_MODE_NONE,
+                      dictionary->mode_of_operation != MODE_OF_OPERATION_NONE,
             .load_cell_broken = (sensors->faults & BOARD_FAULT_LOAD_CELL) != 0,
             .load_cell_saturated = cell_unm == I24_MAX || cell_unm == -I24_MAX,
             .load_cell_counts = sensors->load_cell_counts,
@@ -293,21 +291,21 @@ static void publish_state(drive_t *drive, const board_sensors_t *sensors) {
     const bool no_taut = (drive->transmission.flags & TRANSMISSION_NO_TAUT_CABLE) != 0;
     uint16_t flags = drive->transmission.flags & (TRANSMISSION_SLACK_A | TRANSMISSION_SLACK_B);
     if (no_taut) {
-        flags |= FLAG_NO_TAUT_CABLE;
+        flags |= MODEL_FLAGS_NO_TAUT_CABLE;
     }
     if (dictionary->saturation_count > 0) {
-        flags |= FLAG_SATURATED;
+        flags |= MODEL_FLAGS_SATURATED;
     }
     if (drive->command.limited) {
-        flags |= FLAG_TORQUE_LIMIT;
+        flags |= MODEL_FLAGS_TORQUE_LIMIT;
     }
     dictionary->model_flags = flags;
-    uint16_t status = (uint16_t)(state_status_bits(drive->state) | STATUS_REMOTE);
+    uint16_t status = (uint16_t)(state_status_bits(drive->state) | STATUSWORD_REMOTE);
     if (sensors->bus_voltage_mv >= SUPERVISION_BUS_VOLTAGE_MIN_MV) {
-        status |= STATUS_VOLTAGE_ENABLED;
+        status |= STATUSWORD_VOLTAGE_ENABLED;
     }
     if (drive->command.limited) {
-        status |= STATUS_INTERNAL_LIMIT;
+        status |= STATUSWORD_INTERNAL_LIMIT;
     }
     dictionary->statusword = status;
     dictionary->mode_of_operation_display = dictionary->mode_of_operation;

@@ -24,9 +24,6 @@
 #include "saving.h"
 #include "state.h"
 
-/* Modes of operation, 0x6060. */
-enum { DRIVE_MODE_NONE = 0, DRIVE_MODE_TUNNEL = -1, DRIVE_MODE_TORQUE = -2 };
-
 /* Torque command on its way to the target, never faster than the slew limit. */
 typedef struct {
     int32_t torque_unm;

@@ -41,10 +41,10 @@ static uint16_t causes_of_cell(fallback_t *fallback, const fallback_found_t *fou
         fixed_add(fallback->settings.tolerance_unm, found->model_margin_unm, &saturations);
     uint16_t causes = 0;
     if (found->cell_broken) {
-        causes |= FALLBACK_CELL_BROKEN;
+        causes |= COMPENSATION_FALLBACK_CELL_BROKEN;
     }
     if (found->cell_end_of_range) {
-        causes |= FALLBACK_CELL_END_OF_RANGE;
+        causes |= COMPENSATION_FALLBACK_CELL_END_OF_RANGE;
     }
     const bool quiet = found->cell_counts == fallback->quiet_counts;
     if (!quiet) {
@@ -53,18 +53,18 @@ static uint16_t causes_of_cell(fallback_t *fallback, const fallback_found_t *fou
     }
     if (lasts(quiet, &fallback->quiet_ticks, STUCK_TICKS) &&
         distance(found->model_torque_unm, fallback->quiet_model_unm) > tolerance_unm / STUCK_PART) {
-        causes |= FALLBACK_CELL_STUCK;
+        causes |= COMPENSATION_FALLBACK_CELL_STUCK;
     }
     if (lasts(distance(found->cell_torque_unm, found->model_torque_unm) > tolerance_unm,
               &fallback->implausible_ticks, IMPLAUSIBLE_TICKS)) {
-        causes |= FALLBACK_CELL_IMPLAUSIBLE;
+        causes |= COMPENSATION_FALLBACK_CELL_IMPLAUSIBLE;
     }
     return causes;
 }
 
 /* A cause that is absent now stays until the clean time is over. */
 static void keep(fallback_t *fallback, uint16_t causes) {
-    for (uint32_t i = 0; i < FALLBACK_CAUSES; i++) {
+    for (uint32_t i = 0; i < COMPENSATION_FALLBACK_BITS; i++) {
         const uint16_t bit = (uint16_t)(1u << i);
         if ((causes & bit) != 0) {
             fallback->causes |= bit;
@@ -76,22 +76,22 @@ static void keep(fallback_t *fallback, uint16_t causes) {
     }
 }
 
-static fallback_rung_t rung_for(const fallback_t *fallback) {
+static compensation_rung_t rung_for(const fallback_t *fallback) {
     if (fallback->settings.model_refused) {
-        return FALLBACK_NONE;
+        return COMPENSATION_RUNG_NONE;
     }
     if ((fallback->causes & FALLBACK_MODEL_CAUSES) != 0) {
-        return FALLBACK_COULOMB;
+        return COMPENSATION_RUNG_COULOMB;
     }
     const bool cell =
         fallback->settings.use_load_cell && (fallback->causes & FALLBACK_CELL_CAUSES) == 0;
-    return cell ? FALLBACK_WITH_CELL : FALLBACK_WITHOUT_CELL;
+    return cell ? COMPENSATION_RUNG_WITH_CELL : COMPENSATION_RUNG_WITHOUT_CELL;
 }
 
 void fallback_start(fallback_t *fallback, const fallback_settings_t *settings) {
     *fallback = (fallback_t){
         .settings = *settings,
-        .causes = settings->model_refused ? FALLBACK_MODEL_REFUSED : 0,
+        .causes = settings->model_refused ? COMPENSATION_FALLBACK_MODEL_REFUSED : 0,
     };
     fallback->rung = rung_for(fallback);
 }
@@ -103,20 +103,20 @@ bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
         fixed_add(settings->slip_limit_nm, found->innovation_margin_nm, &saturations);
     uint16_t causes = settings->use_load_cell ? causes_of_cell(fallback, found) : 0;
     if (settings->model_refused) {
-        causes |= FALLBACK_MODEL_REFUSED;
+        causes |= COMPENSATION_FALLBACK_MODEL_REFUSED;
     }
     if (found->model_saturates) {
-        causes |= FALLBACK_MODEL_SATURATES;
+        causes |= COMPENSATION_FALLBACK_MODEL_SATURATES;
     }
     const bool back = found->innovation_nm < 0;
     fallback->slipped_ticks = back == fallback->slipped_back ? fallback->slipped_ticks : 0;
     fallback->slipped_back = back;
     if (lasts(distance(found->innovation_nm, 0) > slip_limit_nm, &fallback->slipped_ticks,
               SLIPPED_TICKS)) {
-        causes |= FALLBACK_ENCODER_SLIPPED;
+        causes |= COMPENSATION_FALLBACK_ENCODER_SLIPPED;
     }
     keep(fallback, causes);
-    const fallback_rung_t before = fallback->rung;
+    const compensation_rung_t before = fallback->rung;
     fallback->rung = rung_for(fallback);
     return fallback->rung != before;
 }

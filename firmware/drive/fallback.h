@@ -2,11 +2,11 @@
  * that it needs is wrong; and how the torque goes over from one to the other without a jump.
  *
  *   rung                    what runs                                  left because
- *   FALLBACK_WITH_CELL      the configured law, the load cell in it    the cell cannot be trusted
- *   FALLBACK_WITHOUT_CELL   the configured law, on the model alone     the model cannot: an encoder
- *                                                                      slipped, a number saturated
- *   FALLBACK_COULOMB        Coulomb feed-forward                       there is no model: refused
- *   FALLBACK_NONE           nothing: the torque as it is asked for
+ *   COMPENSATION_RUNG_WITH_CELL      the configured law, the load cell in it    the cell cannot be
+ * trusted COMPENSATION_RUNG_WITHOUT_CELL   the configured law, on the model alone     the model
+ * cannot: an encoder slipped, a number saturated COMPENSATION_RUNG_COULOMB        Coulomb
+ * feed-forward                       there is no model: refused COMPENSATION_RUNG_NONE nothing: the
+ * torque as it is asked for
  *
  * A cause counts from the tick that finds it until it has been absent for the clean time. The
  * estimate that the cell is held against must not itself be corrected by the cell.
@@ -19,28 +19,16 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-typedef enum {
-    FALLBACK_WITH_CELL,
-    FALLBACK_WITHOUT_CELL,
-    FALLBACK_COULOMB,
-    FALLBACK_NONE,
-} fallback_rung_t;
+#include "../meanings.h"
 
-/* Causes; bits of entry compensation_fallback. */
+/* Causes by what they take away. */
 enum {
-    FALLBACK_MODEL_REFUSED = 1 << 0,
-    FALLBACK_CELL_BROKEN = 1 << 1, /* the board says so */
-    FALLBACK_CELL_END_OF_RANGE = 1 << 2,
-    FALLBACK_CELL_STUCK = 1 << 3,       /* the same count for long while the estimate moved */
-    FALLBACK_CELL_IMPLAUSIBLE = 1 << 4, /* too far from the estimate, for too long */
-    FALLBACK_ENCODER_SLIPPED = 1 << 5,
-    FALLBACK_MODEL_SATURATES = 1 << 6,
-    FALLBACK_MODEL_CAUSES = FALLBACK_ENCODER_SLIPPED | FALLBACK_MODEL_SATURATES,
-    FALLBACK_CELL_CAUSES = FALLBACK_CELL_BROKEN | FALLBACK_CELL_END_OF_RANGE | FALLBACK_CELL_STUCK |
-                           FALLBACK_CELL_IMPLAUSIBLE,
+    FALLBACK_MODEL_CAUSES =
+        COMPENSATION_FALLBACK_ENCODER_SLIPPED | COMPENSATION_FALLBACK_MODEL_SATURATES,
+    FALLBACK_CELL_CAUSES =
+        COMPENSATION_FALLBACK_CELL_BROKEN | COMPENSATION_FALLBACK_CELL_END_OF_RANGE |
+        COMPENSATION_FALLBACK_CELL_STUCK | COMPENSATION_FALLBACK_CELL_IMPLAUSIBLE,
 };
-
-#define FALLBACK_CAUSES 7
 
 typedef struct {
     bool use_load_cell;
@@ -66,9 +54,9 @@ typedef struct {
 
 typedef struct {
     fallback_settings_t settings;
-    fallback_rung_t rung;
-    uint16_t causes; /* FALLBACK_* bits that count */
-    uint32_t absent_ticks[FALLBACK_CAUSES];
+    compensation_rung_t rung;
+    uint16_t causes; /* COMPENSATION_FALLBACK_* that count */
+    uint32_t absent_ticks[COMPENSATION_FALLBACK_BITS];
     int32_t quiet_counts, quiet_model_unm; /* cell and estimate when the cell last moved */
     uint32_t quiet_ticks, implausible_ticks, slipped_ticks;
     bool slipped_back;             /* the innovation was negative */

@@ -102,7 +102,7 @@ compensation_settings_t parameters_compensation(const dictionary_t *dictionary) 
 }
 
 fallback_settings_t parameters_fallback(const dictionary_t *dictionary, bool model_refused) {
-    const bool law_reads_cell = dictionary->compensation_law != COMPENSATION_COULOMB;
+    const bool law_reads_cell = dictionary->compensation_law != COMPENSATION_LAW_COULOMB;
     return (fallback_settings_t){
         .use_load_cell = dictionary->compensation_use_load_cell != 0 && law_reads_cell,
         .model_refused = model_refused,

@@ -12,11 +12,9 @@
 #include "../core/fixed.h"
 #include "../core/transmission.h"
 #include "../core/tunnel.h"
+#include "../meanings.h"
 #include "dictionary.h"
 #include "fallback.h"
-
-/* Which angle the tunnel acts on; entry tunnel_angle_source. */
-enum { TUNNEL_ON_LOAD_ANGLE, TUNNEL_ON_MOTOR_ANGLE, TUNNEL_ON_SCALED_MOTOR_ANGLE };
 
 /* Constants of the tick. */
 typedef struct {

@@ -13,7 +13,7 @@ void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
         .load_per_motor_torque =
             ratio_of(dictionary->load_pulley_radius_nm, dictionary->motor_pulley_radius_nm),
     };
-    if (rendering->law == COMPENSATION_NONE) {
+    if (rendering->law == COMPENSATION_LAW_NONE) {
         return;
     }
     const fallback_settings_t fallback = parameters_fallback(dictionary, !model_runs);
@@ -76,16 +76,16 @@ static bool watch(rendering_t *rendering, transmission_t *transmission,
         });
 }
 
-static compensation_law_t law_on(fallback_rung_t rung, compensation_law_t configured) {
+static compensation_law_t law_on(compensation_rung_t rung, compensation_law_t configured) {
     switch (rung) {
-    case FALLBACK_WITH_CELL:
-    case FALLBACK_WITHOUT_CELL:
+    case COMPENSATION_RUNG_WITH_CELL:
+    case COMPENSATION_RUNG_WITHOUT_CELL:
         return configured;
-    case FALLBACK_COULOMB:
-        return COMPENSATION_COULOMB;
-    case FALLBACK_NONE:
+    case COMPENSATION_RUNG_COULOMB:
+        return COMPENSATION_LAW_COULOMB;
+    case COMPENSATION_RUNG_NONE:
     default:
-        return COMPENSATION_NONE;
+        return COMPENSATION_LAW_NONE;
     }
 }
 
@@ -98,7 +98,7 @@ int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
     if (!rendering->model_runs) {
         return inputs->asked_unm;
     }
-    if (rendering->law == COMPENSATION_NONE) {
+    if (rendering->law == COMPENSATION_LAW_NONE) {
         transmission_step_torque(transmission, inputs->motor_torque_unm, inputs->load_arc_nm);
         return inputs->asked_unm;
     }
@@ -108,7 +108,7 @@ int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
                       &(compensation_inputs_t){
                           .law = law_on(fallback->rung, rendering->law),
                           .active = inputs->active,
-                          .load_cell_valid = fallback->rung == FALLBACK_WITH_CELL,
+                          .load_cell_valid = fallback->rung == COMPENSATION_RUNG_WITH_CELL,
                           .wanted_unm = rendering->wanted_unm,
                           .motor_arc_nm = inputs->motor_arc_nm,
                           .load_arc_nm = inputs->load_arc_nm,
@@ -119,7 +119,7 @@ int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
         fallback_rest(fallback);
         return inputs->asked_unm;
     }
-    const int32_t torque_unm = fallback->rung == FALLBACK_NONE
+    const int32_t torque_unm = fallback->rung == COMPENSATION_RUNG_NONE
                                    ? inputs->asked_unm
                                    : rendering->compensation.outputs.motor_torque_unm;
     return fallback_blend(fallback, torque_unm, changed);
@@ -127,12 +127,12 @@ int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
 
 bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
     dictionary->wanted_load_torque_unm = fixed_clamp(rendering->wanted_unm, -I24_MAX, I24_MAX);
-    if (rendering->law == COMPENSATION_NONE) {
+    if (rendering->law == COMPENSATION_LAW_NONE) {
         const bool news = dictionary->compensation_fallback != 0;
         dictionary->estimated_load_torque_unm =
             fixed_clamp(dictionary->model_load_torque_unm, -I24_MAX, I24_MAX);
-        dictionary->compensation_active_law = COMPENSATION_NONE;
-        dictionary->compensation_rung = FALLBACK_NONE;
+        dictionary->compensation_active_law = COMPENSATION_LAW_NONE;
+        dictionary->compensation_rung = COMPENSATION_RUNG_NONE;
         dictionary->compensation_fallback = 0;
         return news;
     }

@@ -43,7 +43,7 @@ typedef struct {
 } rendering_inputs_t;
 
 /* Takes the dictionary's configuration. `model_runs`: `transmission` could be configured from it;
- * where it could not, only FALLBACK_NONE is left. */
+ * where it could not, only COMPENSATION_RUNG_NONE is left. */
 void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
                          const transmission_t *transmission, bool model_runs);
 

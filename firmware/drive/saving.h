@@ -11,12 +11,10 @@
 
 #include "../board/board.h"
 #include "../canopen/node.h"
-
-/* Entry storage_state. */
-typedef enum { SAVING_NONE, SAVING_UNDER_WAY, SAVING_DONE, SAVING_FAILED } saving_state_t;
+#include "../meanings.h"
 
 typedef struct {
-    saving_state_t state;
+    storage_state_t state;
     uint32_t words; /* of the image; 0: nothing given to the board */
     uint32_t image[BOARD_STORE_WORDS];
 } saving_t;

@@ -9,6 +9,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "../meanings.h"
+
 typedef enum {
     STATE_NOT_READY_TO_SWITCH_ON,
     STATE_SWITCH_ON_DISABLED,
@@ -36,11 +38,6 @@ typedef struct {
     bool fault_reset;     /* rising edge of bit 7 of the controlword */
     bool quick_stop_done; /* the torque has reached zero */
 } state_events_t;
-
-/* Bits of the statusword that are not the state. */
-#define STATUS_VOLTAGE_ENABLED (1 << 4)
-#define STATUS_REMOTE (1 << 9)
-#define STATUS_INTERNAL_LIMIT (1 << 11)
 
 state_command_t state_command(uint16_t controlword);
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from bowden.drive.meanings import CompensationFlags, CompensationLaw
 from numpy.typing import NDArray
 
 from firmware.tests.native import Pair, ffi, lib, settings
@@ -16,9 +17,9 @@ from firmware.tests.native import Pair, ffi, lib, settings
 RATIO = 5.2
 FRICTION_NM = 3.12  # 2 r_load T0 m of Table I, at the load
 TICKS_PER_S = 4000
-INVERSION = 5
+INVERSION = CompensationLaw.MODEL_INVERSION
 COUNT_NM = 65_345  # of a load encoder of 10000 counts
-LIMITED, HELD_TAUT, RESTING, DAMPED, DISAGREES = 1, 2, 4, 8, 16
+LIMITED, HELD_TAUT, RESTING, DAMPED, DISAGREES = CompensationFlags
 
 
 class Controlled:

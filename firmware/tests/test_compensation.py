@@ -29,7 +29,7 @@ from firmware.tests.controlled import (
 from firmware.tests.native import Pair, ffi, lib, settings
 
 WRAP = 1.5
-LAWS = range(6)
+LAWS = range(lib.COMPENSATION_LAW_COUNT)
 MEASURED = (
     "wanted_unm",
     "motor_arc_nm",

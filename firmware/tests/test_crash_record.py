@@ -27,9 +27,9 @@ def test_the_crash_record_is_the_boards() -> None:
 
 def test_the_reset_cause_is_the_boards() -> None:
     drive = Drive()
-    identity = {"node_id": 16, "reset": lib.BOARD_RESET_WATCHDOG}
+    identity = {"node_id": 16, "reset": lib.RESET_CAUSE_WATCHDOG}
     lib.drive_init(drive.raw, ffi.new("board_identity_t *", identity))
-    assert drive.values.reset_cause == lib.BOARD_RESET_WATCHDOG
+    assert drive.values.reset_cause == lib.RESET_CAUSE_WATCHDOG
 
 
 def test_a_board_without_a_crash_says_nothing() -> None:

@@ -9,15 +9,16 @@ import struct
 from typing import Any
 
 import pytest
+from bowden.drive.meanings import CompensationFallback, CompensationLaw, CompensationRung
 from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware.tests.native import Drive, ffi, lib
 
-WITH_CELL, WITHOUT_CELL, COULOMB, NONE = range(4)
-REFUSED, BROKEN, END_OF_RANGE, STUCK, IMPLAUSIBLE, SLIPPED, SATURATES = (1 << i for i in range(7))
+WITH_CELL, WITHOUT_CELL, COULOMB, NONE = CompensationRung
+REFUSED, BROKEN, END_OF_RANGE, STUCK, IMPLAUSIBLE, SLIPPED, SATURATES = CompensationFallback
 FAULT_LOAD_CELL = 1 << 2
-MODEL_INVERSION = 5
+MODEL_INVERSION = CompensationLaw.MODEL_INVERSION
 OPERATION_ENABLED, FAULT = 4, 7
 WARNING, CONFIGURATION_REFUSED, LOAD_CELL_FAULT = 0xFF01, 0x6320, 0x7380
 TICKS_PER_S = 4000

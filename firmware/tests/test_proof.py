@@ -20,6 +20,7 @@ pytestmark = pytest.mark.skipif(
 def copy(tmp_path: Path) -> Path:
     for folder in ("core", "canopen", "drive", "board"):
         shutil.copytree(FIRMWARE / folder, tmp_path / "firmware" / folder)
+    shutil.copy(FIRMWARE / "meanings.h", tmp_path / "firmware")
     return tmp_path / "firmware"
 
 
@@ -53,6 +54,7 @@ def test_the_firmware_as_it_is_passes(copy: Path) -> None:
         ("canopen/nmt.c", '#include "../core/fixed.h"', "canopen may not include"),
         ("drive/drive.c", '#include "../board/native/native.h"', "drive may not include"),
         ("board/board.h", '#include "../drive/drive.h"', "board may not include"),
+        ("meanings.h", '#include "board/board.h"', "may not include"),
         (
             "drive/state.c",
             "void *malloc(unsigned); void *seeded(void); void *seeded(void) { return malloc(4); }",

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware.tests.native import Drive
+from firmware.tests.native import Drive, lib
 
-LAWS = range(6)
+LAWS = range(lib.COMPENSATION_LAW_COUNT)
 TICKS_PER_S = 4000
 
 configurations = st.fixed_dictionaries(

@@ -12,7 +12,8 @@ from pathlib import Path
 from bowden.drive.capture import record
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
-from bowden.drive.power import Mode, Run
+from bowden.drive.meanings import ModeOfOperation
+from bowden.drive.power import Run
 from bowden_rig.bench import TICKS_PER_S, Bench
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
@@ -69,7 +70,7 @@ def _capture() -> Figure:
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         capture = record(
-            Drive(connection), Path(folder) / "run.blf", _CAPTURE_S, run=Run(Mode.TUNNEL)
+            Drive(connection), Path(folder) / "run.blf", _CAPTURE_S, run=Run(ModeOfOperation.TUNNEL)
         )
     took_s = time.perf_counter() - start
     connection.close()

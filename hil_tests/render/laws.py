@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from bowden.drive.meanings import CompensationLaw
+
 from hil_tests.render.rigs import LENGTH_M, RenderRig
 from hil_tests.render.tasks import Task
 
@@ -15,7 +17,6 @@ SEGMENTS: Final = 20
 # The default of this entry is chosen for the model inversion, which corrects with the cell what is
 # left over. Force control alone wants more: on developing seeds its error falls by a third.
 INTEGRAL_GAIN_HZ: Final = 20.0
-INTEGRAL: Final = 2
 FULL_TORQUE_S: Final = 5e-3  # slew: the motor may go from nothing to its limit in this time
 
 
@@ -24,22 +25,22 @@ class Law:
     """A row of the table: entry compensation_law, and whether the load cell may be used."""
 
     name: str
-    number: int
+    number: CompensationLaw
     load_cell: bool = False
 
 
+NAIVE: Final = Law(CompensationLaw.NONE.word, CompensationLaw.NONE)
+OURS: Final = CompensationLaw.MODEL_INVERSION.word
+WITHOUT_CELL: Final = f"{OURS}-without-cell"
+FROM_LOAD_CELL: Final = {
+    CompensationLaw.INTEGRAL,
+    CompensationLaw.ADAPTIVE_HYSTERESIS,
+    CompensationLaw.MODEL_INVERSION,
+}
 LAWS: Final = (
-    Law("none", 0),
-    Law("coulomb", 1),
-    Law("integral", 2, load_cell=True),
-    Law("smooth-inverse", 3),
-    Law("adaptive-hysteresis", 4, load_cell=True),
-    Law("model-inversion", 5, load_cell=True),
-    Law("model-inversion-without-cell", 5),
+    *(Law(law.word, law, load_cell=law in FROM_LOAD_CELL) for law in CompensationLaw),
+    Law(WITHOUT_CELL, CompensationLaw.MODEL_INVERSION),
 )
-NAIVE: Final = LAWS[0]
-OURS: Final = "model-inversion"
-WITHOUT_CELL: Final = "model-inversion-without-cell"
 
 
 def law_named(name: str) -> Law:
@@ -54,7 +55,11 @@ def entries(rig: RenderRig, law: Law, task: Task) -> dict[str, float]:
     """Entries to write, by name, in SI units: what the lab believes of its rig."""
     belief, tunnel = rig.belief, task.tunnel(rig)
     curvature = 1.0 / rig.rig.cable.path[0][1]
-    tuned = {"compensation_integral_gain": INTEGRAL_GAIN_HZ} if law.number == INTEGRAL else {}
+    tuned = (
+        {"compensation_integral_gain": INTEGRAL_GAIN_HZ}
+        if law.number == CompensationLaw.INTEGRAL
+        else {}
+    )
     return tuned | {
         "cable_segments": SEGMENTS,
         **{f"segment_length.{i + 1}": LENGTH_M / SEGMENTS for i in range(SEGMENTS)},

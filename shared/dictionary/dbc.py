@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from cantools.database.can import Database, Message, Node, Signal
 from cantools.database.conversion import BaseConversion
+from cantools.database.namedsignalvalue import NamedSignalValue
 
 from shared.dictionary.dictionary import Dictionary, Variable
 from shared.dictionary.schema import Pdo
@@ -76,13 +77,29 @@ def _value(name: str, start: int, variable: Variable) -> Signal:
         length=variable.type.bits,
         byte_order="little_endian",
         is_signed=variable.type.signed,
-        conversion=BaseConversion.factory(scale=scale),
+        conversion=BaseConversion.factory(scale=scale, choices=_choices(variable)),
         minimum=_decimal(variable.low * scale),
         maximum=_decimal(variable.high * scale),
         unit=variable.unit,
-        comment=variable.doc or None,
+        comment=_comment(variable),
         receivers=[_HOST if variable.pdo == "tx" else _DRIVE],
     )
+
+
+def _choices(variable: Variable) -> OrderedDict[int, str | NamedSignalValue] | None:
+    enumeration = variable.enumeration
+    if enumeration is None or enumeration.is_bits:
+        return None
+    return OrderedDict((meaning.number, meaning.name) for meaning in enumeration.meanings)
+
+
+def _comment(variable: Variable) -> str | None:
+    """Return the doc, with the bits, for which a DBC has no table of its own."""
+    enumeration = variable.enumeration
+    if enumeration is None or not enumeration.is_bits:
+        return variable.doc or None
+    bits = ", ".join(f"{meaning.number} {meaning.name}" for meaning in enumeration.meanings)
+    return f"{variable.doc}; bits: {bits}"
 
 
 def _decimal(limit: float) -> float:

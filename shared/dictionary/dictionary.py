@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,6 +17,7 @@ from shared.dictionary.schema import (
     DictionaryFile,
     Emergency,
     Entry,
+    Meaning,
     Pdo,
     Role,
     SchemaError,
@@ -27,6 +29,25 @@ HASH_NAME = "schema_hash"
 PDO_SLOTS = 8  # entries of at least 8 bits in a frame of 64
 NO_RTR = 0x4000_0000  # bit 30 of a TPDO's COB-ID: remote frames are not answered
 PDO_DOES_NOT_EXIST = 0x8000_0000  # bit 31 of a COB-ID
+
+
+@dataclass(frozen=True)
+class Enumeration:
+    """The meanings of an entry's values or bits; entries that share them share this object.
+
+    `name` is the defining entry's full name with underscores; `is_bits`: `number` of a meaning is a
+    bit's place, else a value.
+    """
+
+    name: str
+    is_bits: bool
+    meanings: tuple[Meaning, ...]
+    doc: str
+
+    @property
+    def class_name(self) -> str:
+        """Name of the host's class: ``CompensationLaw``."""
+        return "".join(part.capitalize() for part in self.name.split("_"))
 
 
 @dataclass(frozen=True)
@@ -53,6 +74,7 @@ class Variable:
     pdo: Literal["rx", "tx"] | None = None
     persist: bool = False
     node_id_added: bool = False
+    enumeration: Enumeration | None = None
     doc: str = ""
 
     @property
@@ -92,6 +114,17 @@ class Dictionary:
     emergencies: tuple[Emergency, ...]
     hash: int
 
+    @property
+    def enumerations(self) -> tuple[Enumeration, ...]:
+        """Every one once, in the order of the objects that define them."""
+        found = {
+            v.enumeration.name: v.enumeration
+            for o in self.objects
+            for v in o.variables
+            if v.enumeration
+        }
+        return tuple(found.values())
+
     def find(self, name: str) -> tuple[Object, Variable]:
         """Look an entry up by its full name; KeyError when there is none."""
         for obj in self.objects:
@@ -104,7 +137,8 @@ class Dictionary:
 def expand(file: DictionaryFile) -> Dictionary:
     """Make the dictionary; `SchemaError` for what is neither variable, array nor record."""
     problems: list[str] = []
-    objects = [o for entry in file.entries if (o := _object(entry, problems))]
+    meanings = _enumerations(file, problems)
+    objects = [o for entry in file.entries if (o := _object(entry, meanings, problems))]
     if problems:
         raise SchemaError(problems)
     names = {o.full_name(v): (o, v) for o in objects for v in o.variables}
@@ -124,34 +158,77 @@ def expand(file: DictionaryFile) -> Dictionary:
     )
 
 
-def _object(entry: Entry, problems: list[str]) -> Object | None:
+def _named_values(file: DictionaryFile) -> Iterator[tuple[int, str, Value | Entry]]:
+    for entry in file.entries:
+        if entry.subs is None:
+            yield entry.index, entry.name, entry
+        else:
+            yield from ((entry.index, f"{entry.name}.{sub.name}", sub) for sub in entry.subs)
+
+
+def _enumerations(file: DictionaryFile, problems: list[str]) -> dict[str, Enumeration]:
+    """Collect the enumeration of each entry that has one, by the entry's full name."""
+    found: dict[str, Enumeration] = {}
+    shared: list[tuple[str, str, str, bool]] = []
+    for index, name, value in _named_values(file):
+        where = f"0x{index:04X} {name}"
+        for is_bits, meanings in ((False, value.values), (True, value.bits)):
+            if isinstance(meanings, str):
+                shared.append((where, name, meanings, is_bits))
+            elif meanings is not None:
+                label = name.replace(".", "_")
+                found[name] = Enumeration(label, is_bits, tuple(meanings), value.doc)
+        if value.values is not None and value.bits is not None:
+            problems.append(f"{where}: has values or bits, not both")
+        if value.values is not None and value.range is not None:
+            problems.append(f"{where}: its range is made from its values")
+    for where, name, other, is_bits in shared:
+        if other in found and found[other].is_bits == is_bits:
+            found[name] = found[other]
+        else:
+            problems.append(f"{where}: {other} has no {'bits' if is_bits else 'values'} of its own")
+    return found
+
+
+def _object(entry: Entry, meanings: dict[str, Enumeration], problems: list[str]) -> Object | None:
     where = f"0x{entry.index:04X} {entry.name}"
     if entry.subs is not None:
         if entry.type or entry.access or entry.role or entry.array:
             problems.append(f"{where}: a record has type, access, role and array in its subs only")
             return None
         variables = [_sub0(len(entry.subs))]
-        variables += [_variable(i + 1, value, value.name) for i, value in enumerate(entry.subs)]
+        variables += [
+            _variable(i + 1, value, value.name, meanings.get(f"{entry.name}.{value.name}"))
+            for i, value in enumerate(entry.subs)
+        ]
         return Object(entry.index, entry.name, "record", tuple(variables), entry.doc)
     if entry.type is None or entry.access is None or entry.role is None:
         problems.append(f"{where}: needs type, access and role (or subs)")
         return None
+    enumeration = meanings.get(entry.name)
     if entry.array is None:
-        return Object(entry.index, entry.name, "variable", (_variable(0, entry, ""),), entry.doc)
+        only = _variable(0, entry, "", enumeration)
+        return Object(entry.index, entry.name, "variable", (only,), entry.doc)
     first = _sub0(entry.array)
     if entry.sub0_access == "rw":  # the list in use is shorter than its room, and can be emptied
         first = replace(first, access="rw", role=entry.role, default=0, high=0, has_range=True)
         first = replace(first, doc="entries in use; write 0 to empty it")
-    rows = replace(_variable(1, entry, ""), count=entry.array)
+    rows = replace(_variable(1, entry, "", enumeration), count=entry.array)
     return Object(entry.index, entry.name, "array", (first, rows), entry.doc)
 
 
-def _variable(sub: int, value: Value | Entry, name: str) -> Variable:
+def _variable(
+    sub: int, value: Value | Entry, name: str, enumeration: Enumeration | None
+) -> Variable:
     assert value.type is not None
     assert value.access is not None
     assert value.role is not None
     wire = WIRE_TYPES[value.type]
-    low, high = value.range if value.range is not None else (wire.low, wire.high)
+    span = value.range
+    if span is None and enumeration and not enumeration.is_bits and value.access in {"rw", "wo"}:
+        numbers = [meaning.number for meaning in enumeration.meanings]
+        span = [min(numbers), max(numbers)]
+    low, high = span if span is not None else (wire.low, wire.high)
     return Variable(
         sub=sub,
         name=name,
@@ -161,13 +238,14 @@ def _variable(sub: int, value: Value | Entry, name: str) -> Variable:
         low=low,
         high=high,
         default=value.default,
-        has_range=value.range is not None,
+        has_range=span is not None,
         unit=value.unit,
         raw_unit=value.raw_unit,
         scale=value.scale,
         pdo=value.pdo,
         persist=value.persist,
         node_id_added=value.node_id_added,
+        enumeration=enumeration,
         doc=value.doc,
     )
 
@@ -246,6 +324,7 @@ def _hash(device: Device, objects: list[Object], emergencies: list[Emergency]) -
             v.pdo,
             v.persist,
             v.node_id_added,
+            [[m.number, m.name] for m in v.enumeration.meanings] if v.enumeration else None,
         ]
         for o in objects
         for v in o.variables

@@ -92,9 +92,17 @@ def _row(obj: Object, v: Variable) -> str:
         v.unit or "",
         span,
         _shown(v, v.default) + (" + id" if v.node_id_added else ""),
-        v.doc,
+        _meaning(v),
     ]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _meaning(v: Variable) -> str:
+    if v.enumeration is None:
+        return v.doc
+    what = "bit " if v.enumeration.is_bits else ""
+    items = [f"{what}{m.number} `{m.name}`: {m.doc}" for m in v.enumeration.meanings]
+    return "<br>".join([v.doc, *items])
 
 
 def _shown(v: Variable, raw: int | str) -> str:

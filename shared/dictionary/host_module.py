@@ -18,6 +18,7 @@ types and what they can do (look up, encode, decode) are in `bowden.drive.entry`
 
 from __future__ import annotations
 
+from bowden.drive import meanings
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
 HASH = 0x{hash:08X}
@@ -85,6 +86,7 @@ def _entry(obj: Object, variable: Variable) -> str:
         ("pdo", variable.pdo, None),
         ("persist", variable.persist, False),
         ("node_id_added", variable.node_id_added, False),
+        ("meaning", _class(variable), None),
         ("doc", variable.doc or obj.doc, ""),
     ]
     if variable.type.is_text:
@@ -94,6 +96,18 @@ def _entry(obj: Object, variable: Variable) -> str:
     if obj.kind == "array" and variable.sub:
         call = f"*array({variable.count}, {call})"
     return f"        {call},"
+
+
+class _Name(str):
+    """A name in the module, written as it is."""
+
+    __slots__ = ()
+    __repr__ = str.__str__
+
+
+def _class(variable: Variable) -> _Name | None:
+    enumeration = variable.enumeration
+    return _Name(f"meanings.{enumeration.class_name}") if enumeration else None
 
 
 def _default(obj: Object, variable: Variable) -> str:

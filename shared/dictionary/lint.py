@@ -10,7 +10,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Literal
 
-from shared.dictionary.dictionary import HASH_NAME, Dictionary, Object, Variable
+from shared.dictionary.dictionary import (
+    HASH_NAME,
+    Dictionary,
+    Enumeration,
+    Object,
+    Variable,
+)
 from shared.dictionary.schema import DictionaryFile, Pdo, Role
 
 RPDO_MAX = 4
@@ -95,10 +101,29 @@ def _variable(v: Variable, obj: Object) -> Iterator[str]:
         yield "only communication parameters add the node id"
     if v.has_range and v.access in {"const", "ro"}:
         yield "a range limits writes, but nobody can write it"
+    if v.enumeration is not None:
+        yield from _meanings(v, v.enumeration)
     if v.type.is_text:
         yield from _text(v)
     else:
         yield from _number(v)
+
+
+def _meanings(v: Variable, enumeration: Enumeration) -> Iterator[str]:
+    what = "bit" if enumeration.is_bits else "value"
+    low, high = (0, v.type.bits - 1) if enumeration.is_bits else (v.type.low, v.type.high)
+    numbers = [meaning.number for meaning in enumeration.meanings]
+    for number in _repeated(numbers):
+        yield f"{what} {number} given twice"
+    for name in _repeated(meaning.name for meaning in enumeration.meanings):
+        yield f"two of its {what}s are called {name}"
+    for number in numbers:
+        if not low <= number <= high:
+            yield f"{what} {number} does not fit into {v.type.name}"
+    if not enumeration.is_bits and v.default not in numbers:
+        yield f"default {v.default} is none of its values"
+    if v.unit is not None:
+        yield f"has a unit as well as named {what}s"
 
 
 def _number(v: Variable) -> Iterator[str]:

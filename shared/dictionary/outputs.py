@@ -6,7 +6,15 @@ import subprocess
 import sysconfig
 from pathlib import Path
 
-from shared.dictionary import c_table, dbc, docs_page, eds, host_module
+from shared.dictionary import (
+    c_meanings,
+    c_table,
+    dbc,
+    docs_page,
+    eds,
+    host_meanings,
+    host_module,
+)
 from shared.dictionary.dictionary import Dictionary, expand
 from shared.dictionary.lint import lint, lint_text
 from shared.dictionary.schema import SchemaError, parse_file
@@ -41,7 +49,9 @@ def render(dictionary: Dictionary) -> dict[Path, str]:
     return {
         drive / "dictionary.h": _clang_format(c_table.header(dictionary)),
         drive / "dictionary.c": _clang_format(c_table.source(dictionary)),
+        Path("firmware/meanings.h"): _clang_format(c_meanings.header(dictionary)),
         Path("host/src/bowden/drive/dictionary.py"): host_module.module(dictionary),
+        Path("host/src/bowden/drive/meanings.py"): host_meanings.module(dictionary),
         Path("shared/generated/bowden.eds"): eds.text(dictionary),
         Path("shared/generated/bowden.dbc"): dbc.text(dictionary),
         Path("docs/object-dictionary.md"): docs_page.text(dictionary),

@@ -42,6 +42,26 @@ class Device(_Strict):
     default_node_id: Annotated[int, Field(ge=1, le=127)]
 
 
+class Meaning(_Strict):
+    """What a number stands for: a value of an entry, or one of its bits."""
+
+    number: int
+    name: Name
+    doc: Annotated[str, Field(min_length=1)]
+
+
+class NamedValue(Meaning):
+    """One of an entry's values."""
+
+    number: int = Field(validation_alias="value")
+
+
+class NamedBit(Meaning):
+    """One of an entry's bits, 0 the lowest."""
+
+    number: int = Field(validation_alias="bit")
+
+
 class Value(_Strict):
     """What an entry and a sub-entry have in common."""
 
@@ -57,6 +77,8 @@ class Value(_Strict):
     pdo: Literal["rx", "tx"] | None = None
     persist: bool = False
     node_id_added: bool = False
+    values: Annotated[list[NamedValue], Field(min_length=1)] | Name | None = None
+    bits: Annotated[list[NamedBit], Field(min_length=1)] | Name | None = None
     doc: str = ""
 
 
@@ -76,6 +98,8 @@ class Entry(_Strict):
     pdo: Literal["rx", "tx"] | None = None
     persist: bool = False
     node_id_added: bool = False
+    values: Annotated[list[NamedValue], Field(min_length=1)] | Name | None = None
+    bits: Annotated[list[NamedBit], Field(min_length=1)] | Name | None = None
     doc: str = ""
     array: Annotated[int, Field(ge=1, le=254)] | None = None
     sub0_access: Literal["const", "rw"] = "const"

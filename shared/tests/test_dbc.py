@@ -46,10 +46,13 @@ def test_angle_and_24_bit_torque_with_their_signs(
 
 
 def test_command_frame_both_ways(database: Database) -> None:
-    command = {"controlword": 15, "mode_of_operation": -2, "target_torque": -0.25}
+    command = {"controlword": 15, "mode_of_operation": "torque", "target_torque": -0.25}
     data = database.encode_message("RPDO1", command)
     assert data == bytes.fromhex("0f00 fe") + (-250_000).to_bytes(3, "little", signed=True)
-    assert decode(database, 0x210, data) == pytest.approx(command)
+    values = decode(database, 0x210, data)
+    assert str(values["mode_of_operation"]) == "torque"
+    assert values["target_torque"] == pytest.approx(-0.25)
+    assert values["controlword"] == 15
 
 
 def test_emergency_and_heartbeat_in_words(database: Database) -> None:

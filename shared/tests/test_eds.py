@@ -42,6 +42,15 @@ def at(dictionary: canopen.ObjectDictionary, index: int, sub: int) -> ODVariable
     return obj if isinstance(obj, ODVariable) else obj[sub]
 
 
+def test_values_and_bits_stand_among_the_comments() -> None:
+    parser = RawConfigParser()
+    parser.read_string(EDS.read_text(encoding="ascii"))
+    comments = dict(parser["Comments"])
+    assert "2130sub0 compensation_law value 5 model_inversion: model inversion" in comments.values()
+    assert "6041sub0 statusword bit 3 fault: fault" in comments.values()
+    assert int(comments["lines"]) == len(comments) - 1
+
+
 def test_every_entry_comes_back(dictionary: canopen.ObjectDictionary) -> None:
     for index, sub, entry in described():
         variable = at(dictionary, index, sub)
@@ -51,6 +60,9 @@ def test_every_entry_comes_back(dictionary: canopen.ObjectDictionary) -> None:
         assert variable.pdo_mappable == ("pdo" in entry), entry["name"]
         if entry["type"] != "i24":  # canopen 2.4.1 drops the limits of INTEGER24
             limits = entry.get("range", (None, None))
+            if "values" in entry and entry["access"] == "rw":
+                numbers = [meaning["value"] for meaning in entry["values"]]
+                limits = (min(numbers), max(numbers))
             assert (variable.min, variable.max) == tuple(limits), entry["name"]
         default = entry.get("default", 0)
         if default == "schema_hash":

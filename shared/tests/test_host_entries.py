@@ -7,6 +7,7 @@ import math
 import pytest
 from bowden.drive.dictionary import BITRATE, EMERGENCIES, ENTRIES, HASH, RPDOS, TABLE, TPDOS, lookup
 from bowden.drive.entry import Entry
+from bowden.drive.meaning import NamedValue
 from bowden.errors import BadInput
 from hypothesis import given
 from hypothesis import strategies as st
@@ -83,7 +84,9 @@ def test_unknown_names_are_refused() -> None:
 
 @given(st.sampled_from(NUMBERS), st.data())
 def test_raw_and_bytes_and_value_come_back(entry: Entry, data: st.DataObject) -> None:
-    raw = data.draw(st.integers(entry.low, entry.high))
+    named = entry.meaning and issubclass(entry.meaning, NamedValue)
+    numbers = st.sampled_from(list(entry.meaning)) if named else st.integers(entry.low, entry.high)
+    raw = int(data.draw(numbers))
     encoded = entry.encode(raw)
     assert len(encoded) == entry.bits // 8
     assert entry.decode(encoded) == raw

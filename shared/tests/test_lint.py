@@ -10,7 +10,8 @@ from shared.dictionary.schema import SchemaError
 TEXT = SOURCE.read_text(encoding="utf-8")
 
 STIFFNESS = "name: tunnel_stiffness, type: u32, access: rw, role: config, persist: true"
-STATUS = "{index: 0x6041, name: statusword, type: u16, access: ro, role: state, pdo: tx}"
+ERROR = "{index: 0x603F, name: error_code, type: u16, access: ro, role: state, pdo: tx}"
+LAW = "{value: 1, name: coulomb, doc"
 
 DEFECTS = {
     "duplicate index": ("index: 0x2121", "index: 0x2120", "0x2120: index given twice"),
@@ -47,8 +48,8 @@ DEFECTS = {
     ),
     "range beyond the type": ("range: [1, 40]", "range: [1, 256]", "does not fit into u8"),
     "negative range of unsigned": (
-        "range: [0, 2], default: 0",
-        "range: [-1, 2], default: 0",
+        "range: [0, 1], default: 1",
+        "range: [-1, 1], default: 1",
         "fit",
     ),
     "low above high": ("range: [1, 40], default: 20", "range: [40, 1], default: 20", "is empty"),
@@ -84,7 +85,7 @@ DEFECTS = {
     ),
     "missing identity": ("index: 0x1018\n", "index: 0x1019\n", "0x1018: is mandatory and missing"),
     "missing device type": ("index: 0x1000,", "index: 0x1002,", "0x1000: is mandatory and missing"),
-    "missing error register": ("index: 0x1001,", "index: 0x1002,", "0x1001: is mandatory"),
+    "missing error register": ("index: 0x1001\n", "index: 0x1002\n", "0x1001: is mandatory"),
     "wrong sub count": (
         "      - {name: serial_number, type: u32, access: ro, role: identity}\n",
         "",
@@ -108,12 +109,12 @@ DEFECTS = {
     "text too long": ('default: "0.1.0"', f'default: "{"x" * 65}"', "1 to 64 characters"),
     "semicolon in a text": ('default: "0.1.0"', 'default: "a ; b"', "cuts text at a semicolon"),
     "text for a number": ("default: 500000}", 'default: "500000"}', "is not a number"),
-    "writable state": (STATUS, STATUS.replace("access: ro", "access: rw"), "access rw does not go"),
+    "writable state": (ERROR, ERROR.replace("access: ro", "access: rw"), "access rw does not go"),
     "read-only configuration": (STIFFNESS, STIFFNESS.replace("rw", "ro"), "access ro does not go"),
     "RPDO writes configuration": (STIFFNESS, STIFFNESS + ", pdo: rx", "only a writable command"),
     "stored state": (
-        STATUS,
-        STATUS.replace("pdo: tx", "persist: true"),
+        ERROR,
+        ERROR.replace("pdo: tx", "persist: true"),
         "role state is not stored",
     ),
     "REAL32": ("name: bus_voltage, type: i32", "name: bus_voltage, type: real32", "(bus_voltage)"),
@@ -152,9 +153,38 @@ DEFECTS = {
         "    name: sdo_server\n    type: u8\n",
         "subs only",
     ),
+    "value given twice": (LAW, LAW.replace("1", "2"), "value 2 given twice"),
+    "two values of one name": (LAW, LAW.replace("coulomb", "none"), "are called none"),
+    "value beyond the type": (LAW, LAW.replace("1", "256"), "value 256 does not fit into u8"),
+    "bit beyond the type": (
+        "{bit: 11, name: internal_limit",
+        "{bit: 16, name: internal_limit",
+        "bit 16 does not fit into u16",
+    ),
+    "a bit among values": (LAW, LAW.replace("value", "bit"), "(compensation_law)"),
+    "default that no value is": (
+        "{value: -1, name: tunnel,",
+        "{value: -3, name: tunnel,",
+        "default -1 is none of its values",
+    ),
+    "values of an entry that has none": (
+        "values: compensation_law,",
+        "values: motor_inertia,",
+        "compensation_active_law: motor_inertia has no values of its own",
+    ),
+    "range beside values": (
+        "    name: mode_of_operation\n",
+        "    name: mode_of_operation\n    range: [-2, 0]\n",
+        "mode_of_operation: its range is made from its values",
+    ),
+    "values and bits": (
+        "    name: slip_state\n",
+        "    name: slip_state\n    bits: model_flags\n",
+        "slip_state: has values or bits, not both",
+    ),
     "neither variable nor record": (
-        "name: statusword, type: u16,",
-        "name: statusword,",
+        "name: error_code, type: u16,",
+        "name: error_code,",
         "needs type",
     ),
 }

@@ -51,8 +51,8 @@ static bool lamp(uint32_t wake_ups) {
 
 int main(void) {
     protection_start_memory();
-    const board_reset_t reset = reset_cause();
-    const bool ended_badly = crash_is_news() || reset == BOARD_RESET_WATCHDOG;
+    const reset_cause_t reset = reset_cause();
+    const bool ended_badly = crash_is_news() || reset == RESET_CAUSE_WATCHDOG;
     const clock_source_t source = clock_start();
     if (source == CLOCK_FAILED) {
         crash_restart();

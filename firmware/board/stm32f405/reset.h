@@ -5,6 +5,6 @@
 #include "../board.h"
 
 /* Reads the flags and clears them, or they would still stand at the next start: asked once. */
-board_reset_t reset_cause(void);
+reset_cause_t reset_cause(void);
 
 #endif

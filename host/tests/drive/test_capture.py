@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from bowden.drive.capture import record
 from bowden.drive.client import Drive
-from bowden.drive.power import Mode, Run
+from bowden.drive.meanings import ModeOfOperation
+from bowden.drive.power import Run
 from bowden.drive.watch import Progress
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.read import read_recording
@@ -21,7 +22,7 @@ from bowden_rig.virtual_bus import VirtualBus
 MakeRig = Callable[..., tuple[Drive, VirtualBus]]
 
 
-TUNNEL = Run(Mode.TUNNEL)
+TUNNEL = Run(ModeOfOperation.TUNNEL)
 
 
 def test_a_run_is_recorded_without_a_loss(rig: MakeRig, tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import pytest
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
-from bowden.drive.power import Mode, Run, powered
+from bowden.drive.meanings import ModeOfOperation
+from bowden.drive.power import Run, powered
 from bowden.errors import BadInput, DriveFailed
 from bowden_rig.virtual_bus import VirtualBus
 
@@ -70,7 +71,7 @@ def test_a_value_that_is_not_kept_is_found_by_reading_back(
 
 def test_while_the_bridge_is_on_nothing_is_written(rig: MakeRig) -> None:
     drive, _ = rig(motion="still")
-    with powered(drive, Run(Mode.TUNNEL)):
+    with powered(drive, Run(ModeOfOperation.TUNNEL)):
         with pytest.raises(DriveFailed, match=r"cable_pretension.*0800 0022h.*stop the drive"):
             write(drive, difference(drive, WANTED))
         assert drive.read("cable_pretension") == 10.0

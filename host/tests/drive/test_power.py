@@ -6,14 +6,15 @@ from collections.abc import Callable
 
 import pytest
 from bowden.drive.client import Drive
-from bowden.drive.power import Mode, Run, power_state, powered, safe_stop
+from bowden.drive.meanings import ModeOfOperation
+from bowden.drive.power import Run, power_state, powered, safe_stop
 from bowden.errors import DriveFailed
 from bowden_rig.virtual_bus import VirtualBus
 
 MakeRig = Callable[..., tuple[Drive, VirtualBus]]
 
 
-TUNNEL = Run(Mode.TUNNEL)
+TUNNEL = Run(ModeOfOperation.TUNNEL)
 
 
 def test_the_bridge_is_on_inside_the_block_and_off_after_it(rig: MakeRig) -> None:
@@ -30,7 +31,7 @@ def test_the_bridge_is_on_inside_the_block_and_off_after_it(rig: MakeRig) -> Non
 def test_torque_comes_and_goes_with_the_slew_rate(rig: MakeRig) -> None:
     drive, bus = rig(motion="locked")
     drive.write("motor_torque_slew", 1.0)
-    with powered(drive, Run(Mode.TORQUE, torque_nm=0.1)):
+    with powered(drive, Run(ModeOfOperation.TORQUE, torque_nm=0.1)):
         drive.connection.listen(0.3)
         # Current sensing and amplifier settle within a few mN m.
         assert drive.read("motor_torque") == pytest.approx(0.1, abs=5e-3)

@@ -109,7 +109,7 @@ class NativeTarget:
             {
                 "node_id": node_id,
                 "serial_number": serial_number,
-                "reset": self._lib.BOARD_RESET_POWER_ON,
+                "reset": self._lib.RESET_CAUSE_POWER_ON,
                 "saved": self._saved,
             },
         )

@@ -23,8 +23,8 @@ from bowden.cli.reduced_model import (
     ReducedModel,
     reduced_model,
 )
-from bowden.drive import compensation
 from bowden.drive.configuration import Change, difference, store, write
+from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
 from bowden.model.effects import CATALOGUE
 
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--compensation",
-        choices=compensation.LAWS,
+        choices=CompensationLaw.words(),
         help="the law that is to run on this model (default: as the drive has it)",
     )
     parser.add_argument(
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(str(args.model), ", ".join(reduced.left_out), _accepted())
     wanted = dict(reduced.entries)
     if args.compensation is not None:
-        wanted["compensation_law"] = compensation.law_number(args.compensation)
+        wanted["compensation_law"] = CompensationLaw.named(args.compensation, "--compensation")
     with connect_drive(args) as drive:
         changes = difference(drive, wanted)
         _show(changes, len(wanted), reduced)

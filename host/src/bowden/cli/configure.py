@@ -15,7 +15,7 @@ from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.cli.reduced_model import DEFAULT_SEGMENTS, reduced_model
 from bowden.drive.configuration import Change, difference, store, write
-from bowden.drive.provenance import ANGLE_SOURCES
+from bowden.drive.meanings import TunnelAngleSource
 from bowden.model import parse_model
 
 EXAMPLES = """examples:
@@ -51,7 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, text in _OPTIONS.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=float, metavar="X", help=text)
     parser.add_argument(
-        "--tunnel-angle", choices=ANGLE_SOURCES, help="the angle that the tunnel is about"
+        "--tunnel-angle",
+        choices=TunnelAngleSource.words(),
+        help="the angle that the tunnel is about",
     )
     parser.add_argument("--store", action="store_true", help=STORE_HELP)
     add_json_argument(parser)
@@ -65,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     wanted = dict(reduced.entries)
     wanted |= {name: getattr(args, name) for name in _OPTIONS if getattr(args, name) is not None}
     if args.tunnel_angle:
-        wanted["tunnel_angle_source"] = ANGLE_SOURCES.index(args.tunnel_angle)
+        wanted["tunnel_angle_source"] = TunnelAngleSource.named(args.tunnel_angle, "--tunnel-angle")
     with connect_drive(args) as drive:
         changes = difference(drive, wanted)
         if not args.dry_run:

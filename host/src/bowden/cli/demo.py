@@ -19,7 +19,7 @@ from bowden.cli.rig import add_target_argument
 from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.capture import Capture
 from bowden.drive.configuration import difference, write
-from bowden.drive.power import Mode as DriveMode
+from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
 from bowden.errors import BadInput
 from bowden.model import Mode, format_model, parse_model, table_1
@@ -119,7 +119,7 @@ def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Captu
             drive,
             run_path,
             args.duration,
-            Run(DriveMode.TUNNEL),
+            Run(ModeOfOperation.TUNNEL),
             {
                 "rig": f"simulated, {args.target} target",
                 "notes": "bowden demo: Experiment 2, error-reduction tunnel",

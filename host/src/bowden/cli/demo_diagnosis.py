@@ -32,13 +32,13 @@ from bowden.cli.tunnel_experiment import (
 from bowden.diagnosis.rendering import Tunnel
 from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.client import Drive
-from bowden.drive.compensation import law_number
 from bowden.drive.configuration import difference, write
+from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
 from bowden.model import Model, parse_model
 from bowden.recording.atomic import replace_whole
 from bowden.recording.enabled import until_disabled
-from bowden.report.rendering import TITLES, LawRun, rendering_report
+from bowden.report.rendering import LawRun, rendering_report
 
 if TYPE_CHECKING:
     from bowden.diagnosis.diagnose import Diagnosis
@@ -83,7 +83,7 @@ RIG = (
 #: A tunnel in which the uncompensated cables stay taut: what they do slack shows the inertias too.
 ENTRIES = {"motor_torque_limit": TORQUE_LIMIT_NM, "tunnel_torque_limit": 0.05}
 
-LAWS = ("coulomb", "model-inversion")
+LAWS = (CompensationLaw.COULOMB, CompensationLaw.MODEL_INVERSION)
 
 
 @dataclass(frozen=True)
@@ -194,15 +194,15 @@ def close_the_loop(
     write(drive, difference(drive, ENTRIES))
     tunnel = tunnel_of(drive)
 
-    def rendered(law: str, model: Model, of: str) -> LawRun:
+    def rendered(law: CompensationLaw, model: Model, of: str) -> LawRun:
         _apply(drive, model, law)
-        title = f"{TITLES[law]}, {of} model" if of else ""
-        path = directory / f"{'-'.join(filter(None, (law, of)))}.blf"
+        title = f"{law.doc}, {of} model" if of else ""
+        path = directory / f"{'-'.join(filter(None, (law.word, of)))}.blf"
         return render(drive, tunnel, duration_s, path, title)
 
     with telling_the_law(drive):
         say("the tunnel without compensation, then with the lab's model")
-        none = rendered("none", lab, "")
+        none = rendered(CompensationLaw.NONE, lab, "")
         before = tuple(rendered(law, lab, "lab") for law in LAWS)
         drive.nmt("PRE-OPERATIONAL")  # nobody listens to samples meanwhile
         diagnosis = _diagnose(lab, none, directory, seed, names)
@@ -211,12 +211,12 @@ def close_the_loop(
     return Loop(none, before, after, tunnel, diagnosis)
 
 
-def _apply(drive: Drive, model: Model, law: str) -> None:
+def _apply(drive: Drive, model: Model, law: CompensationLaw) -> None:
     """Give the drive model and law, as `bowden apply --without-unsupported` does."""
     reduced = reduced_model(model)
-    changes = difference(drive, reduced.entries | {"compensation_law": law_number(law)})
+    changes = difference(drive, reduced.entries | {"compensation_law": law})
     write(drive, changes)
-    say(f"{law}: {len(changes)} entries changed; effects in them: {', '.join(reduced.folded)}")
+    say(f"{law.word}: {len(changes)} entries changed; effects in them: {', '.join(reduced.folded)}")
 
 
 def _diagnose(

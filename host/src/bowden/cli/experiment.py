@@ -21,7 +21,7 @@ from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.cli.rig import add_target_argument
-from bowden.drive.compensation import LAWS
+from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
 
 if TYPE_CHECKING:
@@ -71,9 +71,9 @@ def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
     on_drive.add_argument(
         "--compensation",
         nargs="+",
-        choices=(*LAWS, "all"),
+        choices=(*CompensationLaw.words(), "all"),
         metavar="LAW",
-        help=f"{', '.join(LAWS)} or all; none always runs too, for comparison",
+        help=f"{', '.join(CompensationLaw.words())} or all; none always runs too, for comparison",
     )
     on_drive.add_argument(
         "--start-rig",

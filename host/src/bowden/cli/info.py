@@ -10,10 +10,15 @@ from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive, connect
-from bowden.drive.compensation import LAWS, describe_fallback
 from bowden.drive.dictionary import HASH, lookup
-from bowden.drive.faults import describe_address, describe_emergency, describe_reset
-from bowden.drive.power import Mode, power_state
+from bowden.drive.faults import describe_address, describe_emergency
+from bowden.drive.meanings import (
+    CompensationFallback,
+    CompensationLaw,
+    ModeOfOperation,
+    ResetCause,
+)
+from bowden.drive.power import power_state
 
 EXAMPLES = """examples:
   bowden info
@@ -66,12 +71,15 @@ def describe(drive: Drive) -> dict[str, object]:
         "dictionary_matches": there == HASH,
         "nmt_state": drive.next_nmt_state(),
         "power_state": power_state(drive.read_raw("statusword")),
-        "mode": _mode(drive.read_raw("mode_of_operation_display")),
-        "compensation": LAWS[drive.read_raw("compensation_law")],
-        "compensation_fallback": describe_fallback(drive.read_raw("compensation_fallback")) or None,
+        "mode": ModeOfOperation.word_of(drive.read_raw("mode_of_operation_display")),
+        "compensation": CompensationLaw.word_of(drive.read_raw("compensation_law")),
+        "compensation_fallback": CompensationFallback.describe(
+            drive.read_raw("compensation_fallback")
+        )
+        or None,
         "error": describe_emergency(error) if error else None,
         "error_history": [describe_emergency(code & 0xFFFF) for code in history],
-        "last_reset": describe_reset(drive.read_raw("reset_cause")),
+        "last_reset": ResetCause.describe(drive.read_raw("reset_cause")),
         "crash": _crash(drive),
         "configuration_error": describe_address(culprit) if culprit else None,
         **{name: drive.read_raw(name) for name in _COUNTS},
@@ -93,10 +101,6 @@ def _crash(drive: Drive) -> str | None:
         f"{count} since power-on; the last: exception {cause} at 0x{counter:08X}, "
         f"stack 0x{stack:08X}, after {tick} control ticks"
     )
-
-
-def _mode(code: int) -> str:
-    return Mode(code).name.lower() if code in tuple(Mode) else "none"
 
 
 def _table(document: dict[str, object]) -> Table:

@@ -16,7 +16,8 @@ from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json, progress
 from bowden.drive.capture import Capture, record
 from bowden.drive.client import Drive
-from bowden.drive.power import Mode, Run
+from bowden.drive.meanings import ModeOfOperation
+from bowden.drive.power import Run
 from bowden.drive.watch import Progress
 from bowden.errors import BadInput
 from bowden.recording.capture_file import read_capture
@@ -106,7 +107,11 @@ def _run(enable: str, torque_nm: float | None) -> Run | None:
         raise BadInput("--torque", f"--enable {enable}", "--torque only with --enable torque")
     if enable == "none":
         return None
-    return Run(Mode.TUNNEL) if enable == "tunnel" else Run(Mode.TORQUE, torque_nm or 0.0)
+    return (
+        Run(ModeOfOperation.TUNNEL)
+        if enable == "tunnel"
+        else Run(ModeOfOperation.TORQUE, torque_nm or 0.0)
+    )
 
 
 @contextmanager

@@ -20,14 +20,14 @@ from bowden.cli.reduced_model import reduced_model
 from bowden.diagnosis.rendering import Tunnel, judge_rendering
 from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive
-from bowden.drive.compensation import LAWS, law_number
 from bowden.drive.configuration import difference, write
-from bowden.drive.power import Mode, Run
+from bowden.drive.meanings import CompensationLaw, ModeOfOperation, TunnelAngleSource
+from bowden.drive.power import Run
 from bowden.errors import BadInput
 from bowden.model import Model, table_1
 from bowden.recording.atomic import replace_whole
 from bowden.recording.read import read_recording
-from bowden.report.rendering import TITLES, LawRun, figures_table, finding, rendering_report
+from bowden.report.rendering import LawRun, figures_table, finding, rendering_report
 from bowden.report.words import percent
 
 #: Every law, for --compensation.
@@ -73,8 +73,9 @@ def run_on_drive(args: argparse.Namespace) -> int:
 
 def chosen_laws(names: Sequence[str]) -> list[str]:
     """Return the laws to run, ``none`` first."""
-    wanted = LAWS if ALL in names else names
-    return [LAWS[0], *(law for law in LAWS[1:] if law in wanted)]
+    laws = CompensationLaw.words()
+    wanted = laws if ALL in names else (CompensationLaw.NONE.word, *names)
+    return [law for law in laws if law in wanted]
 
 
 @contextmanager
@@ -112,7 +113,7 @@ def _entries(args: argparse.Namespace, model: Model | None) -> dict[str, float]:
 
 def tunnel_of(drive: Drive) -> Tunnel:
     """Read the tunnel that the drive renders; it must look at the load's angle."""
-    if drive.read_raw("tunnel_angle_source") != 0:
+    if drive.read_raw("tunnel_angle_source") != TunnelAngleSource.LOAD:
         raise BadInput(
             "tunnel_angle_source",
             "the motor's angle",
@@ -151,13 +152,13 @@ def _law_put_back(drive: Drive) -> Iterator[None]:
 def _run(
     args: argparse.Namespace, drive: Drive, law: str, tunnel: Tunnel, directory: Path
 ) -> LawRun:
-    drive.write_raw("compensation_law", law_number(law))
+    drive.write_raw("compensation_law", CompensationLaw.named(law, "--compensation"))
     if not args.start_rig:
         say(f"{law}: move the load through the tunnel, always alike")
     return render(drive, tunnel, args.duration, directory / f"{law}.blf")
 
 
-def render(drive: Drive, tunnel: Tunnel, duration_s: float, path: Path, name: str = "") -> LawRun:
+def render(drive: Drive, tunnel: Tunnel, duration_s: float, path: Path, title: str = "") -> LawRun:
     """Record the tunnel with the law that the drive has, and judge it.
 
     Parameters
@@ -167,17 +168,16 @@ def render(drive: Drive, tunnel: Tunnel, duration_s: float, path: Path, name: st
     duration_s : float, s
     path : Path
         Of the recording.
-    name : str, optional
+    title : str, optional
         For table and page, where the law's name does not say enough.
     """
-    number = int(drive.read_raw("compensation_law"))
-    law = LAWS[number]
+    law = CompensationLaw(drive.read_raw("compensation_law"))
     drive.connection.listen(_REST_S)  # the hand comes to rest
-    notes = {"notes": f"Experiment 2 with compensation: {law}"}
-    record_to(drive, path, duration_s, Run(Mode.TUNNEL), notes)
+    notes = {"notes": f"Experiment 2 with compensation: {law.word}"}
+    record_to(drive, path, duration_s, Run(ModeOfOperation.TUNNEL), notes)
     recording = read_recording(path)
-    figures = judge_rendering(recording, tunnel, number, SETTLE_S)
-    return LawRun(law, recording, figures, path.name, name)
+    figures = judge_rendering(recording, tunnel, law, SETTLE_S)
+    return LawRun(law.word, recording, figures, path.name, title or law.doc)
 
 
 def _document(runs: Sequence[LawRun], rig: str, report: Path) -> dict[str, object]:
@@ -210,7 +210,7 @@ def show_figures(runs: Sequence[LawRun]) -> None:
 
     header, rows = figures_table(runs)
     shown = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    shown.add_column(header[0], min_width=max(map(len, TITLES.values())))
+    shown.add_column(header[0], min_width=max(len(law.doc) for law in CompensationLaw))
     for name in header[1:_COLUMNS]:
         shown.add_column(name, justify="right")
     for law, *figures in rows:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from bowden.drive.client import Drive
 from bowden.drive.dictionary import lookup
 from bowden.drive.faults import describe_address
+from bowden.drive.meanings import StorageState
 from bowden.errors import BadInput, DriveFailed
 
 _SAVE = int.from_bytes(b"save", "little")  # CiA 301, entry 1010h
-_STORING, _STORED = 1, 2
 _STORED_WITHIN_S, _ASKED_EVERY_S = 3.0, 0.05
 
 
@@ -110,11 +110,13 @@ def store(drive: Drive) -> None:
     for _ in range(round(_STORED_WITHIN_S / _ASKED_EVERY_S)):
         drive.connection.listen(_ASKED_EVERY_S)
         state = drive.read_raw("storage_state")
-        if state == _STORED:
+        if state == StorageState.DONE:
             return
-        if state != _STORING:
+        if state != StorageState.UNDER_WAY:
             break
-    raise DriveFailed(f"node {drive.node_id} could not store its configuration: state {state}")
+    raise DriveFailed(
+        f"node {drive.node_id} could not store its configuration: {StorageState.describe(state)}"
+    )
 
 
 def _take_back(drive: Drive, written: list[Change]) -> str:

@@ -10,16 +10,17 @@ types and what they can do (look up, encode, decode) are in `bowden.drive.entry`
 
 from __future__ import annotations
 
+from bowden.drive import meanings
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0xFC5C7762
+HASH = 0x4025B115
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
 TABLE = Table(
     (
         Entry(0x1000, 0, 'device_type', 'u32', 'const', 'identity', 0x20192, high=4294967295, doc='CiA 402 servo drive'),
-        Entry(0x1001, 0, 'error_register', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='CiA 301 7.5.2.2; bit 0 generic, 1 current, 2 voltage, 3 temperature, 4 communication, 5 profile, 7 manufacturer'),
+        Entry(0x1001, 0, 'error_register', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.ErrorRegister, doc='CiA 301 7.5.2.2'),
         Entry(0x1003, 0, 'error_history.count', 'u8', 'rw', 'state', 0, doc='entries in use; write 0 to empty it'),
         *array(8, Entry(0x1003, 1, 'error_history', 'u32', 'ro', 'state', 0x0, high=4294967295, doc='newest first: EMCY code in the low word, detail in the high word; sub 0 counts them, write 0 to it to clear')),
         Entry(0x1005, 0, 'sync_cob_id', 'u32', 'const', 'communication', 0x80, high=4294967295),
@@ -111,11 +112,11 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xfc5c7762, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x4025b115, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
-        Entry(0x2004, 0, 'model_flags', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='bit 0 cable a slack, 1 cable b slack, 2 arithmetic saturated, 3 no taut cable can carry the torque, 4 torque limit active'),
+        Entry(0x2004, 0, 'model_flags', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', meaning=meanings.ModelFlags, doc='state of the cable model in this sample'),
         Entry(0x2005, 0, 'saturation_count', 'u32', 'ro', 'state', 0, high=4294967295, doc='sticky count of saturated fixed-point results since configuration'),
         Entry(0x2006, 0, 'configuration_error', 'u32', 'ro', 'state', 0, high=4294967295, doc='0: the configuration can run; else index << 8 | sub-index of the entry that cannot'),
         Entry(0x2007, 0, 'tx_overflow_count', 'u32', 'ro', 'state', 0, high=4294967295, doc='frames that the drive could not queue'),
@@ -125,8 +126,8 @@ TABLE = Table(
         Entry(0x2008, 3, 'crash_record.program_counter', 'u32', 'ro', 'state', 0, high=4294967295, doc='how the program before this one ended; all zero when it did not crash since power-on'),
         Entry(0x2008, 4, 'crash_record.stack_pointer', 'u32', 'ro', 'state', 0, high=4294967295, doc='how the program before this one ended; all zero when it did not crash since power-on'),
         Entry(0x2008, 5, 'crash_record.tick', 'u32', 'ro', 'state', 0, high=4294967295, doc="control ticks from that program's start to its end"),
-        Entry(0x2009, 0, 'storage_state', 'u8', 'ro', 'state', 0, high=255, doc='of the last store_parameters or restore_defaults: 0 none since power-on, 1 under way, 2 done, 3 failed'),
-        Entry(0x200A, 0, 'reset_cause', 'u8', 'ro', 'state', 0, high=255, doc="why this program started: 0 unknown, 1 power-on, 2 brown-out, 3 reset pin, 4 software (a host's NMT reset, or a crash), 5 watchdog, 6 window watchdog, 7 low-power management"),
+        Entry(0x2009, 0, 'storage_state', 'u8', 'ro', 'state', 0, high=255, meaning=meanings.StorageState, doc='of the last store_parameters or restore_defaults'),
+        Entry(0x200A, 0, 'reset_cause', 'u8', 'ro', 'state', 0, high=255, meaning=meanings.ResetCause, doc='why this program started'),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),
@@ -147,11 +148,11 @@ TABLE = Table(
         Entry(0x2033, 0, 'wanted_load_torque', 'i24', 'ro', 'state', 0, low=-8388608, high=8388607, unit='N m', scale=1e-06, pdo='tx', doc='what is to arrive at the load: tunnel or target torque times the transmission ratio'),
         Entry(0x2034, 0, 'estimated_load_torque', 'i24', 'ro', 'state', 0, low=-8388608, high=8388607, unit='N m', scale=1e-06, pdo='tx', doc='by the cables on the load, from the estimator; 0 while compensation_law is 0'),
         Entry(0x2035, 0, 'estimate_confidence', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 none .. 255 full'),
-        Entry(0x2036, 0, 'slip_state', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 stuck: part of each cable is at rest, 1 slides as for a positive angle, 2 as for a negative one'),
-        Entry(0x2037, 0, 'compensation_active_law', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='the law that runs now, numbered as compensation_law'),
-        Entry(0x2038, 0, 'compensation_fallback', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc="why it is a lesser one than configured, 0 it is not. Bit 0 model refused, 1 load cell reported broken, 2 load cell at the end of its range, 3 load cell stuck, 4 load cell implausible, 5 an encoder has slipped, 6 the model's arithmetic saturates"),
-        Entry(0x2039, 0, 'compensation_rung', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='0 the configured law with the load cell, 1 without it, 2 Coulomb feed-forward, 3 none'),
-        Entry(0x203A, 0, 'compensation_flags', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc="bit 0 the motor's limit cuts the law, 1 the slack floor cuts it, 2 resting: the error is small and the torque is held, 3 the passivity observer damps, 4 motor encoder and model disagree"),
+        Entry(0x2036, 0, 'slip_state', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.SlipState, doc='of the cable pair, from the model'),
+        Entry(0x2037, 0, 'compensation_active_law', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.CompensationLaw, doc='the law that runs now'),
+        Entry(0x2038, 0, 'compensation_fallback', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', meaning=meanings.CompensationFallback, doc='why a lesser law runs than the one configured; 0: it does not'),
+        Entry(0x2039, 0, 'compensation_rung', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.CompensationRung, doc='fallback level: what is left of the configured law'),
+        Entry(0x203A, 0, 'compensation_flags', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.CompensationFlags, doc='what the law does in this tick'),
         Entry(0x203B, 0, 'rendered_energy', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='J', scale=1e-06, pdo='tx', doc='what the rendering error has given the load beyond the wanted torque; the passivity observer keeps it from growing'),
         Entry(0x203C, 0, 'model_friction_torque', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='N m', scale=1e-06, pdo='tx', doc='friction of the sliding pair at the load, as the encoders and the motor current tell it'),
         Entry(0x203D, 0, 'motor_innovation', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='m', scale=1e-09, pdo='tx', doc='arc of the motor pulley, encoder minus model'),
@@ -178,8 +179,8 @@ TABLE = Table(
         Entry(0x2120, 0, 'tunnel_half_width', 'u32', 'rw', 'config', 50000, high=10000000, unit='rad', scale=1e-06, persist=True),
         Entry(0x2121, 0, 'tunnel_stiffness', 'u32', 'rw', 'config', 500000, high=100000000, unit='N m/rad', scale=1e-06, persist=True),
         Entry(0x2122, 0, 'tunnel_torque_limit', 'u32', 'rw', 'config', 200000, high=8000000, unit='N m', scale=1e-06, persist=True),
-        Entry(0x2123, 0, 'tunnel_angle_source', 'u8', 'rw', 'config', 0, high=2, persist=True, doc='0 load angle, 1 motor angle, 2 motor angle divided by the transmission ratio'),
-        Entry(0x2130, 0, 'compensation_law', 'u8', 'rw', 'config', 0, high=5, persist=True, doc="0 none, 1 Coulomb feed-forward, 2 integral force control, 3 smooth backlash inverse, 4 adaptive hysteresis, 5 model inversion. With 0 the motor torque is the tunnel's, as in the paper"),
+        Entry(0x2123, 0, 'tunnel_angle_source', 'u8', 'rw', 'config', 0, high=2, persist=True, meaning=meanings.TunnelAngleSource, doc='the angle that the tunnel is laid around'),
+        Entry(0x2130, 0, 'compensation_law', 'u8', 'rw', 'config', 0, high=5, persist=True, meaning=meanings.CompensationLaw, doc="how the friction of the cables is compensated; with none the motor torque is the tunnel's, as in the paper"),
         Entry(0x2131, 0, 'compensation_use_load_cell', 'u8', 'rw', 'config', 1, high=1, persist=True, doc='1: the law may use the load cell'),
         Entry(0x2132, 0, 'compensation_fallback_step', 'u32', 'rw', 'config', 500, low=1, high=1000000, unit='N m', scale=1e-06, persist=True, doc='when the law changes, the motor torque goes over to the new one by at most this a control tick (250 us)'),
         Entry(0x2133, 0, 'compensation_clean_time', 'u16', 'rw', 'config', 1000, low=10, high=60000, unit='s', scale=0.001, persist=True, doc='so long nothing may be wrong before a better law runs again'),
@@ -194,10 +195,10 @@ TABLE = Table(
         Entry(0x213C, 0, 'adapted_friction_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc="what the adaptation multiplies the model's friction by, and where it goes on after a start; write 1 to begin anew"),
         Entry(0x213D, 0, 'adapted_pretension_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc='the same for its pretension, which shows where strokes take a cable slack'),
         Entry(0x603F, 0, 'error_code', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
-        Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx'),
-        Entry(0x6041, 0, 'statusword', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
-        Entry(0x6060, 0, 'mode_of_operation', 'i8', 'rw', 'command', -1, low=-2, pdo='rx', doc='-1 error-reduction tunnel, -2 motor torque; 0 none'),
-        Entry(0x6061, 0, 'mode_of_operation_display', 'i8', 'ro', 'state', 0, low=-128, high=127, pdo='tx'),
+        Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx', meaning=meanings.Controlword, doc="CiA 402; the drive's state follows it"),
+        Entry(0x6041, 0, 'statusword', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', meaning=meanings.Statusword, doc='CiA 402; bits 0 to 3, 5 and 6 are the state'),
+        Entry(0x6060, 0, 'mode_of_operation', 'i8', 'rw', 'command', -1, low=-2, pdo='rx', meaning=meanings.ModeOfOperation, doc='what the drive does while its bridge is on'),
+        Entry(0x6061, 0, 'mode_of_operation_display', 'i8', 'ro', 'state', 0, low=-128, high=127, pdo='tx', meaning=meanings.ModeOfOperation, doc='the mode that runs now'),
         Entry(0x6502, 0, 'supported_modes', 'u32', 'const', 'identity', 196608, high=4294967295, doc="manufacturer's modes only"),
     )
 )

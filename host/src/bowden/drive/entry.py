@@ -11,8 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from bowden.drive.meaning import NamedBits, NamedValue
 from bowden.errors import BadInput
 
+Meaning = type[NamedValue] | type[NamedBits]
 _BITS = {"u8": 8, "u16": 16, "u32": 32, "i8": 8, "i16": 16, "i24": 24, "i32": 32}
 
 
@@ -46,6 +48,8 @@ class Entry:
         Kept by the drive when its parameters are stored.
     node_id_added : bool
         The default is relative to the node id.
+    meaning : type of NamedValue or of NamedBits, or None
+        What its values or its bits mean.
     doc : str
         What it means.
     """
@@ -64,6 +68,7 @@ class Entry:
     pdo: Literal["rx", "tx"] | None = None
     persist: bool = False
     node_id_added: bool = False
+    meaning: Meaning | None = None
     doc: str = ""
 
     @property
@@ -88,6 +93,9 @@ class Entry:
         if not math.isfinite(value) or not self.low <= (raw := round(value / scale)) <= self.high:
             unit = f" {self.unit}" if self.unit else ""
             accepted = f"{self.low * scale:.9g} .. {self.high * scale:.9g}{unit}"
+            raise BadInput(where or self.name, f"{value!r}", accepted)
+        if self.meaning and issubclass(self.meaning, NamedValue) and raw not in tuple(self.meaning):
+            accepted = ", ".join(f"{named:d} {named.word}" for named in self.meaning)
             raise BadInput(where or self.name, f"{value!r}", accepted)
         return raw
 

@@ -18,23 +18,6 @@ _ADVICE_ON_ABORT = {
     0x08000022: "configuration is locked while the bridge is on: stop the drive first",
 }
 
-# Entry reset_cause, in the order of board_reset_t.
-_RESETS = (
-    "unknown",
-    "power-on",
-    "brown-out: the supply was too low",
-    "reset pin",
-    "software: asked for by a host, or after a crash",
-    "watchdog: the firmware hung",
-    "window watchdog",
-    "low-power management",
-)
-
-
-def describe_reset(cause: int) -> str:
-    """Return why the drive's program started, from entry `reset_cause`."""
-    return _RESETS[cause] if 0 <= cause < len(_RESETS) else f"unknown ({cause})"
-
 
 def describe_emergency(code: int) -> str:
     """Return what an EMCY code means and what to do about it."""

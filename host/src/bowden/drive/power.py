@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from enum import IntEnum
 
 from bowden.drive.client import Drive
 from bowden.drive.connection import HOST_NODE_ID
 from bowden.drive.faults import describe_address, describe_emergency
+from bowden.drive.meanings import ModeOfOperation
 from bowden.errors import DriveFailed
 
 HEARTBEAT_TIMEOUT_MS = 1000
@@ -24,26 +24,18 @@ _SILENT_S = 0.3
 _FAULT_BIT = 0x0008
 
 
-class Mode(IntEnum):
-    """What the drive does while its bridge is on (`mode_of_operation`)."""
-
-    TUNNEL = -1
-    TORQUE = -2
-
-
 @dataclass(frozen=True)
 class Run:
     """What the drive does while its bridge is on.
 
     Parameters
     ----------
-    mode : Mode
-        Tunnel or motor torque.
+    mode : ModeOfOperation
     torque_nm : float, N m
         Motor torque in mode TORQUE; the drive approaches it with its slew rate.
     """
 
-    mode: Mode
+    mode: ModeOfOperation
     torque_nm: float = 0.0
 
 
@@ -127,7 +119,7 @@ def enable(drive: Drive, run: Run) -> None:
     _step(drive, _SHUTDOWN, "ready to switch on")
     _step(drive, _SWITCH_ON, "switched on")
     _step(drive, _ENABLE_OPERATION, "operation enabled")
-    if run.mode is Mode.TORQUE:
+    if run.mode is ModeOfOperation.TORQUE:
         drive.write("target_torque", run.torque_nm)
 
 

@@ -11,17 +11,15 @@ from importlib.metadata import version
 from pathlib import Path
 
 from bowden.drive.client import Drive
-from bowden.drive.compensation import LAWS
 from bowden.drive.dictionary import TABLE, TPDOS
 from bowden.drive.entry import Entry, Layout
-from bowden.drive.power import Mode, Run
+from bowden.drive.meanings import CompensationLaw, ModeOfOperation, TunnelAngleSource
+from bowden.drive.power import Run
 from bowden.errors import DriveFailed
 from bowden.recording.side_file import PdoField, PdoLayout, SideFile
 
 _PDO_DOES_NOT_EXIST = 1 << 31
 _UNIT_SUFFIX = {"rad": "rad", "N m": "nm", "A": "a", "V": "v", "degC": "c", "N": "n", "s": "s"}
-#: Names of the values of `tunnel_angle_source`.
-ANGLE_SOURCES = ("load", "motor", "scaled-motor")
 
 
 def read_layouts(drive: Drive) -> list[Layout]:
@@ -96,15 +94,15 @@ def run_metadata(drive: Drive, run: Run | None) -> dict[str, str]:
     """Tell what the drive is told to do, so that the recording can be judged without the drive."""
     if run is None:
         return {}
-    law = {"compensation": LAWS[drive.read_raw("compensation_law")]}
-    if run.mode is Mode.TORQUE:
+    law = {"compensation": CompensationLaw.word_of(drive.read_raw("compensation_law"))}
+    if run.mode is ModeOfOperation.TORQUE:
         return law | {"drive_mode": "torque", "target_torque_nm": f"{run.torque_nm:.9g}"}
     return law | {
         "drive_mode": "tunnel",
         "tunnel_half_width_rad": f"{drive.read('tunnel_half_width'):.9g}",
         "tunnel_stiffness_nm_per_rad": f"{drive.read('tunnel_stiffness'):.9g}",
         "tunnel_torque_limit_nm": f"{drive.read('tunnel_torque_limit'):.9g}",
-        "tunnel_angle_source": ANGLE_SOURCES[drive.read_raw("tunnel_angle_source")],
+        "tunnel_angle_source": TunnelAngleSource.word_of(drive.read_raw("tunnel_angle_source")),
     }
 
 

@@ -24,15 +24,6 @@ _POINTS = 2500
 _COLUMNS = 2
 _ROW_PX = 300
 
-TITLES = {
-    "none": "no compensation",
-    "coulomb": "Coulomb feed-forward",
-    "integral": "integral force control",
-    "smooth-inverse": "smooth backlash inverse",
-    "adaptive-hysteresis": "adaptive hysteresis",
-    "model-inversion": "model inversion",
-}
-
 
 @dataclass(frozen=True)
 class LawRun:
@@ -41,25 +32,20 @@ class LawRun:
     Parameters
     ----------
     law : str
-        As in `bowden.drive.compensation.LAWS`.
+        Its word, as commands take it: ``smooth-inverse``.
     recording : Recording
     figures : Rendering
     file : str
         Name of the recording.
-    name : str, optional
-        For people, where the law's own does not say enough.
+    title : str
+        What people read.
     """
 
     law: str
     recording: Recording
     figures: Rendering
     file: str
-    name: str = ""
-
-    @property
-    def title(self) -> str:
-        """What people read."""
-        return self.name or TITLES[self.law]
+    title: str
 
 
 def rendering_report(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float, rig: str) -> str:

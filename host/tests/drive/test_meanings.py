@@ -1,0 +1,57 @@
+"""Values and bits by name: what a user types, reads and is refused, also of a newer drive."""
+
+from __future__ import annotations
+
+import pytest
+from bowden.drive.dictionary import ENTRIES, lookup
+from bowden.drive.meaning import NamedBits
+from bowden.drive.meanings import (
+    CompensationFallback,
+    CompensationLaw,
+    ModeOfOperation,
+    StorageState,
+)
+from bowden.errors import BadInput
+
+
+def test_words_are_what_commands_take() -> None:
+    assert CompensationLaw.SMOOTH_INVERSE.word == "smooth-inverse"
+    for law in CompensationLaw:
+        assert CompensationLaw.named(law.word, "--compensation") is law
+
+
+def test_an_unknown_word_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(
+        BadInput, match=r"--compensation: found 'magic'; accepted: .*model-inversion"
+    ):
+        CompensationLaw.named("magic", "--compensation")
+
+
+def test_a_value_of_a_newer_drive_is_told_and_not_guessed() -> None:
+    assert StorageState.describe(9) == "unknown (9)"
+    assert ModeOfOperation.word_of(-77) == "unknown (-77)"
+    assert ModeOfOperation.word_of(-1) == "tunnel"
+
+
+def test_several_bits_are_all_told_and_none_is_silent() -> None:
+    found = CompensationFallback.CELL_BROKEN | CompensationFallback.ENCODER_SLIPPED
+    told = CompensationFallback.describe(found)
+    assert told == "the load cell is reported broken, an encoder has slipped"
+    assert CompensationFallback.words(found) == ("cell-broken", "encoder-slipped")
+    assert CompensationFallback.describe(0) == ""
+    assert CompensationFallback.describe(1 << 15) == "unknown (bits 0x8000)"
+
+
+def test_a_writable_entry_accepts_its_values_alone() -> None:
+    for entry in ENTRIES:
+        if entry.meaning is None or issubclass(entry.meaning, NamedBits) or entry.access != "rw":
+            continue
+        for raw in entry.meaning:
+            assert entry.to_raw(raw) == raw
+        with pytest.raises(BadInput):
+            entry.to_raw(max(entry.meaning) + 1)
+
+
+def test_entries_with_the_same_values_share_them() -> None:
+    assert lookup("compensation_active_law").meaning is CompensationLaw
+    assert lookup("compensation_law").meaning is CompensationLaw
