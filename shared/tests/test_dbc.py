@@ -7,6 +7,7 @@ from typing import Any
 import cantools
 import pytest
 from cantools.database.can import Database
+from cantools.database.namedsignalvalue import NamedSignalValue
 
 from shared.dictionary.outputs import ROOT
 
@@ -46,7 +47,11 @@ def test_angle_and_24_bit_torque_with_their_signs(
 
 
 def test_command_frame_both_ways(database: Database) -> None:
-    command = {"controlword": 15, "mode_of_operation": "torque", "target_torque": -0.25}
+    command: dict[str, int | float | str | NamedSignalValue] = {
+        "controlword": 15,
+        "mode_of_operation": "torque",
+        "target_torque": -0.25,
+    }
     data = database.encode_message("RPDO1", command)
     assert data == bytes.fromhex("0f00 fe") + (-250_000).to_bytes(3, "little", signed=True)
     values = decode(database, 0x210, data)

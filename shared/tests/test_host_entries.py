@@ -84,9 +84,10 @@ def test_unknown_names_are_refused() -> None:
 
 @given(st.sampled_from(NUMBERS), st.data())
 def test_raw_and_bytes_and_value_come_back(entry: Entry, data: st.DataObject) -> None:
-    named = entry.meaning and issubclass(entry.meaning, NamedValue)
-    numbers = st.sampled_from(list(entry.meaning)) if named else st.integers(entry.low, entry.high)
-    raw = int(data.draw(numbers))
+    if entry.meaning and issubclass(entry.meaning, NamedValue):
+        raw = int(data.draw(st.sampled_from(entry.meaning)))
+    else:
+        raw = data.draw(st.integers(entry.low, entry.high))
     encoded = entry.encode(raw)
     assert len(encoded) == entry.bits // 8
     assert entry.decode(encoded) == raw
