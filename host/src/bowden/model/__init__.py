@@ -6,6 +6,7 @@ become `Inputs`, and `simulate` returns the `Trajectory` that `diagnosis` and `c
 
 from bowden.model.description import Model, format_model, parse_model, table_1
 from bowden.model.errors import ModelError
+from bowden.model.prepared import Prepared, prepare, simulate_many
 from bowden.model.simulation import simulate, simulate_batch
 from bowden.model.trajectory import Inputs, Mode, Trajectory
 from bowden.model.transmission import FrictionLaw, Transmission
@@ -16,11 +17,14 @@ __all__ = [
     "Mode",
     "Model",
     "ModelError",
+    "Prepared",
     "Trajectory",
     "Transmission",
     "format_model",
     "parse_model",
+    "prepare",
     "simulate",
     "simulate_batch",
+    "simulate_many",
     "table_1",
 ]

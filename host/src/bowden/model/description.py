@@ -10,7 +10,6 @@ No file is opened here: text in, text out.
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,13 +21,12 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from bowden.model.errors import ModelError
 from bowden.model.lumped import Lumped
+from bowden.model.model_changes import DoubtfulChange, steps_of, with_numbers
 from bowden.model.model_effects import NUMBER, InForce, effect_problems, effects_in_force
 from bowden.model.model_file import ModelFile, Quantity
 from bowden.model.model_numbers import lumped_of, misfits, solver_of, transmission_of
 from bowden.model.model_problems import nearest, problem_line
 from bowden.model.transmission import Transmission
-
-_STEP = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)|\[(\d+)\]")
 
 TABLE_1 = """\
 # Table I of the paper. Its K = 2 kN/m is read as the stiffness of one cable from end to end, so
@@ -148,17 +146,31 @@ class Model:
         ModelError
             A path that holds no number, or a value that is impossible there.
         """
+        values = {**self._stretched(values), **values}
+        try:
+            model = Model(with_numbers(self.document, values), self.source)
+            if not misfits(model.document, model.transmission, model.effects):
+                return model
+        except (DoubtfulChange, ModelError):
+            pass
+        # Impossible: read as a file with these numbers would be, which says all that is wrong.
         tree = self.document.model_dump(exclude_none=True)
-        length = values.get("rig.cable.length_m")
-        if length is not None:
-            self.value("rig.cable.length_m")
-            for piece in tree["rig"]["cable"]["path"]:
-                factor = length / self.value("rig.cable.length_m")
-                piece["length_m"] = _moved(piece["length_m"], factor * _plain(piece["length_m"]))
         for path, value in values.items():
             self.value(path)
             _set(tree, path, float(value))
         return _checked(tree, self.source)
+
+    def _stretched(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the lengths of the path's pieces for another length of the cable."""
+        length = values.get("rig.cable.length_m")
+        if length is None:
+            return {}
+        cable = self.document.rig.cable
+        factor = length / cable.length_m.value
+        return {
+            f"rig.cable.path[{i}].length_m": factor * piece.length_m.value
+            for i, piece in enumerate(cable.path)
+        }
 
     def with_effect(self, name: str, values: Mapping[str, float]) -> Model:
         """Return the model with one more effect, last in its list.
@@ -271,14 +283,10 @@ def _walk(path: str, part: Any) -> Iterator[tuple[str, Quantity]]:
 
 
 def _set(tree: Any, path: str, value: float) -> None:
-    steps: list[Any] = [name or int(index) for name, index in _STEP.findall(path)]
+    steps = steps_of(path)
     for step in steps[:-1]:
         tree = tree[step]
     tree[steps[-1]] = _moved(tree[steps[-1]], value)
-
-
-def _plain(written: Any) -> float:
-    return float(written["value"] if isinstance(written, dict) else written)
 
 
 def _moved(written: Any, value: float) -> Any:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -31,6 +31,19 @@ class Part(BaseModel):
     """Anything with named keys: unknown ones are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        self.fits()
+        return self
+
+    def fits(self) -> None:
+        """Check that the keys go together.
+
+        Raises
+        ------
+        PydanticCustomError
+        """
 
 
 class Quantity(Part):
@@ -140,8 +153,8 @@ class Cable(Part):
     pretension_n: NotNegative
     initial_profile: tuple[TensionPoint, ...] | None = None
 
-    @model_validator(mode="after")
-    def _fits(self) -> Cable:
+    def fits(self) -> None:
+        """Refuse a path, a stiffness or a profile that does not fit the rest of the cable."""
         given = [self.axial_stiffness_n, self.end_to_end_stiffness_n_per_m]
         if sum(x is not None for x in given) != 1:
             raise PydanticCustomError(
@@ -159,7 +172,6 @@ class Cable(Part):
             )
         if self.initial_profile is not None:
             _check_profile(self.initial_profile, self.length_m.value)
-        return self
 
 
 def _check_profile(points: tuple[TensionPoint, ...], length_m: float) -> None:
@@ -229,8 +241,8 @@ class Friction(Part):
     alpha_per_m: NotNegative | None = None
     nu: Finite | None = None
 
-    @model_validator(mode="after")
-    def _fits_law(self) -> Friction:
+    def fits(self) -> None:
+        """Refuse numbers that the law does not have or that do not go together."""
         own = LAW_KEYS[self.law]
         for law, keys in LAW_KEYS.items():
             for key in keys:
@@ -252,7 +264,6 @@ class Friction(Part):
                 "found mu_s {mu_s} below mu_d {mu_d}, accepted: mu_s >= mu_d",
                 {"mu_s": f"{self.mu_s.value:g}", "mu_d": f"{self.mu_d.value:g}"},
             )
-        return self
 
 
 SOLVER_KEYS: dict[str, tuple[str, ...]] = {
@@ -276,8 +287,8 @@ class Numerics(Part):
     damping_s: NotNegative | None = None
     motor_inertia_kg_m2: NotNegative | None = None
 
-    @model_validator(mode="after")
-    def _fits_solver(self) -> Numerics:
+    def fits(self) -> None:
+        """Refuse keys that the solver does not have."""
         for key in self._given():
             solvers = [solver for solver, keys in SOLVER_KEYS.items() if key in keys]
             if self.chosen() not in solvers:
@@ -286,7 +297,6 @@ class Numerics(Part):
                     "found {key} with solver {found}, accepted: solver: {solver}",
                     {"key": key, "found": str(self.chosen()), "solver": " or ".join(solvers)},
                 )
-        return self
 
     def chosen(self) -> str | None:
         """Return the solver that the file names, or that a key of it implies."""

@@ -37,6 +37,15 @@ class Mode(Enum):
         load = "load_torque_nm" if self is Mode.POSITION_TORQUE else "load_angle_rad"
         return motor, load
 
+    @property
+    def predicted(self) -> tuple[str, str]:
+        """Names of the two computed series; the first is the one whose gap counts."""
+        if self is Mode.TORQUE_POSITION:
+            return "load_torque_nm", "motor_angle_rad"
+        if self is Mode.POSITION_TORQUE:
+            return "motor_torque_nm", "load_angle_rad"
+        return "load_torque_nm", "motor_torque_nm"
+
 
 @dataclass(frozen=True)
 class Inputs:

@@ -17,11 +17,7 @@ _Floats = NDArray[np.float64]
 
 TEMPERATURE = "conduit_temperature_c"
 
-PREDICTED = {
-    Mode.TORQUE_POSITION: ("load_torque_nm", "motor_angle_rad"),
-    Mode.POSITION_TORQUE: ("motor_torque_nm", "load_angle_rad"),
-    Mode.POSITION_POSITION: ("load_torque_nm", "motor_torque_nm"),
-}
+PREDICTED = {mode: mode.predicted for mode in Mode}
 """The two series that a mode predicts; the first is the one whose gap counts."""
 
 
