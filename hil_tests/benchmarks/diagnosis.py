@@ -28,7 +28,8 @@ import numpy as np
 from bowden.diagnosis.diagnose import Diagnosis, diagnose
 from bowden.model import Mode, ModelError, parse_model
 from bowden.recording.atomic import replace_whole
-from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.recording.channels import TIME
+from bowden.recording.recording import Recording
 
 from hil_tests.benchmarks import diagnosis_baselines as baselines
 from hil_tests.benchmarks.diagnosis_picture import svg
@@ -83,8 +84,8 @@ def excited(job: Job) -> Case:
 
 def recording_of(case: Case) -> Recording:
     """Return the case's recording as a reader would."""
-    extra = {k: v for k, v in case.columns.items() if k not in REQUIRED_COLUMNS}
-    return Recording(**{k: case.columns[k] for k in REQUIRED_COLUMNS}, extra=extra)  # type: ignore[arg-type]
+    channels = {name: values for name, values in case.columns.items() if name != TIME}
+    return Recording(case.columns[TIME], channels)
 
 
 def ours(found: Diagnosis, seconds: float, gap_over_truth: float = math.nan) -> Answer:

@@ -114,7 +114,7 @@ def library(series: Series, recording: Recording) -> tuple[list[str], NDArray[np
     sign = np.tanh(v / 0.02)
     tau_l, tau_m = smooth(recording.load_torque_nm), smooth(recording.motor_torque_nm)
     slope = np.gradient(tau_l, t)
-    warm = recording.extra.get("conduit_temperature_c")
+    warm = recording.channels.get("conduit_temperature_c")
     columns = {
         "1": np.ones_like(t),
         "t": t,

@@ -52,9 +52,9 @@ def as_recording(trajectory: Trajectory, source: str = "made by the model") -> R
     """Take a simulated run for a measured one."""
     return Recording(
         trajectory.time_s,
-        trajectory.motor_angle_rad,
-        trajectory.load_angle_rad,
-        trajectory.motor_torque_nm,
-        trajectory.load_torque_nm,
+        motor_angle_rad=trajectory.motor_angle_rad,
+        load_angle_rad=trajectory.load_angle_rad,
+        motor_torque_nm=trajectory.motor_torque_nm,
+        load_torque_nm=trajectory.load_torque_nm,
         source=source,
     )

@@ -35,7 +35,11 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     run = simulate(tighter, Mode.TORQUE_POSITION, given)
     noise = np.random.default_rng(1).normal(0.0, 0.01, time_s.size)
     measured = Recording(
-        time_s, run.motor_angle_rad, load, run.motor_torque_nm, run.load_torque_nm + noise
+        time_s,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load,
+        motor_torque_nm=run.motor_torque_nm,
+        load_torque_nm=run.load_torque_nm + noise,
     )
     write_csv(measured, tmp_path / "run.csv")
     return tmp_path / "rig.yaml", tmp_path / "run.csv"

@@ -37,7 +37,11 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
         Inputs(time_s=time_s, motor_torque_nm=0 * time_s, load_angle_rad=load),
     )
     recording = Recording(
-        time_s, run.motor_angle_rad, load, run.motor_torque_nm, run.load_torque_nm + 0.1
+        time_s,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load,
+        motor_torque_nm=run.motor_torque_nm,
+        load_torque_nm=run.load_torque_nm + 0.1,
     )
     write_csv(recording, tmp_path / "run.csv")
     return model, tmp_path / "run.csv"

@@ -16,7 +16,7 @@ def test_a_real_run_becomes_a_recording(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["convert", str(source), "--from", "mrd", "--output", str(out)]) == 0
     recording = read_csv(out)
     assert recording.time_s.size == 19_500
-    assert "motor_current_a" in recording.extra
+    assert "motor_current_a" in recording.channels
     assert "Open Database License" in recording.metadata["data_source"]
     assert "sign" in capsys.readouterr().err
     cut = ["--startup", "2.5", "--distal-zero", "-210"]

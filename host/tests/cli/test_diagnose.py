@@ -35,7 +35,13 @@ def files(tmp_path: Path) -> tuple[str, str]:
     torque = 0.1 * np.sin(2 * np.pi * 0.7 * time_s)
     inputs = Inputs(time_s=time_s, motor_torque_nm=torque, load_angle_rad=load)
     run = simulate(parse_model(MODEL), Mode.TORQUE_POSITION, inputs)
-    recording = Recording(time_s, run.motor_angle_rad, load, torque, -run.load_torque_nm)
+    recording = Recording(
+        time_s,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load,
+        motor_torque_nm=torque,
+        load_torque_nm=-run.load_torque_nm,
+    )
     write_csv(recording, tmp_path / "run.csv")
     return str(tmp_path / "rig.yaml"), str(tmp_path / "run.csv")
 

@@ -24,7 +24,11 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     run = simulate(rig, Mode.TORQUE_POSITION, inputs)
     noise = np.random.default_rng(3).standard_normal(time_s.size)
     recording = Recording(
-        time_s, run.motor_angle_rad + 1e-3 * noise, 0 * time_s, torque, run.load_torque_nm
+        time_s,
+        motor_angle_rad=run.motor_angle_rad + 1e-3 * noise,
+        load_angle_rad=0 * time_s,
+        motor_torque_nm=torque,
+        load_torque_nm=run.load_torque_nm,
     )
     write_csv(recording, tmp_path / "locked.csv")
     model = tmp_path / "rig.yaml"

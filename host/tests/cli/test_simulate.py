@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bowden.cli.main import main
+from bowden.recording.channels import MAIN_CHANNELS
 from bowden.recording.csv_file import read_csv, write_csv
 from bowden.recording.recording import Recording
 
@@ -38,7 +39,17 @@ def inputs(tmp_path: Path, torque: np.ndarray, load: np.ndarray, **extra: np.nda
     path = tmp_path / "in.csv"
     time_s = np.arange(torque.size) * 1e-3
     zero = np.zeros_like(time_s)
-    write_csv(Recording(time_s, zero, load, torque, zero, extra=extra), path)
+    write_csv(
+        Recording(
+            time_s,
+            motor_angle_rad=zero,
+            load_angle_rad=load,
+            motor_torque_nm=torque,
+            load_torque_nm=zero,
+            channels=extra,
+        ),
+        path,
+    )
     return path
 
 
@@ -60,10 +71,10 @@ def test_experiment_2_plateaus(model: Path, tmp_path: Path) -> None:
     assert outward == pytest.approx(-3.12, rel=1e-3)
     assert inward == pytest.approx(3.12, rel=1e-3)
     # Tensions there: T0 m e^m / (e^m - 1) ... in closed form 7.0446, 1.5719 and 31.5718 N.
-    assert out.extra["motor_tension_a_n"][400] == pytest.approx(7.0446, rel=1e-3)
-    assert out.extra["load_tension_a_n"][400] == pytest.approx(1.5719, rel=1e-3)
-    assert out.extra["load_tension_b_n"][400] == pytest.approx(31.5718, rel=1e-3)
-    assert set(out.extra["slack"]) == {0.0}
+    assert out["motor_tension_a_n"][400] == pytest.approx(7.0446, rel=1e-3)
+    assert out["load_tension_a_n"][400] == pytest.approx(1.5719, rel=1e-3)
+    assert out["load_tension_b_n"][400] == pytest.approx(31.5718, rel=1e-3)
+    assert set(out["slack"]) == {0.0}
 
 
 def test_experiment_1_locked_load(model: Path, tmp_path: Path) -> None:
@@ -73,8 +84,8 @@ def test_experiment_1_locked_load(model: Path, tmp_path: Path) -> None:
     # 100 segments, of which the front has passed 20: the mesh error of the virgin depth is 0.5 %.
     assert out.motor_angle_rad[-1] == pytest.approx(8.0942e-3, rel=5e-3)
     assert np.abs(out.load_torque_nm).max() < 1e-12
-    assert out.extra["motor_tension_a_n"][-1] == pytest.approx(13.4484, rel=2e-3)
-    assert out.extra["motor_tension_b_n"][-1] == pytest.approx(7.1984, rel=2e-3)
+    assert out["motor_tension_a_n"][-1] == pytest.approx(13.4484, rel=2e-3)
+    assert out["motor_tension_b_n"][-1] == pytest.approx(7.1984, rel=2e-3)
 
 
 def test_what_is_written(model: Path, tmp_path: Path) -> None:
@@ -85,7 +96,8 @@ def test_what_is_written(model: Path, tmp_path: Path) -> None:
         conduit_temperature_c=np.ones(500),
     )
     out = simulate(model, recording)
-    assert list(out.extra) == [
+    assert list(out.channels) == [
+        *MAIN_CHANNELS,
         "conduit_temperature_c",
         "motor_tension_a_n",
         "load_tension_a_n",

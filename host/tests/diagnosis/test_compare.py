@@ -114,13 +114,7 @@ def test_uneven_time_and_a_pause_are_no_gap_of_the_model() -> None:
     turning = np.gradient(np.sign(np.gradient(recording.load_angle_rad))) != 0
     kept |= turning
     time_s = np.where(np.arange(recording.time_s.size) > 4000, 0.5, 0.0) + recording.time_s
-    holed = Recording(
-        time_s[kept],
-        *(
-            getattr(recording, name)[kept]
-            for name in ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm")
-        ),
-    )
+    holed = Recording(time_s, recording.channels).select(kept)
     one = compare(MODEL, [holed]).recordings[0]
     # 0.1 % of the full scale of 4 N m: between samples the motor torque is not a straight line
     # of the load angle.
@@ -132,21 +126,7 @@ def test_uneven_time_and_a_pause_are_no_gap_of_the_model() -> None:
 def test_the_rig_goes_on_from_where_it_was_left() -> None:
     whole = experiment_2(MODEL)
 
-    def part(start: int, stop: int) -> Recording:
-        return Recording(
-            *(
-                getattr(whole, name)[start:stop]
-                for name in (
-                    "time_s",
-                    "motor_angle_rad",
-                    "load_angle_rad",
-                    "motor_torque_nm",
-                    "load_torque_nm",
-                )
-            )
-        )
-
-    first, second = part(0, 3000), part(3000, 8000)
+    first, second = whole.select(slice(3000)), whole.select(slice(3000, 8000))
     after = simulate_recording(MODEL, Mode.TORQUE_POSITION, second, before=first)
     np.testing.assert_allclose(after.load_torque_nm, second.load_torque_nm, atol=1e-9)
     np.testing.assert_allclose(after.motor_angle_rad, second.motor_angle_rad, atol=1e-9)
@@ -157,7 +137,7 @@ def test_the_rig_goes_on_from_where_it_was_left() -> None:
 
 def test_one_sample_is_refused() -> None:
     recording = experiment_2(MODEL)
-    short = Recording(*(np.array([0.0]) for _ in range(5)))
+    short = recording.select(slice(1))
     with pytest.raises(ModelError):
         compare(MODEL, [recording, short])
 

@@ -36,10 +36,10 @@ def measured(model: Model) -> Recording:
     motor_count, load_count = 2 * np.pi / 2000, 2 * np.pi / 10_000
     return Recording(
         time_s,
-        np.round(run.motor_angle_rad / motor_count) * motor_count,
-        np.round(load / load_count) * load_count,
-        torque,
-        run.load_torque_nm + np.random.default_rng(1).normal(0.0, 5e-4, time_s.size),
+        motor_angle_rad=np.round(run.motor_angle_rad / motor_count) * motor_count,
+        load_angle_rad=np.round(load / load_count) * load_count,
+        motor_torque_nm=torque,
+        load_torque_nm=run.load_torque_nm + np.random.default_rng(1).normal(0.0, 5e-4, time_s.size),
         source="run.csv",
     )
 

@@ -21,7 +21,14 @@ TIME_S = np.arange(24_000) * 1e-3
 def run(load: np.ndarray, torque: np.ndarray | float = 0.0, **extra: np.ndarray) -> Recording:
     time_s = TIME_S[: load.size]
     given = torque + np.zeros(load.size)
-    return Recording(time_s, 5.2 * load, load, given, 0.0 * load, extra=extra)
+    return Recording(
+        time_s,
+        motor_angle_rad=5.2 * load,
+        load_angle_rad=load,
+        motor_torque_nm=given,
+        load_torque_nm=0.0 * load,
+        channels=extra,
+    )
 
 
 def inventory(*recordings: Recording) -> dict[str, Excitation]:
@@ -87,7 +94,13 @@ def test_trembling_is_no_reversal() -> None:
 def test_a_locked_load_moves_at_the_motor() -> None:
     motor = 0.008 * np.sin(2 * np.pi * 0.5 * TIME_S)  # 16 mrad, as Experiment 1 has it
     zero = 0.0 * TIME_S
-    locked = Recording(TIME_S, motor, zero, 0.1 * np.sin(TIME_S), zero)
+    locked = Recording(
+        TIME_S,
+        motor_angle_rad=motor,
+        load_angle_rad=zero,
+        motor_torque_nm=0.1 * np.sin(TIME_S),
+        load_torque_nm=zero,
+    )
     found = inventory(locked)
     assert found["reversal"].value == 24
     assert not found["angle_range"].present

@@ -18,7 +18,14 @@ ANGLE = 0.6 * np.sin(2 * np.pi * 0.4 * TIME_S)
 SPEED = 0.6 * 2 * np.pi * 0.4 * np.cos(2 * np.pi * 0.4 * TIME_S)
 ZERO = np.zeros(TIME_S.size)
 TORQUE = 0.1 * np.sin(2 * np.pi * 0.27 * TIME_S)
-RUN = Recording(TIME_S, 5.2 * ANGLE, ANGLE, TORQUE, ZERO, source="a.csv")
+RUN = Recording(
+    TIME_S,
+    motor_angle_rad=5.2 * ANGLE,
+    load_angle_rad=ANGLE,
+    motor_torque_nm=TORQUE,
+    load_torque_nm=ZERO,
+    source="a.csv",
+)
 
 
 def red_noise(seed: int, memory_s: float = 0.05) -> np.ndarray:
@@ -73,11 +80,11 @@ def test_one_recording_of_several() -> None:
 
 
 def test_temperature_and_tension() -> None:
-    warm = replace(RUN, extra={"conduit_temperature_c": 20.0 + 10 * np.sin(0.2 * TIME_S) ** 2})
+    warm = RUN.with_channels(conduit_temperature_c=20.0 + 10 * np.sin(0.2 * TIME_S) ** 2)
     model = parse_model(TABLE_1_COARSE)
     inputs = Inputs(TIME_S, motor_torque_nm=TORQUE, load_angle_rad=ANGLE)
     run = simulate(model, Mode.TORQUE_POSITION, inputs)
-    residual = red_noise(5) + 3.0 * (warm.extra["conduit_temperature_c"] > 26.0)
+    residual = red_noise(5) + 3.0 * (warm["conduit_temperature_c"] > 26.0)
     places = localise([residual], [warm], [run]).places
     assert places[0].condition.startswith("conduit temperature above")
     assert any(one.condition.startswith("highest tension") for one in places)
@@ -116,13 +123,10 @@ def test_the_map_has_it_in_the_right_cell() -> None:
 
 def test_too_short_to_say() -> None:
     few = slice(0, 4500)
-    short = Recording(*(getattr(RUN, name)[few] for name in _COLUMNS))
+    short = RUN.select(few)
     places = localise([np.abs(ANGLE[few])], [short]).places
     assert all(one.p_value == 1.0 and not one.significant for one in places)
 
 
 def test_the_same_seed_gives_the_same_answer() -> None:
     assert localise([red_noise(8)], [RUN]).places == localise([red_noise(8)], [RUN]).places
-
-
-_COLUMNS = ("time_s", "motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm")

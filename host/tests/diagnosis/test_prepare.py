@@ -26,7 +26,11 @@ def test_the_one_long_stroke_is_fitted(cycle: int) -> None:
     inputs = Inputs(time_s, motor_torque_nm=np.zeros(time_s.size), load_angle_rad=load)
     run = simulate(MODEL, MODE, inputs)
     recording = Recording(
-        time_s, run.motor_angle_rad, load, inputs.motor_torque_nm, run.load_torque_nm
+        time_s,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load,
+        motor_torque_nm=inputs.motor_torque_nm,
+        load_torque_nm=run.load_torque_nm,
     )
     with ThreadPoolExecutor(2) as pool:
         (part,) = prepare(MODEL, MODE, [recording], 1, pool)
@@ -45,7 +49,13 @@ def test_encoders_that_round_down_do_not_make_a_right_model_wrong() -> None:
     run = simulate(model, MODE, inputs)
     noise = np.random.default_rng(1).normal(0.0, 5e-4, time_s.size)
     motor, load = (count * np.floor(one / count) for one in (run.motor_angle_rad, load))
-    recording = Recording(time_s, motor, load, inputs.motor_torque_nm, run.load_torque_nm + noise)
+    recording = Recording(
+        time_s,
+        motor_angle_rad=motor,
+        load_angle_rad=load,
+        motor_torque_nm=inputs.motor_torque_nm,
+        load_torque_nm=run.load_torque_nm + noise,
+    )
     with ThreadPoolExecutor(2) as pool:
         parts = prepare(model, MODE, [recording], 1, pool)
     problem = Problem(MODE, parts)

@@ -179,7 +179,13 @@ def test_a_dead_load_encoder() -> None:
 
 def test_nothing_moves() -> None:
     zero = np.zeros(RUN.time_s.size)
-    still = Recording(RUN.time_s, zero, zero, zero, zero)
+    still = Recording(
+        RUN.time_s,
+        motor_angle_rad=zero,
+        load_angle_rad=zero,
+        motor_torque_nm=zero,
+        load_torque_nm=zero,
+    )
     assert stops(still)[0].what == "constant"
 
 
@@ -213,9 +219,9 @@ def test_each_recording_is_named() -> None:
 def _cut(run: Recording, kept: slice | np.ndarray) -> Recording:
     return Recording(
         run.time_s[kept],
-        run.motor_angle_rad[kept],
-        run.load_angle_rad[kept],
-        run.motor_torque_nm[kept],
-        run.load_torque_nm[kept],
+        motor_angle_rad=run.motor_angle_rad[kept],
+        load_angle_rad=run.load_angle_rad[kept],
+        motor_torque_nm=run.motor_torque_nm[kept],
+        load_torque_nm=run.load_torque_nm[kept],
         source=run.source,
     )

@@ -31,7 +31,11 @@ def test_a_motor_that_rings_is_looked_at_near_its_true_inertia(inertia_kg_m2: fl
     run = simulate(true, MODE, Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load))
     noise = np.random.default_rng(3).normal(size=time_s.size)
     recording = Recording(
-        time_s, run.motor_angle_rad, load, torque, run.load_torque_nm + 5e-4 * noise
+        time_s,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load,
+        motor_torque_nm=torque,
+        load_torque_nm=run.load_torque_nm + 5e-4 * noise,
     )
     with ThreadPoolExecutor(2) as pool:
         problem = Problem(MODE, prepare(model, MODE, [recording], 0, pool)).with_noise_of(model)

@@ -34,7 +34,14 @@ def recording(friction_nm: float, active: int = 5) -> Recording:
         "compensation_active_law": np.where(time < 6.0, active, 1).astype(float),
         "status": np.where(enabled, 0x1237, 0x1250).astype(float),
     }
-    return Recording(time, zero, angle, zero, felt, extra)
+    return Recording(
+        time,
+        motor_angle_rad=zero,
+        load_angle_rad=angle,
+        motor_torque_nm=zero,
+        load_torque_nm=felt,
+        channels=extra,
+    )
 
 
 def test_the_wanted_torque_is_equation_7_times_the_ratio() -> None:
@@ -76,10 +83,10 @@ def test_each_law_is_run_recorded_and_judged_and_the_drive_left_as_it_was(
     for number, law in enumerate(told["laws"]):
         assert law["full_law_share"] == 1.0
         run = read_recording(tmp_path / law["recording"])
-        assert set(run.extra["compensation_active_law"]) == {number}
-        enabled = run.extra["status"].astype(int) & 0x6F == 0x27
+        assert set(run["compensation_active_law"]) == {number}
+        enabled = run["status"].astype(int) & 0x6F == 0x27
         wanted = TUNNEL.wanted_nm(run.load_angle_rad[enabled])  # the drive's own defaults
-        told_nm = run.extra["wanted_load_torque_nm"][enabled]
+        told_nm = run["wanted_load_torque_nm"][enabled]
         np.testing.assert_allclose(told_nm, wanted, atol=20e-6)
         assert run.metadata["compensation"] == law["law"]
     assert "no compensation" in shown.err

@@ -110,7 +110,7 @@ def test_samples_come_back_with_signs_units_and_time(tmp_path: Path) -> None:
     assert recording.load_angle_rad.tolist() == [raw_angle(n, -1) / 1e6 for n in samples]
     assert recording.motor_torque_nm.tolist() == [(8_000_000 + n) / 1e6 for n in samples]
     assert recording.load_torque_nm.tolist() == [(-8_000_000 + n) / 1e6 for n in samples]
-    assert recording.extra["status"].tolist() == [0x27] * 100
+    assert recording["status"].tolist() == [0x27] * 100
     assert recording.metadata["rig"] == "by hand"
     assert recording.metadata["frames_lost"] == "0"
     assert recording.metadata["sample_rate_hz"] == "1000"

@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bowden.errors import BadInput
+from bowden.recording.channels import MAIN_CHANNELS, TIME
 from bowden.recording.csv_file import read_csv, write_csv
 from bowden.recording.read import read_recording
-from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.recording.recording import Recording
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-HEADER = ",".join(REQUIRED_COLUMNS)
+COLUMNS = (TIME, *MAIN_CHANNELS)
+HEADER = ",".join(COLUMNS)
 GOOD = ["# rig: bench 1", "# notes: hand: steady", HEADER, "0,1,2,3,4", "0.001,1,2,3,4"]
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -30,34 +32,33 @@ def written(tmp_path: Path, lines: list[str], ending: str = "\n") -> Path:
 def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, values: list[tuple]) -> None:
     columns = np.array(values, dtype=float).T
     time_s = np.unique(columns[0])
-    series = [column[: time_s.size] for column in columns[1:]]
-    recording = Recording(
-        time_s, *series, extra={"status": series[0]}, metadata={"rig": "a: b", "notes": "x"}
-    )
+    series = {name: columns[i, : time_s.size] for i, name in enumerate(MAIN_CHANNELS, 1)}
+    series["status"] = series["load_angle_rad"]
+    recording = Recording(time_s, series, metadata={"rig": "a: b", "notes": "x"})
     path = tmp_path_factory.mktemp("csv") / "rec.csv"
     write_csv(recording, path)
     back = read_csv(path)
-    for name in REQUIRED_COLUMNS:
-        np.testing.assert_array_equal(getattr(back, name), getattr(recording, name))
-    np.testing.assert_array_equal(back.extra["status"], series[0])
+    assert list(back.channels) == list(recording.channels)
+    for name in (TIME, *recording.channels):
+        np.testing.assert_array_equal(back[name], recording[name])
     assert back.metadata == recording.metadata
 
 
 @pytest.mark.parametrize("ending", ["\n", "\r\n"])
 def test_columns_in_any_order_and_unknown_ones_are_kept(tmp_path: Path, ending: str) -> None:
-    order = ["blood_pressure", *reversed(REQUIRED_COLUMNS)]
+    order = ["blood_pressure", *reversed(COLUMNS)]
     lines = ["\ufeff# rig: bench 1", "# just a remark", ", ".join(order), "9, 4,3,2,1,0", "", ""]
     recording = read_recording(written(tmp_path, lines, ending))
     assert recording.time_s.tolist() == [0]
     assert recording.load_torque_nm.tolist() == [4]
-    assert recording.extra["blood_pressure"].tolist() == [9]
+    assert recording["blood_pressure"].tolist() == [9]
     assert recording.metadata == {"rig": "bench 1", "notes": "just a remark"}
 
 
 @pytest.mark.parametrize(
     ("line", "text", "told"),
     [
-        (3, HEADER.replace("load_torque_nm", "torque"), "load_torque_nm"),
+        (3, HEADER.replace("time_s", "time"), "without time_s"),
         (3, HEADER + ",status,status", "status twice"),
         (3, HEADER.replace(",", ";"), "separated by commas"),
         (4, "0,1,2,3", "4 values"),
@@ -107,10 +108,9 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
 def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
     path = written(tmp_path, GOOD)
     before = path.read_bytes()
-    three, two = np.zeros(3), np.zeros(2)
-    uneven = Recording(np.arange(3.0), three, three, three, two)
-    with pytest.raises(ValueError, match="shorter"):
-        write_csv(uneven, path)
+    unwritable = Recording(np.arange(3.0), metadata={"notes": "\udc80"})  # no character
+    with pytest.raises(UnicodeEncodeError):
+        write_csv(unwritable, path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 

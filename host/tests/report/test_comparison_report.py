@@ -46,10 +46,10 @@ def recording(source: str = "run.csv", **metadata: str) -> Recording:
     noise = np.random.default_rng(1).normal(0.0, 5e-4, time_s.size)
     return Recording(
         time_s,
-        run.motor_angle_rad,
-        load,
-        torque,
-        run.load_torque_nm + 0.05 + noise,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load,
+        motor_torque_nm=torque,
+        load_torque_nm=run.load_torque_nm + 0.05 + noise,
         metadata=metadata,
         source=source,
     )

@@ -50,10 +50,10 @@ def run_of(model: Model) -> Recording:
     noise = np.random.default_rng(1).normal(0.0, 1e-3, (2, time_s.size))
     return Recording(
         time_s,
-        run.motor_angle_rad + noise[0],
-        load,
-        torque,
-        run.load_torque_nm + noise[1],
+        motor_angle_rad=run.motor_angle_rad + noise[0],
+        load_angle_rad=load,
+        motor_torque_nm=torque,
+        load_torque_nm=run.load_torque_nm + noise[1],
         source="<b>run</b>.csv",
     )
 

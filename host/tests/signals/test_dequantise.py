@@ -275,7 +275,13 @@ def test_a_channel_that_never_moves_is_known_to_a_count() -> None:
 def test_only_what_the_mode_is_given_is_smoothed() -> None:
     noise = np.random.default_rng(5).normal(0.0, 1e-3, (2, TIME_S.size))
     angle = counted(MOTIONS["sine"])
-    run = Recording(TIME_S, 5.2 * angle, angle, noise[0], noise[1])
+    run = Recording(
+        TIME_S,
+        motor_angle_rad=5.2 * angle,
+        load_angle_rad=angle,
+        motor_torque_nm=noise[0],
+        load_torque_nm=noise[1],
+    )
     found = estimate_channels(run, parse_model(TABLE_1), Mode.TORQUE_POSITION)
     np.testing.assert_array_equal(found.recording.load_torque_nm, run.load_torque_nm)
     assert np.std(found.recording.motor_torque_nm) < 0.5 * np.std(run.motor_torque_nm)

@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 from bowden.diagnosis.conditions import split_by_motion
 from bowden.recording.recording import Recording
-from bowden.signals.motion import Motion, steady, time_gaps, velocity
+from bowden.signals.motion import Motion, steady, velocity
 
 
 def recording(time_s: np.ndarray, load_angle_rad: np.ndarray, motor: float = 5.2) -> Recording:
     zero = np.zeros_like(time_s)
-    return Recording(time_s, motor * load_angle_rad, load_angle_rad, zero, zero)
+    return Recording(
+        time_s,
+        motor_angle_rad=motor * load_angle_rad,
+        load_angle_rad=load_angle_rad,
+        motor_torque_nm=zero,
+        load_torque_nm=zero,
+    )
 
 
 def test_velocity_of_a_ramp_on_uneven_time() -> None:
@@ -49,16 +55,15 @@ def test_no_cycles_no_steady_part(angle: np.ndarray) -> None:
 
 def test_a_locked_load_is_judged_by_the_motor() -> None:
     time_s = np.arange(1000) * 1e-3
-    one = Recording(time_s, 0.01 * np.sin(time_s), 0 * time_s, 0 * time_s, 0 * time_s)
+    one = Recording(
+        time_s,
+        motor_angle_rad=0.01 * np.sin(time_s),
+        load_angle_rad=0 * time_s,
+        motor_torque_nm=0 * time_s,
+        load_torque_nm=0 * time_s,
+    )
     assert Motion.of(one).end == "motor"
     assert Motion.of(recording(time_s, np.sin(time_s))).end == "load"
-
-
-def test_pauses_are_found() -> None:
-    time_s = np.concatenate([np.arange(100) * 1e-3, 1.0 + np.arange(100) * 1e-3])
-    ((start, length),) = time_gaps(time_s)
-    assert start == pytest.approx(0.099)
-    assert length == pytest.approx(0.901)
 
 
 def test_shares_add_up_and_point_to_the_place() -> None:

@@ -44,10 +44,10 @@ def measured(kind: str) -> Recording:
     generator = np.random.default_rng(1)
     return Recording(
         TIME_S,
-        np.round(run.motor_angle_rad / MOTOR_COUNT) * MOTOR_COUNT,
-        np.round(load / LOAD_COUNT) * LOAD_COUNT,
-        torque + generator.normal(0.0, 3e-4, TIME_S.size),
-        run.load_torque_nm + generator.normal(0.0, 5e-4, TIME_S.size),
+        motor_angle_rad=np.round(run.motor_angle_rad / MOTOR_COUNT) * MOTOR_COUNT,
+        load_angle_rad=np.round(load / LOAD_COUNT) * LOAD_COUNT,
+        motor_torque_nm=torque + generator.normal(0.0, 3e-4, TIME_S.size),
+        load_torque_nm=run.load_torque_nm + generator.normal(0.0, 5e-4, TIME_S.size),
     )
 
 
@@ -119,7 +119,13 @@ def test_the_same_seed_gives_the_same_noise() -> None:
 def test_a_clean_recording_still_has_a_positive_sigma() -> None:
     load, torque = motion("sine")
     run = simulate(EXACT, MODE, Inputs(TIME_S, motor_torque_nm=torque, load_angle_rad=load))
-    clean = Recording(TIME_S, run.motor_angle_rad, load, torque, run.load_torque_nm)
+    clean = Recording(
+        TIME_S,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load,
+        motor_torque_nm=torque,
+        load_torque_nm=run.load_torque_nm,
+    )
     found = local_noise(EXACT, MODE, clean, draws=4)
     assert all(np.all(sigma > 0.0) for sigma in found.sigma.values())
     # Half a sample of the torque's slope, 0.6 mN m at most, times the ratio of the pulleys.
@@ -135,7 +141,13 @@ def test_a_torque_that_is_held_from_sample_to_sample_is_within_the_noise() -> No
     for given in (torque, np.interp(late, TIME_S, torque)):
         inputs = Inputs(TIME_S, motor_torque_nm=given, load_angle_rad=load)
         found.append(simulate(EXACT, MODE, inputs).load_torque_nm)
-    clean = Recording(TIME_S, np.zeros_like(load), load, torque, found[0])
+    clean = Recording(
+        TIME_S,
+        motor_angle_rad=np.zeros_like(load),
+        load_angle_rad=load,
+        motor_torque_nm=torque,
+        load_torque_nm=found[0],
+    )
     sigma = local_noise(EXACT, MODE, clean, draws=4).sigma["load_torque_nm"]
     apart = np.abs(found[1] - found[0])
     assert apart.max() > 0.1  # N m: a step's middle

@@ -19,6 +19,7 @@ from bowden.cli.model_arguments import (
     read_model,
 )
 from bowden.cli.output import console
+from bowden.recording.channels import MAIN_CHANNELS
 
 if TYPE_CHECKING:
     from bowden.model import Trajectory
@@ -30,7 +31,7 @@ EXAMPLES = """examples:
       --mode position-position --output model.csv
 """
 
-ADDED_COLUMNS = (
+ADDED_CHANNELS = (
     "motor_tension_a_n",
     "load_tension_a_n",
     "motor_tension_b_n",
@@ -77,19 +78,14 @@ def run(args: argparse.Namespace) -> int:
 
 def simulated(recording: Recording, trajectory: Trajectory, args: argparse.Namespace) -> Recording:
     """Return the recording with what the model says in place of what was measured."""
-    return replace(
-        recording,
-        motor_angle_rad=trajectory.motor_angle_rad,
-        load_angle_rad=trajectory.load_angle_rad,
-        motor_torque_nm=trajectory.motor_torque_nm,
-        load_torque_nm=trajectory.load_torque_nm,
-        extra=recording.extra | {name: getattr(trajectory, name) for name in ADDED_COLUMNS},
-        metadata=recording.metadata
-        | {
-            "model": args.model.name,
-            "mode": args.mode,
-            "simulated_from": args.input.name,
-            "slack": "bit 0: cable a, bit 1: cable b, bit 2: torque that no taut cable can carry",
-        }
-        | ({"simulated_after": args.initial.name} if args.initial else {}),
-    )
+    metadata = {
+        **recording.metadata,
+        "model": args.model.name,
+        "mode": args.mode,
+        "simulated_from": args.input.name,
+        "slack": "bit 0: cable a, bit 1: cable b, bit 2: torque that no taut cable can carry",
+    }
+    if args.initial:
+        metadata["simulated_after"] = args.initial.name
+    series = {name: getattr(trajectory, name) for name in (*MAIN_CHANNELS, *ADDED_CHANNELS)}
+    return replace(recording.with_channels(series), metadata=metadata)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bowden.diagnosis.conditions import Condition, split_by_motion
 from bowden.model import Mode, Model, Trajectory
 from bowden.recording.recording import Recording
-from bowden.signals.motion import Motion, time_gaps
+from bowden.signals.motion import Motion
 from bowden.signals.noise import noise_sigma
 from bowden.signals.prediction import PREDICTED, simulate_recording
 
@@ -223,7 +223,7 @@ def _compare_one(model: Model, recording: Recording, mode: Mode) -> RecordingCom
         where=split_by_motion(residual, motion),
         velocity_fit=_fit_to_velocity(residual, motion.velocity_rad_s),
         other_gap=_rms(getattr(recording, other) - getattr(trajectory, other)),
-        time_gaps=tuple(time_gaps(recording.time_s)),
+        time_gaps=recording.gaps,
     )
 
 

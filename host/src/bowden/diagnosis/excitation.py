@@ -185,7 +185,7 @@ def _stretches(one: _Seen) -> list[tuple[float, float]]:
 
 
 def _temperature_range(seen: Sequence[_Seen]) -> float:
-    given = [one.recording.extra[TEMPERATURE] for one in seen if TEMPERATURE in one.recording.extra]
+    given = [one.recording[TEMPERATURE] for one in seen if TEMPERATURE in one.recording.channels]
     return float(np.ptp(np.concatenate(given))) if len(given) == len(seen) else 0.0
 
 
@@ -223,9 +223,8 @@ def _lowest_tension(seen: Sequence[_Seen]) -> float:
 
 def _lowest_tension_of(one: _Seen) -> float:
     thin = thinned(one.recording)
-    series: dict[str, _Floats] = {name: getattr(thin, name) for name in one.mode.columns}
-    if TEMPERATURE in thin.extra:
-        series[TEMPERATURE] = thin.extra[TEMPERATURE]
+    given = (*one.mode.columns, TEMPERATURE)
+    series = {name: thin[name] for name in given if name in thin.channels}
     try:
         run = simulate(one.model, one.mode, Inputs(time_s=thin.time_s, **series))
     except ModelError:

@@ -182,8 +182,8 @@ def _conditions(
     third = np.minimum(np.floor(3.0 * elapsed), 2.0)
     for order, text in enumerate(("first", "second", "last")):
         yield f"{text} third of the time", third == order
-    if all(TEMPERATURE in one.extra for one in recordings):
-        warmth = np.concatenate([one.extra[TEMPERATURE] for one in recordings])
+    if all(TEMPERATURE in one.channels for one in recordings):
+        warmth = np.concatenate([one[TEMPERATURE] for one in recordings])
         if float(np.ptp(warmth)) > 1.0:
             yield from _bands(warmth, _thirds(warmth), "conduit temperature", "°C")
     if len(recordings) > 1:

@@ -7,7 +7,7 @@ compared: degrees for radians, milli-units, a sign, two channels in each other's
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,15 +60,7 @@ class Reading:
 def thinned(one: Recording) -> Recording:
     """Return every k-th sample: enough to tell a sign or a unit."""
     stride = max(1, int(STEP_S / float(np.median(np.diff(one.time_s)))))
-    return replace(
-        one,
-        time_s=one.time_s[::stride],
-        motor_angle_rad=one.motor_angle_rad[::stride],
-        load_angle_rad=one.load_angle_rad[::stride],
-        motor_torque_nm=one.motor_torque_nm[::stride],
-        load_torque_nm=one.load_torque_nm[::stride],
-        extra={name: values[::stride] for name, values in one.extra.items()},
-    )
+    return one.select(slice(None, None, stride))
 
 
 def read_with(model: Model, mode: Mode, one: Recording) -> Reading:
@@ -143,16 +135,14 @@ def _corrections() -> Iterator[tuple[str, str, _Correction]]:
 
 def _scaled(names: tuple[str, ...], factor: float) -> _Correction:
     def correct(one: Recording) -> Recording:
-        for name in names:
-            one = replace(one, **{name: factor * getattr(one, name)})
-        return one
+        return one.with_channels({name: factor * one[name] for name in names})
 
     return correct
 
 
 def _swapped(names: tuple[str, str]) -> _Correction:
     first, second = names
-    return lambda one: replace(one, **{first: getattr(one, second), second: getattr(one, first)})
+    return lambda one: one.with_channels({first: one[second], second: one[first]})
 
 
 def _swapped_ends(one: Recording) -> Recording:

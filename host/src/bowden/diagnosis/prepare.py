@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.problem import Channel, Part
 from bowden.model import Mode, Model
-from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.recording.channels import MAIN_CHANNELS
+from bowden.recording.recording import Recording
 from bowden.signals.motion import Motion
 from bowden.signals.propagate import LocalNoise, local_noise
 
@@ -151,7 +152,7 @@ def _blocks(recording: Recording) -> _Flags:
     block = np.searchsorted(edges, np.arange(time_s.size), side="right")
     seen = [
         motion.velocity_rad_s,
-        *(getattr(recording, name) for name in REQUIRED_COLUMNS if name != "time_s"),
+        *(recording[name] for name in MAIN_CHANNELS if name in recording.channels),
     ]
 
     def covered(flags: _Flags) -> float:

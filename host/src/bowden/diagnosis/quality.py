@@ -19,7 +19,6 @@ from bowden.diagnosis.mistakes import DOUBTFUL, Reading, best_correction, read_w
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import grid
-from bowden.signals.motion import time_gaps
 from bowden.signals.noise import noise_sigma
 
 _Floats = NDArray[np.float64]
@@ -125,7 +124,7 @@ def _time_base(one: Recording, name: str) -> Iterator[Finding]:
             f"{COARSE_STEP_S:g} s at most: reversals pass unseen between samples (is time_s in s?)",
             "stop" if step > COARSEST_STEP_S else "warn",
         )
-    gaps = time_gaps(one.time_s)
+    gaps = one.gaps
     missing = sum(length for _, length in gaps)
     if gaps:
         yield Finding(

@@ -106,7 +106,7 @@ def stretch_of(recording: Recording, tunnel: Tunnel, settle_s: float) -> Stretch
             "a recording that is longer than that",
         )
     angle = recording.load_angle_rad[kept]
-    law = recording.extra.get("compensation_active_law")
+    law = recording.channels.get("compensation_active_law")
     return Stretch(
         angle,
         tunnel.wanted_nm(angle),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,13 +175,4 @@ def _thin(part: Part) -> Part:
     """Keep every k-th sample: friction remembers the path, not how densely it was sampled."""
     one = part.recording
     stride = max(1, int(STEP_S / float(np.median(np.diff(one.time_s)))))
-    thinned = replace(
-        one,
-        time_s=one.time_s[::stride],
-        motor_angle_rad=one.motor_angle_rad[::stride],
-        load_angle_rad=one.load_angle_rad[::stride],
-        motor_torque_nm=one.motor_torque_nm[::stride],
-        load_torque_nm=one.load_torque_nm[::stride],
-        extra={},
-    )
-    return Part(thinned, part.counts[::stride])
+    return Part(one.select(slice(None, None, stride)), part.counts[::stride])

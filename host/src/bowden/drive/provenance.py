@@ -16,10 +16,10 @@ from bowden.drive.entry import Entry, Layout
 from bowden.drive.meanings import CompensationLaw, ModeOfOperation, TunnelAngleSource
 from bowden.drive.power import Run
 from bowden.errors import DriveFailed
+from bowden.recording.channels import SUFFIX_OF_UNIT
 from bowden.recording.side_file import PdoField, PdoLayout, SideFile
 
 _PDO_DOES_NOT_EXIST = 1 << 31
-_UNIT_SUFFIX = {"rad": "rad", "N m": "nm", "A": "a", "V": "v", "degC": "c", "N": "n", "s": "s"}
 
 
 def read_layouts(drive: Drive) -> list[Layout]:
@@ -79,7 +79,7 @@ def _field(entry: Entry) -> PdoField:
     if entry.name == "statusword":
         column = "status"
     else:
-        suffix = _UNIT_SUFFIX.get(entry.unit or "")
+        suffix = SUFFIX_OF_UNIT.get(entry.unit or "")
         column = "_".join(filter(None, [entry.name.replace(".", "_"), suffix]))
     return PdoField(
         name=entry.name,

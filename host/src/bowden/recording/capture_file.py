@@ -20,7 +20,7 @@ from can.io.blf import BLFParseError
 
 from bowden.errors import BadInput
 from bowden.recording.decode import Decoded, decode
-from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.recording.recording import Recording
 from bowden.recording.side_file import (
     Clock,
     Lost,
@@ -103,7 +103,7 @@ def read_capture(path: Path) -> Recording:
     Raises
     ------
     BadInput
-        No side file, not a BLF, no complete sample, or a channel missing that every recording has.
+        No side file, not a BLF, or no complete sample.
     """
     side = read_side_file(path)
     decoded = decode(_frames(path), side, str(path))
@@ -116,16 +116,12 @@ def as_recording(decoded: Decoded, side: SideFile, source: str) -> Recording:
     Raises
     ------
     BadInput
-        No complete sample, or a required channel that the PDOs did not carry.
+        No complete sample.
     """
     if not decoded.time_s.size:
         raise BadInput(source, "no sample of which every PDO arrived", "a capture with samples")
-    series = {"time_s": decoded.time_s, **decoded.columns}
-    missing = [name for name in REQUIRED_COLUMNS if name not in series]
-    if missing:
-        raise BadInput(source, f"PDOs without {', '.join(missing)}", "all required channels")
-    required = {name: series.pop(name) for name in REQUIRED_COLUMNS}
-    return Recording(**required, extra=series, metadata=_metadata(decoded, side), source=source)
+    metadata = _metadata(decoded, side)
+    return Recording(decoded.time_s, decoded.channels, metadata=metadata, source=source)
 
 
 def _metadata(decoded: Decoded, side: SideFile) -> dict[str, str]:

@@ -14,7 +14,11 @@ from numpy.typing import NDArray
 
 from bowden.errors import BadInput
 from bowden.recording.atomic import replace_whole
-from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.recording.channels import MAIN_CHANNELS, TIME
+from bowden.recording.recording import Recording
+
+#: What a header row may hold, for messages.
+ACCEPTED = ", ".join((TIME, *MAIN_CHANNELS))
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
@@ -25,7 +29,7 @@ def read_csv(path: Path) -> Recording:
     Parameters
     ----------
     path : Path
-        The file. Columns in any order; those that are not required are kept in `extra`.
+        The file. Columns in any order; ``time_s`` and at least one channel.
 
     Raises
     ------
@@ -36,7 +40,7 @@ def read_csv(path: Path) -> Recording:
     lines = _read_lines(path)
     header_at = next((i for i, line in enumerate(lines) if line and line[0] != "#"), None)
     if header_at is None:
-        raise BadInput(str(path), "no header row", f"a row with {', '.join(REQUIRED_COLUMNS)}")
+        raise BadInput(str(path), "no header row", f"a row like {ACCEPTED}")
     columns = _columns(path, header_at + 1, lines[header_at])
     numbered = [
         (number, line)
@@ -46,12 +50,10 @@ def read_csv(path: Path) -> Recording:
     if not numbered:
         raise BadInput(f"{path}, line {header_at + 1}", "no samples after it", "rows of numbers")
     table = _numbers(path, columns, numbered)
-    _check_time(path, columns, numbered, table[:, columns.index("time_s")])
+    _check_time(path, columns, numbered, table[:, columns.index(TIME)])
     series = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(columns)}
-    required = {name: series.pop(name) for name in REQUIRED_COLUMNS}
-    return Recording(
-        **required, extra=series, metadata=_metadata(lines[:header_at]), source=str(path)
-    )
+    time_s = series.pop(TIME)
+    return Recording(time_s, series, metadata=_metadata(lines[:header_at]), source=str(path))
 
 
 def write_csv(recording: Recording, path: Path) -> None:
@@ -62,10 +64,11 @@ def write_csv(recording: Recording, path: Path) -> None:
     BadInput
         The file cannot be written.
     """
-    series = {name: getattr(recording, name) for name in REQUIRED_COLUMNS} | recording.extra
+    first = [TIME, *(name for name in MAIN_CHANNELS if name in recording.channels)]
+    series = {name: recording[name] for name in [*first, *recording.channels]}
     lines = [f"# {key}: {' '.join(value.split())}" for key, value in recording.metadata.items()]
     lines.append(",".join(series))
-    columns = [np.asarray(values, dtype=np.float64).tolist() for values in series.values()]
+    columns = [values.tolist() for values in series.values()]
     lines.extend(",".join(map(repr, row)) for row in zip(*columns, strict=True))
     with replace_whole(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -83,14 +86,10 @@ def _read_lines(path: Path) -> list[str]:
 
 def _columns(path: Path, line: int, header: str) -> list[str]:
     columns = [name.strip() for name in header.split(",")]
-    missing = [name for name in REQUIRED_COLUMNS if name not in columns]
     where = f"{path}, line {line}"
-    if missing:
-        raise BadInput(
-            where,
-            f"a header without {', '.join(missing)}",
-            f"columns {', '.join(REQUIRED_COLUMNS)}, separated by commas",
-        )
+    if TIME not in columns or len(columns) < 2:
+        found = "no channel beside it" if TIME in columns else f"a header without {TIME}"
+        raise BadInput(where, found, f"columns like {ACCEPTED}, separated by commas")
     repeated = sorted({name for name in columns if columns.count(name) > 1})
     if repeated or "" in columns:
         found = f"column {', '.join(repeated)} twice" if repeated else "a column without a name"
@@ -128,7 +127,7 @@ def _check_time(
     stalled = np.flatnonzero(time_s[1:] <= time_s[:-1])
     if stalled.size:
         at = int(stalled[0]) + 1
-        written = [numbered[i][1].split(",")[columns.index("time_s")].strip() for i in (at - 1, at)]
+        written = [numbered[i][1].split(",")[columns.index(TIME)].strip() for i in (at - 1, at)]
         raise BadInput(
             f"{path}, line {numbered[at][0]}",
             f"time_s = {written[1]} after {written[0]}",

@@ -1,4 +1,4 @@
-"""From raw CAN frames to samples: number them, find what was lost, put the fields in columns.
+"""From raw CAN frames to samples: number them, find what was lost, put the fields in channels.
 
 Pure: takes frames and the side file's PDO layouts, gives a `Decoded`. A sample of which a PDO is
 missing is left out, never made up; the time then has a gap, which every later step can see.
@@ -38,7 +38,7 @@ class Decoded:
         Sample numbers, increasing.
     time_s : ndarray of shape (n,), s
         The drive's time from the first of these samples.
-    columns : dict of str to ndarray of shape (n,)
+    channels : dict of str to ndarray of shape (n,)
         Values in the units that the names carry.
     losses : LossReport
         Exact account of the frames that are not there.
@@ -48,7 +48,7 @@ class Decoded:
 
     number: NDArray[np.int64]
     time_s: NDArray[np.float64]
-    columns: dict[str, NDArray[np.float64]]
+    channels: dict[str, NDArray[np.float64]]
     losses: LossReport
     clock: ClockFit | None
 
@@ -102,8 +102,8 @@ def decode(frames: Iterable[can.Message], side: SideFile, source: str) -> Decode
     clock = fit_clock(device_time_s, anchor.arrivals.time_s)
     number, at = _complete(numbers)
     time_s = device_time_s[at[first]]
-    columns = _columns(side.pdos, pdos, at)
-    return Decoded(number, _from_zero(time_s), columns, losses, clock)
+    channels = _channels(side.pdos, pdos, at)
+    return Decoded(number, _from_zero(time_s), channels, losses, clock)
 
 
 def _collect(frames: Iterable[can.Message], layouts: list[PdoLayout]) -> dict[str, _Arrived]:
@@ -163,16 +163,16 @@ def _complete(
     return common, at
 
 
-def _columns(
+def _channels(
     layouts: list[PdoLayout], pdos: dict[str, _Arrived], at: dict[str, NDArray[np.intp]]
 ) -> dict[str, NDArray[np.float64]]:
-    columns: dict[str, NDArray[np.float64]] = {}
+    channels: dict[str, NDArray[np.float64]] = {}
     for layout in layouts:
         for field in layout.fields:
             if field.name not in (_COUNTER, _LOW_BYTE, _DEVICE_TIME):
                 raw = pdos[layout.name].raw[field.name][at[layout.name]]
-                columns[field.column] = _scaled(raw, field.scale)
-    return columns
+                channels[field.column] = _scaled(raw, field.scale)
+    return channels
 
 
 def _scaled(raw: NDArray[np.int64], scale: float) -> NDArray[np.float64]:

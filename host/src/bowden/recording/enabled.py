@@ -5,8 +5,6 @@ The drive tells its CiA 402 state in the column ``status``. Recordings from else
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +16,7 @@ _STATE, _ENABLED = 0x6F, 0x27
 
 def enabled(recording: Recording) -> NDArray[np.bool_] | None:
     """Return for each sample whether the drive was enabled; None where nobody told."""
-    status = recording.extra.get("status")
+    status = recording.channels.get("status")
     return None if status is None else (status.astype(np.int64) & _STATE) == _ENABLED
 
 
@@ -32,10 +30,4 @@ def until_disabled(recording: Recording) -> Recording:
     if on is None or not on.any() or on[-1]:
         return recording
     end = int(np.flatnonzero(on)[-1]) + 1
-    arrays = {
-        one.name: getattr(recording, one.name)[:end]
-        for one in fields(recording)
-        if isinstance(getattr(recording, one.name), np.ndarray)
-    }
-    extra = {name: values[:end] for name, values in recording.extra.items()}
-    return replace(recording, **arrays, extra=extra)
+    return recording.select(slice(end))

@@ -62,7 +62,7 @@ def read_mrd(
     Returns
     -------
     Recording
-        Signs as on the physics page; the stand's other columns in `extra`; what was assumed in
+        Signs as on the physics page; the stand's other columns too; what was assumed in
         `metadata`.
 
     Raises
@@ -107,7 +107,7 @@ def read_mrd(
         load_angle_rad=load_angle,
         motor_torque_nm=motor_torque,
         load_torque_nm=load_torque,
-        extra={
+        channels={
             "motor_current_a": rows[:, _CURRENT].copy(),
             "brake_command_a": rows[:, _BRAKE].copy(),
             "motor_command": rows[:, _COMMAND].copy(),

@@ -8,21 +8,15 @@ from __future__ import annotations
 import math
 
 from bowden.diagnosis.compare import Comparison
+from bowden.recording.channels import MAIN_CHANNELS, channel
 
-NAMES = {
-    "motor_angle_rad": "motor angle",
-    "load_angle_rad": "load angle",
-    "motor_torque_nm": "motor torque",
-    "load_torque_nm": "load torque",
-}
-UNITS = {"_rad": "rad", "_nm": "N m", "_n": "N", "_s": "s"}
+NAMES = {name: channel(name).words for name in MAIN_CHANNELS}
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
 def quantity_with_unit(column: str, value: float | None) -> str:
     """Return a column's value in words: ``("load_torque_nm", 0.0521)`` gives ``52.1 mN m``."""
-    unit = next((unit for suffix, unit in UNITS.items() if column.endswith(suffix)), "")
-    return si(value, unit)
+    return si(value, channel(column).unit)
 
 
 def si(value: float | None, unit: str) -> str:

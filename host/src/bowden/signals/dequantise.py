@@ -281,13 +281,7 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
         else:
             noise = noise_sigma(values, recording.time_s)
             channels[name] = Estimated(values, np.full(values.size, noise), None, noise)
-    estimated = replace(
-        recording,
-        motor_angle_rad=channels["motor_angle_rad"].values,
-        load_angle_rad=channels["load_angle_rad"].values,
-        motor_torque_nm=channels["motor_torque_nm"].values,
-        load_torque_nm=channels["load_torque_nm"].values,
-    )
+    estimated = recording.with_channels({name: one.values for name, one in channels.items()})
     return Estimates(estimated, channels)
 
 

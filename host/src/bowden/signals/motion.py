@@ -19,7 +19,6 @@ _Flags = NDArray[np.bool_]
 VELOCITY_SPAN_S = 0.05
 EXTREME_SHARE = 0.95
 LOCKED_SHARE = 0.01  # of the motor's travel: a load that moves less is held
-GAP_STEPS = 5.0
 
 
 @dataclass(frozen=True)
@@ -115,16 +114,3 @@ def steady(angle_rad: _Floats) -> _Flags:
         start = max(first_high, first_low)
         flags[start:] = start <= 0.8 * angle_rad.size
     return flags
-
-
-def time_gaps(time_s: _Floats) -> list[tuple[float, float]]:
-    """Pauses in the recording: steps longer than five usual ones.
-
-    Returns
-    -------
-    list of (float, float)
-        Start and length of each, in seconds.
-    """
-    step = np.diff(time_s)
-    (where,) = np.nonzero(step > GAP_STEPS * np.median(step))
-    return [(float(time_s[i]), float(step[i])) for i in where]

@@ -70,7 +70,6 @@ def simulate_recording(
 
 def _given(recording: Recording, mode: Mode) -> dict[str, _Floats]:
     """Return the columns that a simulation may look at."""
-    series: dict[str, _Floats] = {name: getattr(recording, name) for name in mode.columns}
-    if TEMPERATURE in recording.extra:
-        series[TEMPERATURE] = recording.extra[TEMPERATURE]
-    return series
+    recording.require(mode.columns, f"mode {mode.value}")
+    given = (*mode.columns, TEMPERATURE)
+    return {name: recording[name] for name in given if name in recording.channels}

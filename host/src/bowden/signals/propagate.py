@@ -14,14 +14,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.model import Mode, Model, Trajectory
 from bowden.model.experiments.variants import with_damping, with_memory, with_segments
-from bowden.recording.recording import REQUIRED_COLUMNS, Recording
+from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.noise import effective_samples
 from bowden.signals.prediction import PREDICTED, simulate_recording
@@ -203,9 +203,7 @@ def _simulated(
 
 def at_samples(recording: Recording, index: _Index) -> Recording:
     """Return some samples of a recording."""
-    columns = {name: getattr(recording, name)[index] for name in REQUIRED_COLUMNS}
-    extra = {name: values[index] for name, values in recording.extra.items()}
-    return replace(recording, extra=extra, **columns)
+    return recording.select(index)
 
 
 def noise_floor(sigma: _Floats | Sequence[_Floats], counts: _Flags | None = None) -> float:
@@ -230,17 +228,14 @@ def noise_floor(sigma: _Floats | Sequence[_Floats], counts: _Flags | None = None
 def _moved(estimates: Estimates, mode: Mode, generator: np.random.Generator) -> Recording:
     """Return the recording with given channels that could as well have been."""
     drawn = {name: estimates.channels[name].draw(generator) for name in mode.columns}
-    changed = replace(estimates.recording)
-    for name, values in drawn.items():
-        changed = replace(changed, **{name: values})  # type: ignore[arg-type]
-    return changed
+    return estimates.recording.with_channels(drawn)
 
 
 def _held(recording: Recording) -> Recording:
     """Return a recording whose motor torque is half a sample late, as if it was held."""
     time_s, torque = recording.time_s, recording.motor_torque_nm
     late = time_s - 0.5 * np.diff(time_s, prepend=time_s[0])
-    return replace(recording, motor_torque_nm=np.interp(late, time_s, torque))
+    return recording.with_channels(motor_torque_nm=np.interp(late, time_s, torque))
 
 
 def _finer(model: Model) -> Model | None:

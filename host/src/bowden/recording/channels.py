@@ -1,0 +1,122 @@
+"""The registry of channels: name, unit, kind, end and purpose of what a recording may hold.
+
+Data only; imports nothing of ours. Recordings, decoding, readers, writers, importers and reports
+take names and units from here. A name ends with its unit (`load_torque_nm`), so that a channel that
+is not listed still has a unit, a kind and an end: `channel` reads them from the name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal[
+    "time", "angle", "torque", "force", "current", "voltage", "temperature", "state", "other"
+]
+End = Literal["motor", "load", "none"]
+
+#: The name of the time base; every recording has it.
+TIME = "time_s"
+
+#: What a name's last part says of the unit.
+UNIT_OF_SUFFIX = {
+    "rad": "rad",
+    "nm": "N m",
+    "n": "N",
+    "a": "A",
+    "v": "V",
+    "c": "degC",
+    "s": "s",
+}
+SUFFIX_OF_UNIT = {unit: suffix for suffix, unit in UNIT_OF_SUFFIX.items()}
+
+_KIND_OF_UNIT: dict[str, Kind] = {
+    "rad": "angle",
+    "N m": "torque",
+    "N": "force",
+    "A": "current",
+    "V": "voltage",
+    "degC": "temperature",
+    "s": "time",
+}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What is known of one signal.
+
+    Parameters
+    ----------
+    name : str
+        As in files, with the unit at its end.
+    unit : str
+        ``"rad"``, ``"N m"``, ``"N"``, ``"A"``, ``"V"``, ``"degC"``, ``"s"``; empty: a plain number.
+    kind : str
+        Physical quantity, or ``"state"`` (numbers and bits of the drive), or ``"other"``.
+    end : str
+        The pulley that it belongs to: ``"motor"``, ``"load"`` or ``"none"``.
+    purpose : str
+        What it is for, in one line; empty for a channel that is not listed.
+    """
+
+    name: str
+    unit: str
+    kind: Kind
+    end: End
+    purpose: str = ""
+
+    @property
+    def words(self) -> str:
+        """The name without its unit, as people write it: ``load torque``."""
+        suffix = SUFFIX_OF_UNIT.get(self.unit)
+        stem = self.name.removesuffix(f"_{suffix}") if suffix else self.name
+        return stem.replace("_", " ")
+
+
+_LISTED = (
+    Channel(TIME, "s", "time", "none", "time of the sample, strictly increasing"),
+    Channel("motor_angle_rad", "rad", "angle", "motor", "encoder; positive winds cable a"),
+    Channel("load_angle_rad", "rad", "angle", "load", "encoder; positive is what cable a pulls"),
+    Channel("motor_torque_nm", "N m", "torque", "motor", "applied by the motor on its pulley"),
+    Channel("load_torque_nm", "N m", "torque", "load", "applied by the cables, by the load cell"),
+    Channel("motor_current_a", "A", "current", "motor", "through the motor's winding"),
+    Channel("bus_voltage_v", "V", "voltage", "none", "supply of the drive's bridge"),
+    Channel("conduit_temperature_c", "degC", "temperature", "none", "for thermal friction"),
+    Channel("status", "", "state", "none", "CiA 402 statusword; tells when the drive is enabled"),
+    Channel("compensation_active_law", "", "state", "none", "compensation law that runs"),
+    Channel("wanted_load_torque_nm", "N m", "torque", "load", "what the drive is to render"),
+    Channel("motor_tension_a_n", "N", "force", "motor", "simulated, cable a"),
+    Channel("load_tension_a_n", "N", "force", "load", "simulated, cable a"),
+    Channel("motor_tension_b_n", "N", "force", "motor", "simulated, cable b"),
+    Channel("load_tension_b_n", "N", "force", "load", "simulated, cable b"),
+    Channel(
+        "slack", "", "state", "none", "simulated; bit 0 cable a, bit 1 cable b, bit 2 overload"
+    ),
+)
+
+#: Listed channels by name, the time base first.
+CHANNELS = {one.name: one for one in _LISTED}
+
+#: The four that the offline model takes and predicts, in the order of files.
+MAIN_CHANNELS = ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm")
+
+
+def channel(name: str) -> Channel:
+    """Return what is known of a channel; for one that is not listed, what its name tells.
+
+    Parameters
+    ----------
+    name : str
+        Any column's name.
+
+    Returns
+    -------
+    Channel
+        Unit and kind by the name's last part, end by its first.
+    """
+    if name in CHANNELS:
+        return CHANNELS[name]
+    first, _, rest = name.partition("_")
+    unit = UNIT_OF_SUFFIX.get(rest.rpartition("_")[2], "")
+    end: End = "motor" if first == "motor" else "load" if first == "load" else "none"
+    return Channel(name, unit, _KIND_OF_UNIT.get(unit, "other"), end)
