@@ -109,14 +109,16 @@ typedef enum {
 } tunnel_angle_source_t;
 enum { TUNNEL_ANGLE_SOURCE_COUNT = 3 };
 
-/* CiA 402; the drive's state follows it */
+/* CiA 402; the drive's state follows it. One that stops is obeyed also from an RPDO that is short,
+ * refused or waits for SYNC. Operation enabled takes a rising edge of bit 3 after NMT start */
 enum {
     CONTROLWORD_SWITCH_ON = 1 << 0,        /* switch on */
     CONTROLWORD_ENABLE_VOLTAGE = 1 << 1,   /* enable voltage */
     CONTROLWORD_QUICK_STOP = 1 << 2,       /* 0 asks for a quick stop */
     CONTROLWORD_ENABLE_OPERATION = 1 << 3, /* enable operation */
     CONTROLWORD_FAULT_RESET = 1 << 7,      /* its rising edge resets a fault */
-    CONTROLWORD_BITS = 8,                  /* from the lowest to the highest */
+    CONTROLWORD_HALT = 1 << 8,             /* torque to 0, operation stays enabled */
+    CONTROLWORD_BITS = 9,                  /* from the lowest to the highest */
 };
 
 /* CiA 402; bits 0 to 3, 5 and 6 are the state */
@@ -129,10 +131,25 @@ enum {
     STATUSWORD_QUICK_STOP = 1 << 5,         /* 0 in a quick stop */
     STATUSWORD_SWITCH_ON_DISABLED = 1 << 6, /* switch on disabled */
     STATUSWORD_REMOTE = 1 << 9,             /* the controlword is obeyed */
+    STATUSWORD_TARGET_REACHED = 1 << 10,    /* halted, and the torque is 0 */
     STATUSWORD_INTERNAL_LIMIT =
         1 << 11,          /* a limit of the drive cuts the torque that is asked for */
     STATUSWORD_BITS = 12, /* from the lowest to the highest */
 };
+
+/* how a quick stop takes the torque away; then the drive is in switch on disabled */
+typedef enum {
+    QUICK_STOP_OPTION_AT_ONCE = 0, /* bridge off at once */
+    QUICK_STOP_OPTION_BY_SLEW = 1, /* by motor_torque_slew, within 200 ms */
+    QUICK_STOP_OPTION_IN_TIME = 2, /* in quick_stop_time */
+} quick_stop_option_t;
+enum { QUICK_STOP_OPTION_COUNT = 3 };
+
+/* how a halt takes the torque away; operation stays enabled */
+typedef enum {
+    HALT_OPTION_BY_SLEW = 1, /* by motor_torque_slew, within 200 ms */
+    HALT_OPTION_IN_TIME = 2, /* in quick_stop_time */
+} halt_option_t;
 
 /* what the drive does while its bridge is on */
 typedef enum {

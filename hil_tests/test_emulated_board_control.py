@@ -132,10 +132,10 @@ def test_quick_stop_takes_the_current_down_before_the_bridge() -> None:
     board.enable(0.3)
     board.run(0.1)
     board.host.write(CONTROLWORD, 0, 0x02, 2)
-    # 0.3 N m at the default slew of 20 N m/s: 15 ms, during which the bridge works
-    board.run(0.005)
+    # quick_stop_time is 50 ms, during which the bridge works
+    board.run(0.045)
     assert board.chip.bridge().enabled
-    board.run(0.03)
+    board.run(0.01)
     bridge = board.chip.bridge()
     assert not bridge.enabled
     assert abs(bridge.current_a) < CODE_A

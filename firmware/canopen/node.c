@@ -174,6 +174,10 @@ void node_receive(node_t *node, const can_frame_t *frame) {
     }
 }
 
+bool node_take_withheld(node_t *node, uint16_t *value) {
+    return pdo_take_withheld(&node->pdo, value);
+}
+
 bool node_sample_due(const node_t *node, uint32_t now_us) {
     return node->nmt.state == NMT_OPERATIONAL && pdo_due(&node->pdo, now_us);
 }

@@ -46,6 +46,10 @@ void node_init(node_t *node, const od_entry_t *entries, uint16_t count, void *va
 /* Handles one received frame at once; unknown frames are ignored. Answers go into the queue. */
 void node_receive(node_t *node, const can_frame_t *frame);
 
+/* Takes the value of the urgent entry, the controlword, in an RPDO that was not taken (pdo.h);
+ * false when there was none since the last call. Ask after each node_receive(). */
+bool node_take_withheld(node_t *node, uint16_t *value);
+
 /* Will node_tick(now_us) send a TPDO? All TPDOs of that tick are one sample. */
 bool node_sample_due(const node_t *node, uint32_t now_us);
 

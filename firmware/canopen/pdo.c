@@ -183,6 +183,27 @@ static bool apply(const pdo_map_t *map, const od_t *od, const can_frame_t *frame
     return true;
 }
 
+/* Keeps the value of an urgent entry that is in the frame as far as it came. */
+static void withhold(pdo_t *pdo, const pdo_map_t *map, const can_frame_t *frame) {
+    uint32_t start = 0;
+    for (uint32_t i = 0; i < map->slot_count; i++) {
+        const od_entry_t *entry = map->slots[i].entry;
+        const uint32_t size = od_size(entry);
+        if ((entry->flags & OD_URGENT) != 0 && start + size <= frame->length) {
+            pdo->withheld = (uint16_t)od_decode(entry, &frame->data[start]);
+            pdo->has_withheld = true;
+        }
+        start += size;
+    }
+}
+
+bool pdo_take_withheld(pdo_t *pdo, uint16_t *value) {
+    const bool has = pdo->has_withheld;
+    *value = has ? pdo->withheld : *value;
+    pdo->has_withheld = false;
+    return has;
+}
+
 bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame) {
     bool taken = false;
     for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
@@ -193,11 +214,14 @@ bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame) {
         taken = true;
         rpdo->too_short = frame->length < rpdo->map.length; /* longer: the rest is ignored */
         if (rpdo->too_short) {
-            continue;
-        }
-        if (is_event_type(rpdo->map.type)) {
+            withhold(pdo, &rpdo->map, frame);
+        } else if (is_event_type(rpdo->map.type)) {
             rpdo->refused = !apply(&rpdo->map, od, frame);
+            if (rpdo->refused) {
+                withhold(pdo, &rpdo->map, frame);
+            }
         } else {
+            withhold(pdo, &rpdo->map, frame);
             rpdo->frame = *frame;
             rpdo->waiting = true;
         }

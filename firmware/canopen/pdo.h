@@ -8,6 +8,9 @@
  *
  * TPDO types: 1 .. 240 at every n-th SYNC; 254, 255 by their event timer. All TPDOs that are sent
  * in one tick hold values of that tick. RPDO types: 0 .. 240 at the next SYNC, 254, 255 at once.
+ * An RPDO is taken whole or not at all: not when it is too short or carries a value that the
+ * dictionary refuses, and not yet when it waits for SYNC. The value of an urgent entry (OD_URGENT)
+ * in such a frame is withheld: the drive takes it with pdo_take_withheld() and decides itself.
  * PDOs without entries are not sent. Remote frames, type 0, 252, 253 and the SYNC start value do
  * not exist.
  */
@@ -55,6 +58,8 @@ typedef struct {
 } tpdo_t;
 
 typedef struct {
+    bool has_withheld;
+    uint16_t withheld; /* value of the urgent entry in the last frame that was not taken */
     rpdo_t rpdo[PDO_RX_MAX];
     tpdo_t tpdo[PDO_TX_MAX];
 } pdo_t;
@@ -81,6 +86,9 @@ bool pdo_due(const pdo_t *pdo, uint32_t now_us);
 
 /* Sends every TPDO that is due. */
 void pdo_tick(pdo_t *pdo, const od_t *od, uint32_t now_us, frame_queue_t *tx);
+
+/* Takes the withheld value of the urgent entry; false when there is none. */
+bool pdo_take_withheld(pdo_t *pdo, uint16_t *value);
 
 /* Was the last frame of any RPDO shorter than its mapping? Or refused for a value in it? */
 bool pdo_any_too_short(const pdo_t *pdo);

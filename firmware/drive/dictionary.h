@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x4025B115)
+#define DICTIONARY_HASH UINT32_C(0xB543F6D1)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 181
+#define DICTIONARY_COUNT 187
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -141,6 +141,7 @@ typedef struct {
     int32_t load_cell_zero_counts;                     /* 0x2106 */
     uint32_t motor_torque_limit_unm;                   /* 0x2107 */
     uint32_t motor_torque_slew_unm_per_s;              /* 0x2108 */
+    uint16_t quick_stop_time_ms;                       /* 0x2109 */
     uint32_t cable_axial_stiffness_mn;                 /* 0x2110 */
     uint32_t cable_pretension_un;                      /* 0x2111 */
     uint8_t cable_segments;                            /* 0x2112 */
@@ -170,6 +171,8 @@ typedef struct {
     uint16_t error_code;                               /* 0x603F */
     uint16_t controlword;                              /* 0x6040 */
     uint16_t statusword;                               /* 0x6041 */
+    int16_t quick_stop_option;                         /* 0x605A */
+    int16_t halt_option;                               /* 0x605D */
     int8_t mode_of_operation;                          /* 0x6060 */
     int8_t mode_of_operation_display;                  /* 0x6061 */
 } dictionary_t;

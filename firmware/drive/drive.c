@@ -29,10 +29,6 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
     (void)storage_take(&drive->node.od, identity->saved, identity->saved_words);
 }
 
-void drive_receive(drive_t *drive, const can_frame_t *frame) {
-    node_receive(&drive->node, frame);
-}
-
 bool drive_transmit(drive_t *drive, can_frame_t *frame) {
     return node_transmit(&drive->node, frame);
 }
@@ -43,17 +39,31 @@ static bool is_powered(drive_state_t state) {
     return state == STATE_SWITCHED_ON || state_bridge_on(state);
 }
 
-/* The command in force. Without NMT operational no current flows: the host that started the node
- * may not be there. */
+static bool is_operational(const drive_t *drive) {
+    return node_state(&drive->node) == NMT_OPERATIONAL;
+}
+
+static void note_command(drive_t *drive) {
+    command_note(&drive->asked, drive->state, drive->dictionary.controlword, is_operational(drive));
+}
+
 static state_command_t effective_command(const drive_t *drive) {
-    const state_command_t command = state_command(drive->dictionary.controlword);
-    if (node_state(&drive->node) == NMT_OPERATIONAL) {
-        return command;
+    return command_in_force(&drive->asked, drive->state, is_operational(drive),
+                            drive->parameters.quick_stop_ramps);
+}
+
+static bool is_halted(const drive_t *drive) {
+    return drive->state == STATE_OPERATION_ENABLED &&
+           (drive->dictionary.controlword & CONTROLWORD_HALT) != 0;
+}
+
+void drive_receive(drive_t *drive, const can_frame_t *frame) {
+    node_receive(&drive->node, frame);
+    uint16_t withheld = 0;
+    if (node_take_withheld(&drive->node, &withheld) && command_is_stop(drive->state, withheld)) {
+        drive->dictionary.controlword = withheld;
     }
-    if (state_bridge_on(drive->state)) {
-        return COMMAND_DISABLE_VOLTAGE;
-    }
-    return command == COMMAND_ENABLE_OPERATION ? COMMAND_SWITCH_ON : command;
+    note_command(drive);
 }
 
 /* Does this command lead to the next higher state? Then the configuration must stand. */
@@ -149,7 +159,8 @@ static void raise_fault(drive_t *drive, fault_t fault) {
 static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late) {
     dictionary_t *dictionary = &drive->dictionary;
     const state_command_t wanted = effective_command(drive);
-    const state_command_t command = drive->took_configuration ? COMMAND_NONE : wanted;
+    const bool waits = drive->took_configuration && !command_lowers(drive->state, wanted);
+    const state_command_t command = waits ? COMMAND_NONE : wanted;
     const bool up = leads_up(drive->state, wanted);
     const bool running = state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON);
     const bool compensates = drive->rendering.law != COMPENSATION_LAW_NONE;
@@ -161,13 +172,11 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late
     if (fault.code == EMCY_NO_ERROR && up && !drive->configured && !compensates) {
         fault = supervision_configuration_refused(dictionary->configuration_error);
     }
-    const uint16_t rising = (uint16_t)(dictionary->controlword & ~drive->last_controlword);
-    drive->last_controlword = dictionary->controlword;
     const drive_state_t before = drive->state;
     drive->state = state_next(before, command,
                               (state_events_t){
                                   .fault = fault.code != EMCY_NO_ERROR,
-                                  .fault_reset = (rising & 0x80u) != 0,
+                                  .fault_reset = drive->asked.fault_reset,
                                   .quick_stop_done = drive->command.torque_unm == 0,
                               });
     if (drive->state == STATE_FAULT_REACTION_ACTIVE) {
@@ -176,6 +185,7 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late
         supervision_clear(&drive->node);
         dictionary->error_code = EMCY_NO_ERROR;
     }
+    command_done(&drive->asked);
     drive->node.od.config_locked = state_bridge_on(drive->state);
 }
 
@@ -196,7 +206,7 @@ static int32_t tunnel_angle_urad(drive_t *drive) {
 }
 
 static int32_t target_torque_unm(drive_t *drive) {
-    if (drive->state != STATE_OPERATION_ENABLED) {
+    if (drive->state != STATE_OPERATION_ENABLED || is_halted(drive)) {
         return 0;
     }
     switch (drive->dictionary.mode_of_operation) {
@@ -209,21 +219,19 @@ static int32_t target_torque_unm(drive_t *drive) {
     }
 }
 
-static void step_command(drive_t *drive, int32_t wanted) {
-    torque_command_t *command = &drive->command;
+static void step_command(drive_t *drive, int32_t wanted_unm) {
     const parameters_t *parameters = &drive->parameters;
     if (!state_bridge_on(drive->state)) {
-        *command = (torque_command_t){0};
+        torque_command_rest(&drive->command);
         return;
     }
-    const int32_t target =
-        fixed_clamp(wanted, -parameters->torque_limit_unm, parameters->torque_limit_unm);
-    const uint32_t allowance = parameters->torque_slew_unm_per_s + command->slew_rest;
-    const int32_t step = (int32_t)(allowance / TICKS_PER_SECOND);
-    command->slew_rest = allowance % TICKS_PER_SECOND;
-    command->torque_unm =
-        fixed_clamp(target, command->torque_unm - step, command->torque_unm + step);
-    command->limited = target != wanted;
+    torque_course_t course = TORQUE_FOLLOWS;
+    if (drive->state == STATE_QUICK_STOP_ACTIVE) {
+        course = parameters->quick_stop;
+    } else if (is_halted(drive)) {
+        course = parameters->halt;
+    }
+    torque_command_step(&drive->command, &parameters->torque, course, wanted_unm);
 }
 
 /* ---- the model and what it gives ---- */
@@ -244,7 +252,7 @@ static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
     return rendering_step(
         &drive->rendering, &drive->transmission,
         &(rendering_inputs_t){
-            .active = drive->state == STATE_OPERATION_ENABLED &&
+            .active = drive->state == STATE_OPERATION_ENABLED && !is_halted(drive) &&
                       dictionary->mode_of_operation != MODE_OF_OPERATION_NONE,
             .load_cell_broken = (sensors->faults & BOARD_FAULT_LOAD_CELL) != 0,
             .load_cell_saturated = cell_unm == I24_MAX || cell_unm == -I24_MAX,
@@ -307,6 +315,9 @@ static void publish_state(drive_t *drive, const board_sensors_t *sensors) {
     if (drive->command.limited) {
         status |= STATUSWORD_INTERNAL_LIMIT;
     }
+    if (is_halted(drive) && drive->command.torque_unm == 0) {
+        status |= STATUSWORD_TARGET_REACHED;
+    }
     dictionary->statusword = status;
     dictionary->mode_of_operation_display = dictionary->mode_of_operation;
     dictionary->motor_torque_command_unm = drive->command.torque_unm;
@@ -324,6 +335,7 @@ static void count_sample(drive_t *drive, const board_sensors_t *sensors) {
 
 void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_t *actuators) {
     const bool late = drive->took_configuration;
+    note_command(drive);
     drive->took_configuration = follow_configuration(drive, sensors);
     publish_sensors(drive, sensors);
     step_state(drive, sensors, late);

@@ -18,18 +18,13 @@
 #include "../board/board.h"
 #include "../canopen/node.h"
 #include "../core/transmission.h"
+#include "command.h"
 #include "dictionary.h"
 #include "parameters.h"
 #include "rendering.h"
 #include "saving.h"
 #include "state.h"
-
-/* Torque command on its way to the target, never faster than the slew limit. */
-typedef struct {
-    int32_t torque_unm;
-    uint32_t slew_rest; /* of the last division of the slew by the tick rate */
-    bool limited;       /* the torque limit cuts the target */
-} torque_command_t;
+#include "torque_command.h"
 
 typedef struct {
     dictionary_t dictionary;
@@ -38,7 +33,7 @@ typedef struct {
     transmission_t transmission;
     rendering_t rendering;
     drive_state_t state;
-    uint16_t last_controlword;
+    command_t asked; /* by the host */
     torque_command_t command;
     uint32_t configured_revision; /* of the configuration that runs */
     uint32_t seen_revision;

@@ -17,6 +17,13 @@
 
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
+_Static_assert((int)HALT_OPTION_BY_SLEW == (int)QUICK_STOP_OPTION_BY_SLEW,
+               "one meaning of both option codes of CiA 402");
+
+static torque_course_t stop_course(int16_t option) {
+    return option == QUICK_STOP_OPTION_BY_SLEW ? TORQUE_STOPS_BY_SLEW : TORQUE_STOPS;
+}
+
 parameters_t parameters_of(const dictionary_t *dictionary) {
     const int32_t gain = dictionary->load_cell_gain_nnm_per_count;
     const uint32_t gain_magnitude = (uint32_t)(gain < 0 ? -gain : gain);
@@ -38,8 +45,15 @@ parameters_t parameters_of(const dictionary_t *dictionary) {
         .load_cell_zero_counts = dictionary->load_cell_zero_counts,
         .load_per_motor_angle =
             ratio_of(dictionary->motor_pulley_radius_nm, dictionary->load_pulley_radius_nm),
-        .torque_limit_unm = (int32_t)dictionary->motor_torque_limit_unm,
-        .torque_slew_unm_per_s = dictionary->motor_torque_slew_unm_per_s,
+        .torque =
+            {
+                .limit_unm = (int32_t)dictionary->motor_torque_limit_unm,
+                .slew_unm_per_s = dictionary->motor_torque_slew_unm_per_s,
+                .stop_ticks = dictionary->quick_stop_time_ms * TORQUE_COMMAND_TICKS_PER_MS,
+            },
+        .quick_stop_ramps = dictionary->quick_stop_option != QUICK_STOP_OPTION_AT_ONCE,
+        .quick_stop = stop_course(dictionary->quick_stop_option),
+        .halt = stop_course(dictionary->halt_option),
         .tunnel_angle_source = dictionary->tunnel_angle_source,
         .tunnel =
             tunnel_of(dictionary->tunnel_half_width_urad, dictionary->tunnel_stiffness_unm_per_rad,

@@ -15,6 +15,7 @@
 #include "../meanings.h"
 #include "dictionary.h"
 #include "fallback.h"
+#include "torque_command.h"
 
 /* Constants of the tick. */
 typedef struct {
@@ -28,8 +29,9 @@ typedef struct {
     ratio_t load_per_motor_angle; /* 1 / transmission ratio */
     bool load_cell_inverted;
     int32_t load_cell_zero_counts;
-    int32_t torque_limit_unm;
-    uint32_t torque_slew_unm_per_s;
+    torque_command_settings_t torque;
+    bool quick_stop_ramps; /* false: it opens the bridge at once */
+    torque_course_t quick_stop, halt;
     uint8_t tunnel_angle_source;
     tunnel_t tunnel;
 } parameters_t;

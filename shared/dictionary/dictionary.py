@@ -75,6 +75,7 @@ class Variable:
     persist: bool = False
     node_id_added: bool = False
     enumeration: Enumeration | None = None
+    urgent: bool = False
     doc: str = ""
 
     @property
@@ -246,6 +247,7 @@ def _variable(
         persist=value.persist,
         node_id_added=value.node_id_added,
         enumeration=enumeration,
+        urgent=value.urgent,
         doc=value.doc,
     )
 

@@ -95,6 +95,8 @@ def _variable(v: Variable, obj: Object) -> Iterator[str]:
         yield "only a writable command may be mapped into an RPDO"
     if v.pdo == "tx" and v.access == "wo":
         yield "a write-only entry cannot be mapped into a TPDO"
+    if v.urgent and (v.pdo != "rx" or v.type.bits > 16):
+        yield "only what an RPDO may carry, of at most 16 bits, is urgent"
     if v.persist and v.role not in {"config", "calibration"}:
         yield f"role {v.role} is not stored"
     if v.node_id_added and v.role != "communication":

@@ -79,6 +79,7 @@ class Value(_Strict):
     node_id_added: bool = False
     values: Annotated[list[NamedValue], Field(min_length=1)] | Name | None = None
     bits: Annotated[list[NamedBit], Field(min_length=1)] | Name | None = None
+    urgent: bool = False
     doc: str = ""
 
 
@@ -100,6 +101,7 @@ class Entry(_Strict):
     node_id_added: bool = False
     values: Annotated[list[NamedValue], Field(min_length=1)] | Name | None = None
     bits: Annotated[list[NamedBit], Field(min_length=1)] | Name | None = None
+    urgent: bool = False
     doc: str = ""
     array: Annotated[int, Field(ge=1, le=254)] | None = None
     sub0_access: Literal["const", "rw"] = "const"

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Emergency, Entry, Layout, Table, array
 
-HASH = 0x4025B115
+HASH = 0xB543F6D1
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -112,7 +112,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x4025b115, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xb543f6d1, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -165,7 +165,8 @@ TABLE = Table(
         Entry(0x2105, 0, 'load_cell_gain', 'i32', 'rw', 'calibration', 200000, low=-100000000, high=100000000, unit='N m per count', scale=1e-09, persist=True),
         Entry(0x2106, 0, 'load_cell_zero', 'i32', 'rw', 'calibration', 0, low=-8388608, high=8388607, unit='count', scale=1.0, persist=True),
         Entry(0x2107, 0, 'motor_torque_limit', 'u32', 'rw', 'config', 500000, high=8000000, unit='N m', scale=1e-06, persist=True),
-        Entry(0x2108, 0, 'motor_torque_slew', 'u32', 'rw', 'config', 20000000, low=1000, high=1000000000, unit='N m/s', scale=1e-06, persist=True, doc='the torque command never changes faster'),
+        Entry(0x2108, 0, 'motor_torque_slew', 'u32', 'rw', 'config', 20000000, low=1000, high=1000000000, unit='N m/s', scale=1e-06, persist=True, doc='the torque command never changes faster, but when it stops'),
+        Entry(0x2109, 0, 'quick_stop_time', 'u16', 'rw', 'config', 50, low=1, high=200, unit='s', scale=0.001, persist=True, doc='quick stop and halt bring the torque to 0 along a straight line that takes so long'),
         Entry(0x2110, 0, 'cable_axial_stiffness', 'u32', 'rw', 'config', 4000000, low=10000, high=100000000, unit='N', scale=0.001, persist=True, doc='EA'),
         Entry(0x2111, 0, 'cable_pretension', 'u32', 'rw', 'config', 10000000, high=100000000, unit='N', scale=1e-06, persist=True),
         Entry(0x2112, 0, 'cable_segments', 'u8', 'rw', 'config', 20, low=1, high=40, persist=True),
@@ -195,8 +196,13 @@ TABLE = Table(
         Entry(0x213C, 0, 'adapted_friction_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc="what the adaptation multiplies the model's friction by, and where it goes on after a start; write 1 to begin anew"),
         Entry(0x213D, 0, 'adapted_pretension_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc='the same for its pretension, which shows where strokes take a cable slack'),
         Entry(0x603F, 0, 'error_code', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
-        Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx', meaning=meanings.Controlword, doc="CiA 402; the drive's state follows it"),
+        Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx', meaning=meanings.Controlword, doc="CiA 402; the drive's state follows it. One that stops is obeyed also from an RPDO that is short, refused or waits for SYNC. Operation enabled takes a rising edge of bit 3 after NMT start"),
         Entry(0x6041, 0, 'statusword', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', meaning=meanings.Statusword, doc='CiA 402; bits 0 to 3, 5 and 6 are the state'),
+        Entry(0x605A, 0, 'quick_stop_option', 'i16', 'rw', 'config', 2, high=2, persist=True, meaning=meanings.QuickStopOption, doc='how a quick stop takes the torque away; then the drive is in switch on disabled'),
+        Entry(0x605B, 0, 'shutdown_option', 'i16', 'const', 'identity', 0, low=-32768, high=32767, doc='0: bridge off at once'),
+        Entry(0x605C, 0, 'disable_operation_option', 'i16', 'const', 'identity', 0, low=-32768, high=32767, doc='0: bridge off at once'),
+        Entry(0x605D, 0, 'halt_option', 'i16', 'rw', 'config', 2, low=1, high=2, persist=True, meaning=meanings.HaltOption, doc='how a halt takes the torque away; operation stays enabled'),
+        Entry(0x605E, 0, 'fault_reaction_option', 'i16', 'const', 'identity', 0, low=-32768, high=32767, doc='0: bridge off at once'),
         Entry(0x6060, 0, 'mode_of_operation', 'i8', 'rw', 'command', -1, low=-2, pdo='rx', meaning=meanings.ModeOfOperation, doc='what the drive does while its bridge is on'),
         Entry(0x6061, 0, 'mode_of_operation_display', 'i8', 'ro', 'state', 0, low=-128, high=127, pdo='tx', meaning=meanings.ModeOfOperation, doc='the mode that runs now'),
         Entry(0x6502, 0, 'supported_modes', 'u32', 'const', 'identity', 196608, high=4294967295, doc="manufacturer's modes only"),

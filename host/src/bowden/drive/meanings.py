@@ -115,13 +115,14 @@ class TunnelAngleSource(NamedValue):
 
 
 class Controlword(NamedBits):
-    """CiA 402; the drive's state follows it."""
+    """CiA 402; the drive's state follows it. One that stops is obeyed also from an RPDO that is short, refused or waits for SYNC. Operation enabled takes a rising edge of bit 3 after NMT start."""
 
     SWITCH_ON = 1 << 0, 'switch on'
     ENABLE_VOLTAGE = 1 << 1, 'enable voltage'
     QUICK_STOP = 1 << 2, '0 asks for a quick stop'
     ENABLE_OPERATION = 1 << 3, 'enable operation'
     FAULT_RESET = 1 << 7, 'its rising edge resets a fault'
+    HALT = 1 << 8, 'torque to 0, operation stays enabled'
 
 
 class Statusword(NamedBits):
@@ -135,7 +136,23 @@ class Statusword(NamedBits):
     QUICK_STOP = 1 << 5, '0 in a quick stop'
     SWITCH_ON_DISABLED = 1 << 6, 'switch on disabled'
     REMOTE = 1 << 9, 'the controlword is obeyed'
+    TARGET_REACHED = 1 << 10, 'halted, and the torque is 0'
     INTERNAL_LIMIT = 1 << 11, 'a limit of the drive cuts the torque that is asked for'
+
+
+class QuickStopOption(NamedValue):
+    """How a quick stop takes the torque away; then the drive is in switch on disabled."""
+
+    AT_ONCE = 0, 'bridge off at once'
+    BY_SLEW = 1, 'by motor_torque_slew, within 200 ms'
+    IN_TIME = 2, 'in quick_stop_time'
+
+
+class HaltOption(NamedValue):
+    """How a halt takes the torque away; operation stays enabled."""
+
+    BY_SLEW = 1, 'by motor_torque_slew, within 200 ms'
+    IN_TIME = 2, 'in quick_stop_time'
 
 
 class ModeOfOperation(NamedValue):

@@ -124,7 +124,7 @@ def enable(drive: Drive, run: Run) -> None:
 
 
 def safe_stop(drive: Drive) -> None:
-    """Let the torque go down with the slew rate, turn the bridge off and see that it is off.
+    """Quick stop, turn the bridge off and see that it is off.
 
     Raises
     ------
