@@ -30,7 +30,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("elf")
     for folder in ("core", "canopen", "drive", "board"):
         shutil.copytree(FIRMWARE / folder, root / "firmware" / folder)
-    shutil.copy(FIRMWARE / "Makefile", root / "firmware")
+    for file in ("Makefile", "meanings.h"):
+        shutil.copy(FIRMWARE / file, root / "firmware")
     done = build(root / "firmware", root / "build")
     assert done.returncode == 0, done.stderr
     assert "no floating point" in done.stdout

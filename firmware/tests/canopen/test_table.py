@@ -56,6 +56,8 @@ def test_limits_hold_to_the_last_unit(node: Any) -> None:
             continue
         signed, bits = entry["type"].startswith("i"), 8 * SIZE[entry["type"]]
         whole = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+        if isinstance(named := entry.get("values"), list):
+            whole = (min(v["value"] for v in named), max(v["value"] for v in named))
         low, high = entry.get("range", whole)
         for value, expected in ((low, 0), (high, 0), (low - 1, 0x06090032), (high + 1, 0x06090031)):
             data = raw(value, entry)
