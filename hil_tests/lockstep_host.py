@@ -24,6 +24,8 @@ STATUSWORD: Final = 0x6041
 MODE: Final = 0x6060
 FAULT_BIT: Final = 1 << 3
 ANSWER_WITHIN_S: Final = 0.1
+STEP_WITHIN_S: Final = 0.01  # for a change of the drive's state
+COLLECT_STEP_S: Final = 0.05
 BOOT_WITHIN_S: Final = 0.1  # the requirement on the board; the native drive is there at once
 
 
@@ -48,7 +50,15 @@ class Samples(NamedTuple):
 
 
 class Wire(Protocol):
-    """A python-can bus with a time of its own."""
+    """A python-can bus with a time of its own.
+
+    Attributes
+    ----------
+    grace_s : float
+        What a busy machine may add to any wait; 0 where time is virtual.
+    """
+
+    grace_s: float
 
     @property
     def time_s(self) -> float:
@@ -89,10 +99,24 @@ class LockstepHost(Generic[AnyWire]):
             self.frames.append(message)
         return self.frames[heard_before:]
 
+    def collect(self, cob_id: int, count: int, within_s: float) -> list[can.Message]:
+        """Let time pass until `count` frames of that COB-ID came; all frames that came.
+
+        By number, because the rate at which a busy machine delivers frames says nothing of the
+        drive. TimeoutError where they do not come.
+        """
+        heard: list[can.Message] = []
+        end_s = self.bus.time_s + within_s + self.bus.grace_s
+        while sum(message.arbitration_id == cob_id for message in heard) < count:
+            if self.bus.time_s >= end_s:
+                raise TimeoutError(f"no {count} frames {cob_id:03X}h in {within_s:g} s")
+            heard += self.listen(COLLECT_STEP_S)
+        return heard
+
     def await_boot(self, within_s: float = BOOT_WITHIN_S) -> can.Message:
         """Let time pass until the boot-up message comes; TimeoutError where it does not."""
         boot_up = (0x700 + self.node_id, b"\0")
-        end_s = self.bus.time_s + within_s
+        end_s = self.bus.time_s + within_s + self.bus.grace_s
         while self.bus.time_s < end_s:
             message = self.bus.recv(end_s - self.bus.time_s)
             if message is not None:
@@ -128,10 +152,16 @@ class LockstepHost(Generic[AnyWire]):
         self.write(MODE, 0, mode, 1)
         for controlword, mask, state in ((6, 0x6F, 0x21), (7, 0x6F, 0x23), (15, 0x6F, 0x27)):
             self.write(CONTROLWORD, 0, controlword, 2)
-            self.listen(0.01)
-            found = self.statusword()
-            if found & mask != state:
-                raise RuntimeError(f"statusword: found {found:04X}h; accepted: {state:02X}h")
+            self.await_state(mask, state)
+
+    def await_state(self, mask: int, state: int) -> None:
+        """Let time pass until the statusword shows that state; RuntimeError where it does not."""
+        self.listen(STEP_WITHIN_S)
+        end_s = self.bus.time_s + self.bus.grace_s
+        while (found := self.statusword()) & mask != state and self.bus.time_s < end_s:
+            self.listen(STEP_WITHIN_S)
+        if found & mask != state:
+            raise RuntimeError(f"statusword: found {found:04X}h; accepted: {state:02X}h")
 
     def disable(self) -> None:
         """Take the voltage off: Switch on disabled, bridge open."""
@@ -141,7 +171,7 @@ class LockstepHost(Generic[AnyWire]):
     def _ask(self, index: int, sub: int, request: bytes) -> bytes:
         """Send an SDO request; the answer to it, or SdoAbort."""
         self._send(0x600 + self.node_id, request)
-        end_s = self.bus.time_s + ANSWER_WITHIN_S
+        end_s = self.bus.time_s + ANSWER_WITHIN_S + self.bus.grace_s
         while self.bus.time_s < end_s:
             message = self.bus.recv(end_s - self.bus.time_s)
             if message is None:

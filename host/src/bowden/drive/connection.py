@@ -81,7 +81,7 @@ class Connection:
         self._stop = threading.Event()
         self._reader = threading.Thread(target=self._read, name="bowden bus", daemon=True)
         self._threaded = threaded
-        _enlarge_receive_buffer(bus)
+        enlarge_receive_buffer(bus)
         if threaded:
             self._reader.start()
 
@@ -231,7 +231,7 @@ class Connection:
             self._frames.put(error)
 
 
-def _enlarge_receive_buffer(bus: can.BusABC) -> None:
+def enlarge_receive_buffer(bus: can.BusABC) -> None:
     """Let the kernel hold a second of frames, where the bus is a socket."""
     try:
         with socket.socket(fileno=os.dup(bus.fileno())) as handle:
