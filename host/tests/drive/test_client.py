@@ -48,7 +48,7 @@ def test_a_refusal_by_the_drive_says_why(rig: MakeRig) -> None:
         drive.write_raw("device_type", 1)
 
 
-def test_reads_are_repeated_and_writes_are_not(rig: MakeRig) -> None:
+def test_reads_are_repeated_and_commands_are_not(rig: MakeRig) -> None:
     lost = iter([True, True])  # the first two answers never come
     drive, bus = rig(drop=lambda frame: frame.arbitration_id == 0x590 and next(lost, False))
     assert drive.read("cable_pretension") == pytest.approx(10.0)
@@ -57,8 +57,21 @@ def test_reads_are_repeated_and_writes_are_not(rig: MakeRig) -> None:
     lost = iter([True])
     drive, bus = rig(drop=lambda frame: frame.arbitration_id == 0x590 and next(lost, False))
     with pytest.raises(DriveFailed, match=r"is there .*but does not answer"):
-        drive.write("cable_pretension", 12.0)
+        drive.write_raw("controlword", 6)
     assert len(bus.dropped) == 1
+
+
+def test_a_configuration_value_is_written_again_only_where_it_is_not_there(rig: MakeRig) -> None:
+    lost = iter([True])  # the answer to the write: the value is there
+    drive, bus = rig(drop=lambda frame: frame.arbitration_id == 0x590 and next(lost, False))
+    drive.write("cable_pretension", 12.0)
+    assert drive.read("cable_pretension") == pytest.approx(12.0)
+    writes = [
+        frame
+        for frame in bus.bench.traffic
+        if frame.arbitration_id == 0x610 and frame.data[0] >> 5 == 1
+    ]
+    assert len(writes) == 1
 
 
 def test_another_dictionary_is_refused(rig: MakeRig, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,9 +1,10 @@
 """One drive on the bus: its entries by name and in SI units, its NMT state, its emergencies.
 
 `connect` opens the bus, finds the drive and checks that both sides mean the same dictionary.
-Transfers go through the `canopen` package, one at a time. Only reads are repeated when an answer is
-missing: a write that is sent twice could act twice. When nothing answers, the error says what was
-heard instead.
+Transfers go through the `canopen` package, one at a time, each answer matched to its request
+(`transfers`). Reads are repeated when an answer is missing. So are writes of configuration and
+calibration, after a look whether the value is there; a command that is sent twice could act twice.
+When nothing answers, the error says what was heard instead.
 """
 
 from __future__ import annotations
@@ -13,16 +14,19 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
-from canopen.sdo.client import SdoClient
+from canopen import SdoAbortedError, SdoCommunicationError
 
 from bowden.drive.bus_options import BusOptions, open_connection
 from bowden.drive.connection import Connection
 from bowden.drive.dictionary import DEFAULT_NODE_ID, HASH, lookup
+from bowden.drive.entry import Entry
 from bowden.drive.faults import describe_abort
+from bowden.drive.transfers import Transfers
 from bowden.errors import BadInput, DriveFailed
 
-_READ_ATTEMPTS = 3
+_ATTEMPTS = 3
+#: Roles of entries whose value may be written twice: writing them does nothing but set them.
+_REPEATABLE = ("config", "calibration")
 _ANSWER_TIMEOUT_S = 0.5
 _HEARTBEAT_S = 0.5
 _DIAGNOSIS_S = 1.2  # longer than any sensible heartbeat period
@@ -62,7 +66,7 @@ class Drive:
         self.connection = connection
         self.node_id = node_id
         network = connection.network
-        self._sdo = _Transfers(connection, node_id)
+        self._sdo = Transfers(connection, node_id, _ANSWER_TIMEOUT_S)
         self._lock = threading.Lock()
         network.subscribe(0x580 + node_id, self._sdo.on_response)
         network.subscribe(0x700 + node_id, self._on_heartbeat)
@@ -88,7 +92,10 @@ class Drive:
         self.write_raw(name, lookup(name).to_raw(value))
 
     def write_raw(self, name: str, raw: int) -> None:
-        """Write an entry as an integer. Never repeated when the answer is missing.
+        """Write an entry as an integer.
+
+        When the answer is missing, a configuration or calibration value is read back, and written
+        again where it is not there. A command is never repeated.
 
         Raises
         ------
@@ -100,15 +107,20 @@ class Drive:
         entry = lookup(name)
         data = entry.encode(raw)
         with self._lock:
-            try:
-                self._sdo.download(entry.index, entry.sub, data)
-            except SdoAbortedError as error:
-                raise DriveFailed(
-                    f"node {self.node_id} refuses {name} = {entry.to_value(raw):.9g}: "
-                    f"{describe_abort(error)}"
-                ) from error
-            except SdoCommunicationError as error:
-                raise DriveFailed(self._diagnose(f"writing {name}", error)) from error
+            for attempt in range(1, _ATTEMPTS + 1):
+                try:
+                    self._sdo.download(entry.index, entry.sub, data)
+                    return
+                except SdoAbortedError as error:
+                    raise DriveFailed(
+                        f"node {self.node_id} refuses {name} = {entry.to_value(raw):.9g}: "
+                        f"{describe_abort(error)}"
+                    ) from error
+                except SdoCommunicationError as error:
+                    if entry.role not in _REPEATABLE or attempt == _ATTEMPTS:
+                        raise DriveFailed(self._diagnose(f"writing {name}", error)) from error
+                if self._holds(entry, data):
+                    return
 
     def nmt(self, command: str) -> None:
         """Send an NMT command: OPERATIONAL, PRE-OPERATIONAL, STOPPED or RESET."""
@@ -138,7 +150,7 @@ class Drive:
     def _upload(self, name: str) -> bytes:
         entry = lookup(name)
         with self._lock:
-            for attempt in range(1, _READ_ATTEMPTS + 1):
+            for attempt in range(1, _ATTEMPTS + 1):
                 try:
                     return bytes(self._sdo.upload(entry.index, entry.sub))
                 except SdoAbortedError as error:
@@ -146,9 +158,18 @@ class Drive:
                         f"node {self.node_id} does not give {name}: {describe_abort(error)}"
                     ) from error
                 except SdoCommunicationError as error:
-                    if attempt == _READ_ATTEMPTS:
+                    if attempt == _ATTEMPTS:
                         raise DriveFailed(self._diagnose(f"reading {name}", error)) from error
         raise AssertionError("unreachable")
+
+    def _holds(self, entry: Entry, data: bytes) -> bool:
+        """Return whether the drive has that value; False also where it does not answer."""
+        if entry.access == "wo":
+            return False
+        try:
+            return bytes(self._sdo.upload(entry.index, entry.sub)) == data
+        except (SdoAbortedError, SdoCommunicationError):
+            return False
 
     def _on_heartbeat(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         if len(data) == 1:
@@ -187,30 +208,6 @@ class Drive:
             f"{node} does not answer and the bus is silent: is the drive on, are interface, "
             "channel and bit rate right? (`bowden rig` starts the simulated rig)"
         )
-
-
-class _Transfers(SdoClient):
-    """`canopen`'s SDO client, sending and waiting in the connection instead of on a thread."""
-
-    RESPONSE_TIMEOUT = _ANSWER_TIMEOUT_S
-
-    def __init__(self, connection: Connection, node_id: int) -> None:
-        super().__init__(0x600 + node_id, 0x580 + node_id, ObjectDictionary())  # type: ignore[no-untyped-call]
-        self._connection = connection
-
-    def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        if len(data) == 8:  # CiA 301 knows no other; the package would stumble over it
-            super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
-
-    def send_request(self, request: bytearray) -> None:
-        self._connection.send(self.rx_cobid, bytes(request))
-
-    def read_response(self) -> bytes:
-        self._connection.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT)
-        if self.responses.empty():
-            raise SdoCommunicationError("No SDO response received")
-        response: bytes = super().read_response()  # type: ignore[no-untyped-call]
-        return response
 
 
 @contextmanager
