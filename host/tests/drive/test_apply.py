@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from bowden.cli.main import main
-from bowden.cli.reduced_model import reduced_model
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
 from bowden.drive.dictionary import ENTRIES
+from bowden.drive.reduced_model import reduced_model
 from bowden.errors import BadInput
 from bowden.model import format_model, parse_model, table_1
 from bowden_rig.virtual_bus import VirtualBus

@@ -17,14 +17,14 @@ from bowden.cli.configure import STORE_HELP
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json
-from bowden.cli.reduced_model import (
+from bowden.drive.configuration import Change, difference, store, write
+from bowden.drive.meanings import CompensationLaw
+from bowden.drive.reduced_model import (
     DEFAULT_SEGMENTS,
     LAWS,
     ReducedModel,
     reduced_model,
 )
-from bowden.drive.configuration import Change, difference, store, write
-from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
 from bowden.model.effects import CATALOGUE
 

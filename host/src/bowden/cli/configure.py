@@ -13,9 +13,9 @@ from pathlib import Path
 from bowden.cli.changes import change_table, changes_document
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json
-from bowden.cli.reduced_model import DEFAULT_SEGMENTS, reduced_model
 from bowden.drive.configuration import Change, difference, store, write
 from bowden.drive.meanings import TunnelAngleSource
+from bowden.drive.reduced_model import DEFAULT_SEGMENTS, reduced_model
 from bowden.model import parse_model
 
 EXAMPLES = """examples:

@@ -12,15 +12,15 @@ from pathlib import Path
 
 from bowden.cli.compare import compare_files, show
 from bowden.cli.output import add_json_argument, console, print_json, say
-from bowden.cli.own_rig import own_rig
 from bowden.cli.record import record_to, summary
-from bowden.cli.reduced_model import reduced_model
 from bowden.cli.rig import add_target_argument
 from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.capture import Capture
 from bowden.drive.configuration import difference, write
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
+from bowden.drive.reduced_model import reduced_model
+from bowden.drive.simulated_rig import own_rig
 from bowden.errors import BadInput
 from bowden.model import Mode, format_model, parse_model, table_1
 

@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING
 
 from bowden.cli.diagnose import show, write_extended, write_report
 from bowden.cli.output import add_json_argument, console, print_json, progress, say
-from bowden.cli.own_rig import own_rig
-from bowden.cli.reduced_model import reduced_model
 from bowden.cli.rig import add_target_argument
 from bowden.cli.tunnel_experiment import (
     SETTLE_S,
@@ -34,6 +32,8 @@ from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
 from bowden.drive.meanings import CompensationLaw
+from bowden.drive.reduced_model import reduced_model
+from bowden.drive.simulated_rig import own_rig
 from bowden.errors import BadInput
 from bowden.model import Model, parse_model
 from bowden.recording.atomic import replace_whole

@@ -7,15 +7,12 @@ listed here go to the rig's own program; see --rig-help.
 from __future__ import annotations
 
 import argparse
-import signal
 import subprocess
-import sys
-from collections.abc import Sequence
-from importlib.util import find_spec
 
-from bowden.drive.bus_options import BusOptions, add_bus_arguments, bus_options
+from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.dictionary import DEFAULT_NODE_ID
-from bowden.errors import BadInput, DriveFailed
+from bowden.drive.simulated_rig import rig_command, stop
+from bowden.errors import DriveFailed
 
 EXAMPLES = """examples:
   bowden rig                                  on this machine only, no CAN hardware needed
@@ -24,7 +21,6 @@ EXAMPLES = """examples:
   bowden rig -i socketcan -c vcan0            on a virtual CAN interface of the kernel
 """
 
-_PLUGIN = "bowden_rig"
 TARGETS = ("native", "emulated")
 
 
@@ -65,35 +61,3 @@ def run(args: argparse.Namespace) -> int:
     if status:
         raise DriveFailed(f"the simulated rig ended with status {status}; its own line says why")
     return 0
-
-
-def rig_command(
-    options: BusOptions, node_id: int = DEFAULT_NODE_ID, further: Sequence[str] = ()
-) -> list[str]:
-    """Return the command line that starts the simulated rig.
-
-    Raises
-    ------
-    BadInput
-        The simulated rig (package `bowden-rig`) is not installed.
-    """
-    if find_spec(_PLUGIN) is None:
-        raise BadInput(
-            "bowden rig",
-            "no simulated rig in this installation",
-            "the package bowden-rig beside this one (pip install bowden-rig)",
-        )
-    return [
-        sys.executable, "-m", _PLUGIN, *options.flags(), "--node-id", str(node_id), *further
-    ]  # fmt: skip
-
-
-def stop(process: subprocess.Popen[bytes]) -> None:
-    """End a rig politely, and at once where it does not listen."""
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-    try:
-        process.wait(timeout=5)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()

@@ -14,15 +14,15 @@ from pathlib import Path
 from bowden.cli.drive_arguments import connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console, print_json, say
-from bowden.cli.own_rig import own_rig
 from bowden.cli.record import record_to
-from bowden.cli.reduced_model import reduced_model
 from bowden.diagnosis.rendering import Tunnel, judge_rendering
 from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
 from bowden.drive.meanings import CompensationLaw, ModeOfOperation, TunnelAngleSource
 from bowden.drive.power import Run
+from bowden.drive.reduced_model import reduced_model
+from bowden.drive.simulated_rig import own_rig
 from bowden.errors import BadInput
 from bowden.model import Model, table_1
 from bowden.recording.atomic import replace_whole

@@ -1,26 +1,31 @@
-"""A simulated rig of one's own, for the time of a command: `demo` and `experiment` run on it.
+"""The simulated rig as a process: its command line, and one that lives as long as a block.
 
-Starts the rig's process on a bus that nobody else uses, finds its drive, and ends both whatever
+The rig is the optional package `bowden-rig`; it is started as a program and never imported.
+`own_rig` starts one on a bus that no other program uses, finds its drive, and ends both whatever
 happens.
 """
 
 from __future__ import annotations
 
+import signal
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
-from bowden.cli.rig import rig_command, stop
 from bowden.drive.bus_options import DEFAULT_INTERFACE, BusOptions, open_connection
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
+from bowden.drive.dictionary import DEFAULT_NODE_ID
 from bowden.drive.scan import scan
-from bowden.errors import DriveFailed
+from bowden.errors import BadInput, DriveFailed
 
+_PLUGIN = "bowden_rig"
 #: Starting the rig compiles its simulation the first time; slow machines take a minute for it.
 _RIG_STARTS_WITHIN_S = 180.0
 
@@ -97,3 +102,35 @@ def _own_bus(options: BusOptions) -> BusOptions:
 def _last_line(log_path: Path) -> str:
     lines = log_path.read_text(encoding="utf-8", errors="replace").split("\n")
     return next((line for line in reversed(lines) if line.strip()), "it said nothing")
+
+
+def rig_command(
+    options: BusOptions, node_id: int = DEFAULT_NODE_ID, further: Sequence[str] = ()
+) -> list[str]:
+    """Return the command line that starts the simulated rig.
+
+    Raises
+    ------
+    BadInput
+        The simulated rig (package `bowden-rig`) is not installed.
+    """
+    if find_spec(_PLUGIN) is None:
+        raise BadInput(
+            "bowden rig",
+            "no simulated rig in this installation",
+            "the package bowden-rig beside this one (pip install bowden-rig)",
+        )
+    return [
+        sys.executable, "-m", _PLUGIN, *options.flags(), "--node-id", str(node_id), *further
+    ]  # fmt: skip
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """End a rig politely, and at once where it does not listen."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+    try:
+        process.wait(timeout=5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

@@ -1,0 +1,79 @@
+"""Every result as Plotly figures, by name: the figures that the HTML reports show."""
+
+from __future__ import annotations
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from bowden.diagnosis.compare import Comparison
+from bowden.diagnosis.diagnose import Diagnosis
+from bowden.errors import BadInput
+from bowden.recording.recording import Recording
+from bowden.report import diagnosis_plots, plots
+from bowden.report.canvas import MEASURED, draw, dress
+from bowden.report.comparison import prescribed_load_torque
+
+POINTS = 4000
+_PANELS = (
+    ("motor_angle_rad", "motor angle (°)", True),
+    ("load_angle_rad", "load angle (°)", True),
+    ("motor_torque_nm", "motor torque (N m)", False),
+    ("load_torque_nm", "load torque (N m)", False),
+)
+
+
+def figures(result: object) -> dict[str, go.Figure]:
+    """Draw a result.
+
+    Parameters
+    ----------
+    result : Recording, Comparison or Diagnosis
+        Of a comparison of several recordings the first is drawn.
+
+    Returns
+    -------
+    dict of str to plotly.graph_objects.Figure
+        Recording: ``"time"``. Comparison: ``"time"``, ``"loop"``, ``"conditions"``. Diagnosis:
+        ``"ranking"`` and, where something was simulated, ``"before and after"``.
+
+    Raises
+    ------
+    BadInput
+        Another kind of object.
+    """
+    if isinstance(result, Recording):
+        return {"time": _channels(result)}
+    if isinstance(result, Comparison):
+        one = result.recordings[0]
+        prescribed = prescribed_load_torque(one.recording, plots.transmission_ratio(result))
+        return {
+            "time": plots.over_time(result, one, POINTS),
+            "loop": plots.loop(result, one, prescribed, POINTS),
+            "conditions": plots.where(result),
+        }
+    if isinstance(result, Diagnosis):
+        drawn = {}
+        if result.ranking:
+            named = [one.name for one in result.effects]
+            drawn["ranking"] = diagnosis_plots.ranking(result.ranking, named)
+        for series in result.series[:1]:
+            drawn["before and after"] = diagnosis_plots.before_and_after(
+                series, POINTS, improved=bool(result.effects)
+            )
+        return drawn
+    raise BadInput("figures", type(result).__name__, "Recording, Comparison or Diagnosis")
+
+
+def _channels(recording: Recording) -> go.Figure:
+    """Draw the main channels that a recording has, one above the other."""
+    panels = [panel for panel in _PANELS if panel[0] in recording.channels]
+    plot = make_subplots(rows=len(panels) or 1, cols=1, shared_xaxes=True, vertical_spacing=0.05)
+    dress(plot, height=160 * (len(panels) or 1) + 60)
+    for row, (name, title, is_angle) in enumerate(panels, start=1):
+        values = recording[name]
+        curve = (recording.time_s, np.degrees(values) if is_angle else values)
+        draw(plot, curve, title, MEASURED, points=POINTS, row=row, listed=False)
+        plot.update_yaxes(title_text=title, row=row)
+    plot.update_xaxes(title_text="time (s)", row=len(panels) or 1)
+    return plot
