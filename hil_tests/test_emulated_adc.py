@@ -17,8 +17,8 @@ pytestmark = pytest.mark.skipif(NO_COMPILER, reason="needs arm-none-eabi-gcc")
 
 SETUP = """
 #define ADC1 0x40012000u
-static void adc(void) { clock_168_mhz(); R(0x40023830u) = 7; R(0x40023844u) |= 7u << 8;
-    R(0x40023840u) |= 1u << 4; R(0x40020800u) = 0xFFu; R(ADC1 + 0x304) = 1u << 16;
+static void adc(void) { clock_168_mhz(); CLOCK(0x40023830u, 7); CLOCK(0x40023844u, 7u << 8);
+    CLOCK(0x40023840u, 1u << 4); R(0x40020800u) = 0xFFu; R(ADC1 + 0x304) = 1u << 16;
     R(ADC1 + 8) = 1; for (volatile int i = 0; i < 200; i++) {} }
 static uint32_t cycles(void) { return R(0xE0001004u); }
 """
@@ -166,7 +166,7 @@ INJECTED = (
     PWM.replace("BDTR", PLAIN)
     + """
 #define ADC1 0x40012000u
-static void injected(void) { R(0x40023844u) = 0x101; R(0x40020800u) = 0xFFu;
+static void injected(void) { CLOCK(0x40023844u, 0x101); R(0x40020800u) = 0xFFu;
     R(ADC1 + 0x304) = 1u << 16; R(ADC1 + 4) = 1u << 8 | 1u << 7; R(ADC1 + 0x38) = 3u << 20 | 10u |
     11u << 5 | 12u << 10 | 13u << 15; R(ADC1 + 8) = 1u | 1u << 20 | 1u << 16; ENABLE_IRQ(18);
     for (volatile int i = 0; i < 200; i++) {} }

@@ -55,7 +55,7 @@ def test_other_pll_factors(config: str, hz: int, note: str | None) -> None:
     chip = emulate(
         f"""
         int main(void) {{ R(0x40023800u) |= 1u << 16; while (!(R(0x40023800u) & 1u << 17)) {{}}
-            R(0x40023C00u) = 7u; R(0x40023804u) = {config} | 1u << 22 | 7u << 24;
+            R(0x40023C00u) = 7u; (void)R(0x40023C00u); R(0x40023804u) = {config} | 1u << 22 | 7u << 24;
             R(0x40023800u) |= 1u << 24; while (!(R(0x40023800u) & 1u << 25)) {{}}
             R(0x40023808u) = 5u << 10 | 4u << 13 | 2u; for (;;) {{ WFI(); }} }}
         """
@@ -68,7 +68,7 @@ def test_other_pll_factors(config: str, hz: int, note: str | None) -> None:
 def test_too_few_wait_states_and_too_fast_buses_are_noted() -> None:
     source = """
         int main(void) { R(0x40023800u) |= 1u << 16; while (!(R(0x40023800u) & 1u << 17)) {}
-            R(0x40023C00u) = LATENCY; R(0x40023804u) = 8u | 336u << 6 | 1u << 22 | 7u << 24;
+            R(0x40023C00u) = LATENCY; (void)R(0x40023C00u); R(0x40023804u) = 8u | 336u << 6 | 1u << 22 | 7u << 24;
             R(0x40023800u) |= 1u << 24; while (!(R(0x40023800u) & 1u << 25)) {}
             R(0x40023808u) = DIVIDERS | 2u; for (;;) { WFI(); } }
     """
@@ -212,7 +212,7 @@ def test_the_voltage_detector_warns_before_the_brown_out() -> None:
     chip = emulate(
         """
         void IRQ1(void) { result[0]++; result[1] = R(0x40007004u) & 4u; R(0x40013C14u) = 1u << 16; }
-        int main(void) { R(0x40023840u) = 1u << 28; R(0x40007000u) = 7u << 5 | 1u << 4;
+        int main(void) { CLOCK(0x40023840u, 1u << 28); R(0x40007000u) = 7u << 5 | 1u << 4;
             R(0x40013C08u) = 1u << 16; R(0x40013C00u) = 1u << 16; ENABLE_IRQ(1);
             for (;;) { WFI(); } }
         """
@@ -234,3 +234,74 @@ def test_unique_id_and_flash_size() -> None:
     )
     chip.run_until(100)
     assert results(chip, 4) == [1, 2, 0xDEADBEEF, 1024]
+
+
+def test_a_peripheral_used_right_after_its_clock_was_enabled_is_noted() -> None:
+    """ES0182: the clock comes two cycles after the write; a barrier or a read back waits for it."""
+    source = """
+        int main(void) { R(0x40023840u) |= 1u << 28; BETWEEN R(0x40007000u) |= 1u << 14;
+            for (;;) { WFI(); } }
+    """
+    hasty = emulate(source.replace("BETWEEN", ""))
+    patient = [
+        emulate(source.replace("BETWEEN", '__asm volatile("dsb\\n isb");')),
+        emulate(source.replace("BETWEEN", "(void)R(0x40023840u);")),
+    ]
+    for chip in (hasty, *patient):
+        chip.run_until(100)
+    assert hasty.notes == ["PWR used right after its clock was enabled"]
+    assert [chip.notes for chip in patient] == [[], []]
+
+
+def test_wait_states_that_are_not_read_back_are_noted() -> None:
+    """RM0090 3.5.1, step 2 of raising the clock."""
+    source = """
+        int main(void) { R(0x40023800u) |= 1u << 16; while (!(R(0x40023800u) & 1u << 17)) {}
+            R(0x40023C00u) = 5u; BETWEEN R(0x40023804u) = 8u | 336u << 6 | 1u << 22 | 7u << 24;
+            R(0x40023800u) |= 1u << 24; while (!(R(0x40023800u) & 1u << 25)) {}
+            R(0x40023808u) = 5u << 10 | 4u << 13 | 2u; for (;;) { WFI(); } }
+    """
+    trusting = emulate(source.replace("BETWEEN", ""))
+    careful = emulate(source.replace("BETWEEN", "(void)R(0x40023C00u);"))
+    for chip in (trusting, careful):
+        chip.run_until(3000)
+    assert trusting.notes == ["FLASH: the clock is raised before the wait states were read back"]
+    assert careful.notes == []
+
+
+HALTED = """
+    int main(void) { CLOCK(0x40023844u, 1u); FREEZE R(0x40010000u) |= 1u; START
+        for (;;) { result[0]++; } }
+"""
+
+
+@pytest.mark.parametrize(("freeze", "goes_on"), [("", True), ("R(0xE004200Cu) = 1u;", False)])
+def test_a_debugger_stops_the_core_and_the_timer_that_is_to_freeze(
+    freeze: str, goes_on: bool
+) -> None:
+    chip = emulate(HALTED.replace("FREEZE", freeze).replace("START", ""))
+    chip.run_until(100)
+    chip.halt(True)
+    rounds, count = chip.word("result"), chip.peripheral(0x40010024)
+    chip.run_until(200)
+    assert chip.word("result") == rounds
+    assert (chip.peripheral(0x40010024) != count) == goes_on
+    chip.halt(False)
+    chip.run_until(300)
+    assert chip.word("result") > rounds
+    assert chip.peripheral(0x40010024) != count
+
+
+@pytest.mark.parametrize(("freeze", "starves"), [("", True), ("R(0xE0042008u) = 1u << 12;", False)])
+def test_a_debugger_starves_the_watchdog_unless_it_is_to_freeze(freeze: str, starves: bool) -> None:
+    start = "R(0x40003000u) = 0x5555; R(0x40003008u) = 79; R(0x40003000u) = 0xCCCC;"  # 10 ms
+    chip = emulate(HALTED.replace("FREEZE", freeze).replace("START", start))
+    chip.run_until(5_000)
+    chip.halt(True)
+    chip.run_until(30_000)
+    assert (len(chip.resets) > 1) == starves
+    chip.halt(False)
+    chip.run_until(34_000)
+    assert len(chip.resets) == (2 if starves else 1)  # 5 ms were left of it
+    chip.run_until(36_000)
+    assert len(chip.resets) == 2

@@ -157,7 +157,7 @@ def test_wfi_wakes_on_a_masked_interrupt_without_taking_it() -> None:
     chip = run(
         """
         void IRQ54(void) { result[0]++; R(0x40001010u) = 0; }
-        int main(void) { R(0x40023840u) = 1u << 4; R(0x4000102Cu) = 1599; R(0x4000100Cu) = 1;
+        int main(void) { CLOCK(0x40023840u, 1u << 4); R(0x4000102Cu) = 1599; R(0x4000100Cu) = 1;
             R(0x40001014u) = 1; R(0x40001010u) = 0; ENABLE_IRQ(54);
             __asm volatile("cpsid i"); R(0x40001000u) = 1; WFI(); result[1] = result[0] + 1;
             __asm volatile("cpsie i\\n isb"); result[2] = result[0]; R(0x40001000u) = 0;
@@ -175,7 +175,7 @@ def test_interrupts_leave_the_interrupted_program_as_it_was() -> None:
     body = """
         void IRQ54(void) { R(0x40001010u) = 0; result[1]++; volatile uint64_t x = result[1];
             x = x * x / 3u; result[2] = (uint32_t)x; }
-        int main(void) { R(0x40023840u) = 1u << 4; R(0x4000102Cu) = 97; R(0x4000100Cu) = 1;
+        int main(void) { CLOCK(0x40023840u, 1u << 4); R(0x4000102Cu) = 97; R(0x4000100Cu) = 1;
             if (STORM) { ENABLE_IRQ(54); } R(0x40001000u) = 1;
             uint64_t h = 1469598103934665603ull; int32_t s = -5; uint32_t c = 3;
             for (uint32_t i = 0; i < 20000; i++) { h = (h ^ i) * 1099511628211ull;
@@ -255,7 +255,7 @@ def test_a_peripheral_without_its_clock_reads_zero_and_ignores_writes() -> None:
     chip = run(
         """
         int main(void) { R(0x4000042Cu) = 77; result[0] = R(0x4000042Cu);
-            R(0x40023840u) = 2; result[1] = R(0x4000042Cu); R(0x4000042Cu) = 77;
+            CLOCK(0x40023840u, 2); result[1] = R(0x4000042Cu); R(0x4000042Cu) = 77;
             result[2] = R(0x4000042Cu); for (;;) { WFI(); } }
         """
     )
@@ -266,7 +266,7 @@ def test_a_peripheral_without_its_clock_reads_zero_and_ignores_writes() -> None:
 def test_narrow_writes_repeat_on_apb_and_change_their_lane_on_ahb() -> None:
     chip = run(
         """
-        int main(void) { R(0x40023840u) = 1; R(0x40023830u) = 1;
+        int main(void) { CLOCK(0x40023840u, 1); CLOCK(0x40023830u, 1);
             R8(0x4000002Cu) = 0x5A; result[0] = R(0x4000002Cu);
             R16(0x4000002Cu) = 0x1234; result[1] = R(0x4000002Cu);
             R(0x40020014u) = 0xFF00; R8(0x40020014u) = 0x3C; result[2] = R(0x40020014u);
@@ -351,7 +351,7 @@ def test_instructions_of_both_lengths_count_one_each(instruction: str) -> None:
 def test_two_runs_are_identical_whatever_the_steps() -> None:
     source = """
         void IRQ54(void) { R(0x40001010u) = 0; result[0] = result[0] * 33u + R(0xE0001004u); }
-        int main(void) { R(0xE0001000u) = 1; R(0x40023840u) = 1u << 4; R(0x4000102Cu) = 331;
+        int main(void) { R(0xE0001000u) = 1; CLOCK(0x40023840u, 1u << 4); R(0x4000102Cu) = 331;
             R(0x4000100Cu) = 1; ENABLE_IRQ(54); R(0x40001000u) = 1;
             for (;;) { result[1] = result[1] * 7u + result[0]; } }
     """
@@ -379,7 +379,7 @@ def test_files_that_are_no_firmware_are_refused(tmp_path: Path) -> None:
 def test_what_is_not_modelled_is_said_apart_from_what_is_wrong() -> None:
     chip = run(
         """
-        int main(void) { R(0x40023844u) = 1u << 4; R(0x40011008u) = 5; result[0] = R(0x40011008u);
+        int main(void) { CLOCK(0x40023844u, 1u << 4); R(0x40011008u) = 5; result[0] = R(0x40011008u);
             R(0x40011408u) = 5; for (;;) { WFI(); } }
         """
     )

@@ -115,7 +115,7 @@ def test_interrupts_from_flash_wait_for_an_erase() -> None:
         FLASH
         + """
         void IRQ54(void) { R(0x40001010u) = 0; result[0]++; }
-        int main(void) { R(0x40023840u) = 1u << 4; R(0x4000102Cu) = 15999; R(0x4000100Cu) = 1;
+        int main(void) { CLOCK(0x40023840u, 1u << 4); R(0x4000102Cu) = 15999; R(0x4000100Cu) = 1;
             ENABLE_IRQ(54); R(0x40001000u) = 1; unlock(); erase(6); result[1] = result[0];
             for (;;) { WFI(); } }
         """

@@ -18,7 +18,7 @@ def test_basic_timer_update_interrupts_at_84_mhz_over_psc_and_arr() -> None:
     chip = emulate(
         """
         void IRQ54(void) { R(0x40001010u) = 0; result[0]++; }
-        int main(void) { clock_168_mhz(); R(0x40023840u) = 1u << 4; R(0x40001028u) = 83;
+        int main(void) { clock_168_mhz(); CLOCK(0x40023840u, 1u << 4); R(0x40001028u) = 83;
             R(0x4000102Cu) = 249; R(0x40001014u) = 1; R(0x40001010u) = 0; R(0x4000100Cu) = 1;
             ENABLE_IRQ(54); R(0x40001000u) = 1; for (;;) { WFI(); } }
         """
@@ -32,7 +32,7 @@ def test_basic_timer_update_interrupts_at_84_mhz_over_psc_and_arr() -> None:
 
 def test_the_prescaler_is_taken_over_at_an_update_only() -> None:
     source = """
-        int main(void) { R(0x40023840u) = 1; R(0x40000028u) = 15; UG R(0x40000000u) = 1;
+        int main(void) { CLOCK(0x40023840u, 1); R(0x40000028u) = 15; UG R(0x40000000u) = 1;
             for (volatile uint32_t i = 0; i < 400; i++) {} result[0] = R(0x40000024u);
             result[1] = R(0x40000010u); for (;;) { WFI(); } }
     """
@@ -47,7 +47,7 @@ def test_the_prescaler_is_taken_over_at_an_update_only() -> None:
 def test_a_32_bit_timer_counts_microseconds() -> None:
     chip = emulate(
         """
-        int main(void) { clock_168_mhz(); R(0x40023840u) = 8; R(0x40000C28u) = 83;
+        int main(void) { clock_168_mhz(); CLOCK(0x40023840u, 8); R(0x40000C28u) = 83;
             R(0x40000C14u) = 1; R(0x40000C24u) = 0xFFFFFF00u; R(0x40000C00u) = 1;
             for (;;) { result[0] = R(0x40000C24u); } }
         """
@@ -61,7 +61,7 @@ def test_a_32_bit_timer_counts_microseconds() -> None:
 def test_one_pulse_mode_stops_and_udis_suppresses_updates() -> None:
     chip = emulate(
         """
-        int main(void) { R(0x40023840u) = 0x30; R(0x4000102Cu) = 99; R(0x40001000u) = 8u | 1u;
+        int main(void) { CLOCK(0x40023840u, 0x30); R(0x4000102Cu) = 99; R(0x40001000u) = 8u | 1u;
             R(0x4000142Cu) = 99; R(0x40001400u) = 2u | 1u;
             for (volatile uint32_t i = 0; i < 200; i++) {}
             result[0] = R(0x40001000u) & 1u; result[1] = R(0x40001010u); result[2] = R(0x40001410u);
@@ -76,7 +76,7 @@ def test_one_pulse_mode_stops_and_udis_suppresses_updates() -> None:
 PWM = """
 #define TIM1 0x40010000u
 static void pwm(void) {
-    clock_168_mhz(); R(0x40023830u) = 7; R(0x40023844u) = 1;
+    clock_168_mhz(); CLOCK(0x40023830u, 7); CLOCK(0x40023844u, 1);
     R(0x40020000u) = 0xA8000000u | 2u << 16 | 2u << 18; R(0x40020024u) = 0x11;
     R(0x40020400u) = 2u << 24 | 2u << 26 | 2u << 28; R(0x40020424u) = 0x01110000u;
     R(TIM1 + 0x18) = 0x6868; R(TIM1 + 0x20) = 0x55; R(TIM1 + 0x2C) = 4200; R(TIM1 + 0x30) = 1;
@@ -210,7 +210,7 @@ def test_a_reset_opens_the_bridge() -> None:
 
 # ---- encoders ----------------------------------------------------------------------------------
 ENCODER = """
-int main(void) { R(0x40023830u) = 6; R(0x40023840u) = 2; R(0x40020800u) = 0xA000u;
+int main(void) { CLOCK(0x40023830u, 6); CLOCK(0x40023840u, 2); R(0x40020800u) = 0xA000u;
     R(0x40020820u) = 0x22000000u; R(0x40000418u) = 0x0101; R(0x4000042Cu) = 0xFFFF; SETUP
     R(0x40000408u) = MODE; R(0x40000400u) = 1; for (;;) { result[0] = R(0x40000424u);
     result[1] = R(0x40000400u) & 16u; result[2] = R(0x40020810u); } }
@@ -285,7 +285,7 @@ def test_the_index_pulse_interrupts_once_a_turn() -> None:
     chip = emulate(
         """
         void IRQ23(void) { R(0x40013C14u) = 1u << 8; result[0]++; result[1] = R(0x40000424u); }
-        int main(void) { R(0x40023830u) = 6; R(0x40023840u) = 2; R(0x40023844u) = 1u << 14;
+        int main(void) { CLOCK(0x40023830u, 6); CLOCK(0x40023840u, 2); CLOCK(0x40023844u, 1u << 14);
             R(0x40020800u) = 0xA000u; R(0x40020820u) = 0x22000000u; R(0x4000042Cu) = 0xFFFF;
             R(0x40000408u) = 3; R(0x40000400u) = 1; R(0x40013810u) = 2; R(0x40013C08u) = 1u << 8;
             R(0x40013C00u) = 1u << 8; ENABLE_IRQ(23); for (;;) { WFI(); } }
@@ -303,7 +303,7 @@ def test_the_index_pulse_interrupts_once_a_turn() -> None:
 def test_pins_outputs_pulls_and_set_reset() -> None:
     chip = emulate(
         """
-        int main(void) { R(0x40023830u) = 4; R(0x40020800u) = 1u << 26; R(0x4002080Cu) = 1u << 8;
+        int main(void) { CLOCK(0x40023830u, 4); R(0x40020800u) = 1u << 26; R(0x4002080Cu) = 1u << 8;
             R(0x40020818u) = 1u << 13; result[0] = R(0x40020810u);
             R(0x40020818u) = 1u << 29 | 1u << 3; result[1] = R(0x40020814u);
             R(0x40020818u) = 1u << 13 | 1u << 29; result[2] = R(0x40020814u);

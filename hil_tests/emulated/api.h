@@ -21,6 +21,7 @@ typedef struct {
     uint32_t can_bitrate;                  /* of the other nodes on the bus */
     uint32_t unique_id[3];                 /* 0x1FFF7A10 */
     uint32_t seed;                         /* of SRAM contents at power-on and of ADC noise */
+    bool frozen_timer_drives; /* TIM1 stopped by a debugger keeps its outputs; see debug.c */
 } machine_options_t;
 
 /* One CAN data frame on the wire. */
@@ -150,6 +151,10 @@ bool machine_can_receive(machine_t *m, wire_frame_t *frame);
 void machine_can_fault(machine_t *m, int fault);
 /* A node that sends this frame back to back, with idle_bits between; NULL: stop. */
 void machine_can_babble(machine_t *m, const wire_frame_t *frame, uint32_t idle_bits);
+
+void machine_halt(machine_t *m, bool halted); /* by a debugger: no instruction, no interrupt */
+/* Requests an exception from outside: taken before the next block of instructions. */
+void machine_pend(machine_t *m, uint32_t exception);
 
 void machine_hse_works(machine_t *m, bool works);
 void machine_supply_mv(machine_t *m, uint32_t millivolt); /* of the chip; 3300 */

@@ -138,6 +138,12 @@ static bool clocked(const machine_t *m, const block_t *block) {
     return block->bus == ALWAYS || (m->rcc.enable[block->bus] >> block->enable_bit & 1u);
 }
 
+static void check_fresh(machine_t *m, const block_t *block) {
+    if (block->bus != ALWAYS && rcc_is_fresh(m, block->bus, block->enable_bit) && !m->peeking) {
+        note(m, "%s used right after its clock was enabled", block->name);
+    }
+}
+
 static uint32_t read_block(machine_t *m, const block_t *block, uint32_t offset) {
     uint32_t value = 0;
     switch (block->kind) {
@@ -228,6 +234,7 @@ static uint64_t read_peripheral(uc_engine *uc, uint64_t offset64, unsigned size,
     if (!clocked(m, block)) {
         return 0;
     }
+    check_fresh(m, block);
     if (m->now >= m->next_event) { /* the register as it is now, in the middle of a block */
         events_run(m);
     }
@@ -254,6 +261,7 @@ static void write_peripheral(uc_engine *uc, uint64_t offset64, unsigned size, ui
         note(m, "%s written while its clock is off", block->name);
         return;
     }
+    check_fresh(m, block);
     if (m->now >= m->next_event) {
         events_run(m);
     }
@@ -284,8 +292,8 @@ static uint64_t read_core(uc_engine *uc, uint64_t offset64, unsigned size, void 
         value = scs_read(m, offset - 0xE000);
     } else if (offset >= 0x1000 && offset < 0x2000) {
         value = systick_read(m, offset);
-    } else if (offset == 0x42000) {
-        value = 0x10076413u; /* DBGMCU_IDCODE: STM32F405 revision 1 */
+    } else if (offset >= 0x42000 && offset < 0x42010) {
+        value = debug_read(m, offset - 0x42000);
     }
     value >>= 8 * (offset64 & 3u);
     return size == 4 ? value : value & ((1u << (8 * size)) - 1);
@@ -300,6 +308,8 @@ static void write_core(uc_engine *uc, uint64_t offset64, unsigned size, uint64_t
         scs_write(m, offset - 0xE000, (uint32_t)value, size);
     } else if (offset >= 0x1000 && offset < 0x2000) {
         systick_write(m, offset, (uint32_t)value);
+    } else if (offset >= 0x42000 && offset < 0x42010) {
+        debug_write(m, offset - 0x42000, (uint32_t)value);
     }
 }
 

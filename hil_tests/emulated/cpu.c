@@ -240,9 +240,13 @@ static int execute(machine_t *m) {
     return why_stopped(m, error);
 }
 
-/* The core stands still until something happens. */
+static bool stands_still(const machine_t *m) {
+    return m->nvic.locked_up || m->pwr.held || m->debug.halted;
+}
+
+/* The core does nothing until something happens. */
 static void wait(machine_t *m) {
-    if (m->cpu.sleeping && !m->nvic.locked_up && !m->pwr.held && exception_wakes(m)) {
+    if (m->cpu.sleeping && !stands_still(m) && exception_wakes(m)) {
         m->cpu.sleeping = false;
         account_wake(m);
     } else if (m->wake_at > m->now) {
@@ -265,7 +269,7 @@ int cpu_run(machine_t *m) {
             events_run(m);
             continue;
         }
-        bool halted = m->nvic.locked_up || m->pwr.held;
+        bool halted = stands_still(m);
         m->cpu.stalled = m->cpu.stalled && m->now < m->flash.busy_until;
         int exception = halted || m->cpu.stalled ? 0 : exception_takeable(m);
         if (exception != 0) {

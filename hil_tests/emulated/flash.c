@@ -151,9 +151,17 @@ void flash_check_latency(machine_t *m) {
     }
 }
 
+/* 3.5.1: new wait states are read back before the clock is raised. */
+void flash_check_read_back(machine_t *m) {
+    if (m->flash.latency_unread) {
+        note(m, "FLASH: the clock is raised before the wait states were read back");
+    }
+}
+
 uint32_t flash_read(machine_t *m, uint32_t offset) {
     switch (offset) {
     case 0x00:
+        m->flash.latency_unread = m->flash.latency_unread && m->peeking;
         return m->flash.acr;
     case 0x0C:
         return m->flash.sr;
@@ -202,6 +210,7 @@ void flash_write(machine_t *m, uint32_t offset, uint32_t value) {
     flash_t *f = &m->flash;
     switch (offset) {
     case 0x00:
+        f->latency_unread = f->latency_unread || (value & 7u) > (f->acr & 7u);
         f->acr = value & 0x1F07u;
         flash_check_latency(m);
         break;

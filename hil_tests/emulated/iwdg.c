@@ -56,6 +56,18 @@ void iwdg_write(machine_t *m, uint32_t offset, uint32_t value) {
     }
 }
 
+void iwdg_freeze(machine_t *m, bool frozen) {
+    iwdg_t *w = &m->iwdg;
+    tick_t at = m->event_at[EVENT_IWDG];
+    if (frozen && at != NEVER) {
+        w->left = at - m->now;
+        schedule(m, EVENT_IWDG, NEVER);
+    } else if (!frozen && w->left != 0) {
+        schedule(m, EVENT_IWDG, m->now + w->left);
+        w->left = 0;
+    }
+}
+
 void iwdg_reset(machine_t *m) {
     m->iwdg = (iwdg_t){.rlr = 0xFFF};
     schedule(m, EVENT_IWDG, NEVER);

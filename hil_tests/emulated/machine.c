@@ -107,6 +107,7 @@ static void scramble(machine_t *m, uint8_t *memory, uint32_t size) {
 void machine_power_on(machine_t *m) {
     scramble(m, m->sram, SRAM_SIZE);
     scramble(m, m->ccm, CCM_SIZE);
+    debug_power_on(m);
     m->reset_cause = RESET_POWER;
     perform_reset(m);
 }
@@ -195,6 +196,12 @@ reset_record_t machine_reset_record(const machine_t *m, int index) {
     static const reset_record_t none;
     bool kept = index >= 0 && index < m->reset_count && m->reset_count - index <= 16;
     return kept ? m->resets[index % 16] : none;
+}
+
+void machine_pend(machine_t *m, uint32_t exception) {
+    if (exception < EXCEPTIONS) {
+        exception_pend(m, (int)exception);
+    }
 }
 
 void machine_hse_works(machine_t *m, bool works) {

@@ -126,6 +126,8 @@ void account_wake(machine_t *m);
 typedef struct {
     uint32_t cr, pllcfgr, cfgr, cir, reset[5], enable[5], low_power[5], bdcr, csr;
     tick_t hse_ready_at, pll_ready_at, lsi_ready_at, hsi_ready_at;
+    uint32_t fresh[5]; /* enable bits set at fresh_at and not read back since */
+    tick_t fresh_at;
     uint32_t hclk_hz, pclk1_hz, pclk2_hz, tim1_hz, tim2_hz; /* timers on APB1 and on APB2 */
     bool hse_works;
 } rcc_t;
@@ -141,12 +143,15 @@ void rcc_write(machine_t *m, uint32_t offset, uint32_t value);
 void rcc_event(machine_t *m, tick_t at);
 void rcc_reset(machine_t *m, uint32_t cause);
 void rcc_hse_changed(machine_t *m);
+/* Was its clock enabled so short ago that an access may get lost? */
+bool rcc_is_fresh(const machine_t *m, int bus, int bit);
 void rcc_start_lsi(machine_t *m); /* what starting the watchdog does */
 
 typedef struct {
     uint32_t acr, sr, cr, optcr;
     int key_step, option_step;
     bool refused; /* a wrong key: locked until the next reset */
+    bool latency_unread; /* set, but not read back yet */
     tick_t busy_until;
     int erase_first, erase_count; /* sectors being erased */
 } flash_t;
@@ -156,6 +161,7 @@ void flash_program(machine_t *m, uint32_t address, unsigned size, uint64_t value
 void flash_event(machine_t *m, tick_t at);
 void flash_reset(machine_t *m);
 void flash_check_latency(machine_t *m);
+void flash_check_read_back(machine_t *m);
 
 typedef struct {
     uint32_t cr, csr, supply_mv;
@@ -171,11 +177,22 @@ typedef struct {
     uint32_t pr, rlr;
     bool running, unlocked;
     tick_t update_done;
+    tick_t left; /* to the reset, while frozen by the debugger */
 } iwdg_t;
 uint32_t iwdg_read(machine_t *m, uint32_t offset);
 void iwdg_write(machine_t *m, uint32_t offset, uint32_t value);
 void iwdg_event(machine_t *m, tick_t at);
 void iwdg_reset(machine_t *m);
+void iwdg_freeze(machine_t *m, bool frozen);
+
+/* ---- debug.c ---- */
+typedef struct {
+    uint32_t cr, apb1_fz, apb2_fz;
+    bool halted;
+} debug_t;
+uint32_t debug_read(const machine_t *m, uint32_t offset);
+void debug_write(machine_t *m, uint32_t offset, uint32_t value);
+void debug_power_on(machine_t *m);
 
 /* ---- gpio.c, exti.c ---- */
 #define PORTS 9
@@ -210,6 +227,7 @@ typedef struct {
     uint32_t base_count;
     tick_t base_time;
     bool down;
+    bool frozen; /* by the debugger */
     uint32_t locked; /* BDTR.LOCK, write-once after reset */
 } tim_t;
 uint32_t tim_read(machine_t *m, int n, uint32_t offset);
@@ -219,6 +237,7 @@ void tim_trigger_event(machine_t *m, tick_t at);
 void tim_reset(machine_t *m, int n);
 void tim_clock_changed(machine_t *m, bool before);
 void tim_update_irq(machine_t *m, int n);
+void tim_freeze(machine_t *m, int n, bool frozen);
 bool tim_is_encoder(const tim_t *t);
 uint32_t tim_clock_hz(const machine_t *m, int n);
 tick_t tim_ticks_per_count(const machine_t *m, int n);
@@ -324,6 +343,7 @@ struct machine {
     flash_t flash;
     pwr_t pwr;
     iwdg_t iwdg;
+    debug_t debug;
     gpio_t gpio[PORTS];
     exti_t exti;
     tim_t tim[TIMERS];

@@ -66,6 +66,7 @@ class Stm32F405:
             "can_bitrate": options.can_bitrate,
             "unique_id": list(options.unique_id),
             "seed": options.seed,
+            "frozen_timer_drives": options.frozen_timer_drives,
         }
         pointer = self._lib.machine_new(ffi.new("machine_options_t *", settings))
         if pointer == ffi.NULL:
@@ -122,6 +123,14 @@ class Stm32F405:
     def set_crystal(self, works: bool) -> None:
         """Let the crystal work or not, also while running."""
         self._lib.machine_hse_works(self._m, works)
+
+    def halt(self, halted: bool) -> None:
+        """Halt the core as a debugger does, or let it go on; time passes all the same."""
+        self._lib.machine_halt(self._m, halted)
+
+    def pend(self, exception: int) -> None:
+        """Request an exception (15 SysTick, 16 + n interrupt n) before the next block of code."""
+        self._lib.machine_pend(self._m, exception)
 
     @property
     def resets(self) -> list[Reset]:

@@ -99,6 +99,9 @@ static bool pins_connected(const machine_t *m, int channel) {
 bool pwm_leg_switched(const machine_t *m, int channel) {
     const tim_t *t = &m->tim[1];
     uint32_t enables = t->ccer >> (4 * (channel - 1)) & 0x5u; /* CCxE and CCxNE */
+    if (t->frozen && !m->options.frozen_timer_drives) {
+        return false;
+    }
     return (t->bdtr & MOE) && (t->cr1 & 1u) && enables == 0x5u && pins_connected(m, channel);
 }
 

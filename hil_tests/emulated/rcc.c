@@ -74,6 +74,9 @@ static void set_frequencies(machine_t *m, uint32_t sysclk) {
         note(m, "RCC: HCLK %u, PCLK1 %u, PCLK2 %u Hz exceed 168, 42, 84 MHz", hclk, pclk1, pclk2);
     }
     bool running = r->hclk_hz != 0;
+    if (running && hclk > r->hclk_hz) {
+        flash_check_read_back(m);
+    }
     if (running) {
         tim_clock_changed(m, true);
         systick_clock_changed(m, true);
@@ -149,6 +152,27 @@ void rcc_hse_changed(machine_t *m) {
     }
 }
 
+/* The clock comes two cycles after the write (ES0182, delay after an RCC peripheral clock enabling):
+ * not for accesses of the same block of instructions, unless the register was read back. */
+bool rcc_is_fresh(const machine_t *m, int bus, int bit) {
+    return m->rcc.fresh_at == m->now && (m->rcc.fresh[bus] >> bit & 1u);
+}
+
+static void enable(machine_t *m, int bus, uint32_t value) {
+    rcc_t *r = &m->rcc;
+    if (r->fresh_at != m->now) {
+        memset(r->fresh, 0, sizeof r->fresh);
+        r->fresh_at = m->now;
+    }
+    r->fresh[bus] |= value & ~r->enable[bus];
+    r->enable[bus] = value;
+}
+
+static uint32_t read_enabled(machine_t *m, int bus) {
+    m->rcc.fresh[bus] = m->peeking ? m->rcc.fresh[bus] : 0;
+    return m->rcc.enable[bus];
+}
+
 void rcc_start_lsi(machine_t *m) {
     if (!(m->rcc.csr & 1u)) {
         m->rcc.csr |= 1u;
@@ -180,15 +204,15 @@ uint32_t rcc_read(machine_t *m, uint32_t offset) {
     case 0x24:
         return r->reset[4];
     case 0x30:
-        return r->enable[0];
+        return read_enabled(m, 0);
     case 0x34:
-        return r->enable[1];
+        return read_enabled(m, 1);
     case 0x38:
-        return r->enable[2];
+        return read_enabled(m, 2);
     case 0x40:
-        return r->enable[3];
+        return read_enabled(m, 3);
     case 0x44:
-        return r->enable[4];
+        return read_enabled(m, 4);
     case 0x50:
         return r->low_power[0];
     case 0x60:
@@ -279,19 +303,19 @@ void rcc_write(machine_t *m, uint32_t offset, uint32_t value) {
         }
         break;
     case 0x30:
-        r->enable[0] = value;
+        enable(m, 0, value);
         break;
     case 0x34:
-        r->enable[1] = value;
+        enable(m, 1, value);
         break;
     case 0x38:
-        r->enable[2] = value;
+        enable(m, 2, value);
         break;
     case 0x40:
-        r->enable[3] = value;
+        enable(m, 3, value);
         break;
     case 0x44:
-        r->enable[4] = value;
+        enable(m, 4, value);
         break;
     case 0x50:
         r->low_power[0] = value;

@@ -76,6 +76,8 @@ class Options:
         Three words at 0x1FFF7A10.
     seed : int
         Of SRAM contents at power-on and ADC noise.
+    frozen_timer_drives : bool
+        TIM1 frozen by a debugger keeps its outputs instead of opening them (see debug.c).
     """
 
     hse_hz: int = 8_000_000
@@ -84,6 +86,7 @@ class Options:
     can_bitrate: int = 1_000_000
     unique_id: tuple[int, int, int] = (0x0057001A, 0x31334708, 0x34373331)
     seed: int = 1
+    frozen_timer_drives: bool = False
 
 
 @dataclass(frozen=True)

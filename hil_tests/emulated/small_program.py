@@ -45,6 +45,8 @@ _PROLOGUE = """
 #define R(address) (*(volatile uint32_t *)(address))
 #define R16(address) (*(volatile uint16_t *)(address))
 #define R8(address) (*(volatile uint8_t *)(address))
+/* Enables clocks in a register of RCC and reads it back, as ES0182 asks for. */
+#define CLOCK(enables, bits) (R(enables) |= (bits), (void)R(enables))
 #define WFI() __asm volatile("wfi" ::: "memory")
 #define ENABLE_IRQ(n) (R(0xE000E100u + 4u * ((n) / 32u)) = 1u << ((n) % 32u))
 #define PRIORITY(n, value) (R8(0xE000E400u + (n)) = (uint8_t)(value))
@@ -63,6 +65,7 @@ static inline void clock_168_mhz(void) {
     R(0x40023800u) |= 1u << 16;
     while (!(R(0x40023800u) & 1u << 17)) {}
     R(0x40023C00u) = 0x705u;
+    while ((R(0x40023C00u) & 7u) != 5u) {}
     R(0x40023804u) = 8u | 336u << 6 | 0u << 16 | 1u << 22 | 7u << 24;
     R(0x40023800u) |= 1u << 24;
     while (!(R(0x40023800u) & 1u << 25)) {}

@@ -33,7 +33,7 @@ tick_t tim_ticks_per_count(const machine_t *m, int n) {
 }
 
 static bool counts_time(const tim_t *t) {
-    return (t->cr1 & CEN) && !tim_is_encoder(t) && t->arr_now != 0;
+    return (t->cr1 & CEN) && !t->frozen && !tim_is_encoder(t) && t->arr_now != 0;
 }
 
 static uint32_t count_now(const machine_t *m, int n) {
@@ -169,6 +169,12 @@ void tim_event(machine_t *m, int n, tick_t at) {
 static void settle(machine_t *m, int n) {
     m->tim[n].base_count = count_now(m, n);
     m->tim[n].base_time = m->now;
+}
+
+void tim_freeze(machine_t *m, int n, bool frozen) {
+    settle(m, n);
+    m->tim[n].frozen = frozen;
+    plan(m, n);
 }
 
 void tim_clock_changed(machine_t *m, bool before) {
