@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bowden_rig.rig.parameters import Hand
 
-from hil_tests.board_bench import ENABLED, NEEDS_ELF, Board, start_node
+from hil_tests.board_bench import ENABLED, NEEDS_ELF, Board, running, start_node
 from hil_tests.lockstep_host import CONTROLWORD
 from hil_tests.targets import board_map
 from hil_tests.targets.emulated import temperature_code
@@ -18,7 +18,9 @@ pytestmark = NEEDS_ELF
 
 MOTOR_ENCODER, LOAD_ENCODER = 0x2020, 0x2021
 LOAD_TORQUE, MOTOR_CURRENT, BUS_VOLTAGE, TEMPERATURE = 0x2025, 0x2026, 0x2027, 0x2028
-TIM1_BDTR = 0x40010044
+TIM1_CR1, TIM1_CNT, TIM1_BDTR = 0x40010000, 0x40010024, 0x40010044
+COUNTS_DOWN = 1 << 4
+ADC_EXCEPTION = 16 + 18
 TORQUE_CONSTANT_NM_PER_A = 0.060
 CODE_A = board_map.CURRENT_UA_PER_CODE * 1e-6
 SENSORS = (
@@ -171,3 +173,20 @@ def test_the_filters_keep_foreign_frames_out() -> None:
     assert board.chip.account(16 + 20).activations == handled
     board.host.statusword()
     assert board.chip.account(16 + 20).activations == handled + 1
+
+
+def test_samples_are_taken_in_the_middle_of_the_high_sides_conduction() -> None:
+    """Once a period, where the ripple of the current crosses its mean: TIM1 at 0, counting up."""
+    board = running()
+    chip, seen, phases = board.chip, board.chip.account(ADC_EXCEPTION).activations, []
+    start_us = chip.time_us
+    while chip.time_us < start_us + 1000.0:
+        chip.run_until(chip.time_us + 0.1)
+        if chip.account(ADC_EXCEPTION).activations > seen:
+            seen = chip.account(ADC_EXCEPTION).activations
+            phases.append((chip.peripheral(TIM1_CR1) & COUNTS_DOWN, chip.peripheral(TIM1_CNT)))
+    assert len(phases) in {19, 20, 21}  # 20 kHz
+    # four conversions of 28 + 12 cycles at 21 MHz after the trigger: 7.62 us of 168 MHz; then the
+    # interrupt, up to a tick's latch at a higher priority, and the step of 0.1 us
+    assert {down for down, _ in phases} == {0}
+    assert all(1280 <= count < 1280 + 350 for _, count in phases)

@@ -240,3 +240,39 @@ def test_a_failing_supply_stops_the_bridge_and_waits() -> None:
     board.run(0.1)
     assert board.emergencies() == [0x6010]
     board.restart_after_fault()
+
+
+@pytest.mark.parametrize("block", range(3))
+def test_a_lock_that_comes_while_the_bridge_is_switched_on_holds(block: int) -> None:
+    """SysTick, which locks it, before each block of code of pwm_on() in turn, and after it."""
+    board = running()
+    enter(board, "pwm_on")
+    for _ in range(block):
+        next_block(board)
+    board.chip.write_memory(board.chip.image.symbols["late"].address, b"\x01")
+    board.chip.pend(SYSTICK)
+    board.chip.run_until(board.chip.time_us + 5.0)
+    for _ in range(10):  # before the next SysTick, which would switch it off again
+        assert not board.chip.bridge().enabled
+        board.chip.run_until(board.chip.time_us + 10.0)
+
+
+SYSTICK = 15
+INSTRUCTION_US = 0.006
+
+
+def enter(board: Board, function: str) -> None:
+    """Run to the first blocks of a function, soon after a control tick."""
+    address = board.chip.image.symbols[function].address
+    ticks = board.chip.word("ticks")
+    while board.chip.word("ticks") == ticks:
+        board.chip.run_until(board.chip.time_us + 1.0)
+    while not address <= board.chip.register(15) < address + 8:
+        board.chip.run_until(board.chip.time_us + INSTRUCTION_US)
+
+
+def next_block(board: Board) -> None:
+    """Run one block of code."""
+    before = board.chip.instructions
+    while board.chip.instructions == before:
+        board.chip.run_until(board.chip.time_us + INSTRUCTION_US)

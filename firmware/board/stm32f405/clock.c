@@ -9,6 +9,8 @@
  * crystal needs 2 ms (datasheet, typical), the PLL 0.3 ms (maximum). */
 #define WAIT_TURNS 40000u
 
+#define WAIT_STATES 5u
+
 static bool wait_for(volatile const uint32_t *reg, uint32_t mask, uint32_t value) {
     for (uint32_t turn = 0; turn < WAIT_TURNS; turn++) {
         if ((*reg & mask) == value) {
@@ -20,8 +22,13 @@ static bool wait_for(volatile const uint32_t *reg, uint32_t mask, uint32_t value
 
 clock_source_t clock_start(void) {
     RCC->APB1ENR |= RCC_APB1ENR_PWREN;
+    core_barrier();        /* the clock needs two cycles to arrive (ES0182) */
     PWR->CR |= PWR_CR_VOS; /* scale 1, needed above 144 MHz */
-    FLASH->ACR = FLASH_ACR_LATENCY(5u) | FLASH_ACR_PRFTEN | FLASH_ACR_ICEN | FLASH_ACR_DCEN;
+    FLASH->ACR =
+        FLASH_ACR_LATENCY(WAIT_STATES) | FLASH_ACR_PRFTEN | FLASH_ACR_ICEN | FLASH_ACR_DCEN;
+    if (!wait_for(&FLASH->ACR, FLASH_ACR_LATENCY_MASK, FLASH_ACR_LATENCY(WAIT_STATES))) {
+        return CLOCK_FAILED; /* 3.5.1: no faster clock before they are taken over */
+    }
     RCC->CFGR = RCC_CFGR_PPRE1_DIV4 | RCC_CFGR_PPRE2_DIV2;
     RCC->CR |= RCC_CR_HSEON;
     const bool crystal = wait_for(&RCC->CR, RCC_CR_HSERDY, RCC_CR_HSERDY);

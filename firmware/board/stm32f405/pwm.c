@@ -15,13 +15,17 @@
 static volatile bool locked;
 
 void pwm_start(void) {
+    DBGMCU->APB2_FZ |= DBGMCU_APB2_FZ_TIM1_STOP;
     RCC->APB2ENR |= RCC_APB2ENR_TIM1EN;
     core_barrier();
     TIM1->CR1 = TIM_CR1_CMS_1 | TIM_CR1_ARPE;
     TIM1->CR2 = TIM_CR2_MMS_UPDATE;
     TIM1->CCMR1 = TIM_CCMR1_OC1M_PWM1 | TIM_CCMR1_OC1PE | TIM_CCMR1_OC2M_PWM1 | TIM_CCMR1_OC2PE;
     TIM1->ARR = PWM_TOP;
-    TIM1->RCR = 1; /* an update each second turn of the counter: once a period */
+    /* An update each second turn of the counter, once a period. UG below loads the repetition
+     * counter, so the first overflow only counts it down: all updates are underflows, at the middle
+     * of the time in which the high sides conduct (17.3.3). */
+    TIM1->RCR = 1;
     pwm_set(0);
     TIM1->BDTR = BDTR_OFF;
     TIM1->CCER = TIM_CCER_CC1E | TIM_CCER_CC1NE | TIM_CCER_CC2E | TIM_CCER_CC2NE;
@@ -36,10 +40,13 @@ void pwm_set(int32_t duty) {
     TIM1->CCR2 = (uint32_t)(PWM_TOP / 2 - (duty - half));
 }
 
+/* SysTick may lock between the question and the deed. */
 void pwm_on(void) {
+    core_mask();
     if (!locked) {
         TIM1->BDTR = BDTR_OFF | TIM_BDTR_MOE;
     }
+    core_unmask();
 }
 
 void pwm_off(void) {

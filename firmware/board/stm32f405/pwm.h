@@ -12,7 +12,8 @@
 
 #define PWM_TOP 4200 /* timer counts of half a period: 168 MHz / (2 * 4200) = 20 kHz */
 
-/* Starts the timer with the bridge off. */
+/* Starts the timer with the bridge off. A debugger that halts the core stops the timer, too, and
+ * its outputs open as after a break; see also watchdog.h. */
 void pwm_start(void);
 
 /* Mean voltage on the motor as a fraction of the supply: duty of leg A minus that of leg B,

@@ -68,6 +68,7 @@ typedef struct {
 } flash_registers_t;
 #define FLASH REGISTERS(flash_registers_t, 0x40023C00u)
 #define FLASH_ACR_LATENCY(wait_states) (wait_states)
+#define FLASH_ACR_LATENCY_MASK 7u
 #define FLASH_ACR_PRFTEN (1u << 8)
 #define FLASH_ACR_ICEN (1u << 9)
 #define FLASH_ACR_DCEN (1u << 10)
@@ -173,6 +174,9 @@ typedef struct {
 #define CAN_MCR_TXFP (1u << 2)
 #define CAN_MCR_DBF (1u << 16)
 #define CAN_MSR_INAK (1u << 0)
+#define CAN_TSR_RQCP (1u << 0 | 1u << 8 | 1u << 16)
+#define CAN_TSR_TXOK (1u << 1 | 1u << 9 | 1u << 17)
+#define CAN_TSR_ABRQ (1u << 7 | 1u << 15 | 1u << 23)
 #define CAN_TSR_CODE(tsr) (((tsr) >> 24) & 3u)
 #define CAN_TSR_TME (7u << 26)
 #define CAN_RF0R_FMP0 3u
@@ -208,6 +212,7 @@ typedef struct {
 } dbgmcu_registers_t;
 #define DBGMCU REGISTERS(dbgmcu_registers_t, 0xE0042000u)
 #define DBGMCU_APB1_FZ_IWDG_STOP (1u << 12)
+#define DBGMCU_APB2_FZ_TIM1_STOP (1u << 0)
 #define UNIQUE_ID REGISTERS(uint32_t, 0x1FFF7A10u) /* three words */
 
 /* ---- Core, PM0214 chapter 4 ---- */
@@ -260,6 +265,15 @@ static inline void core_barrier(void) {
 /* The compiler moves no memory access across. */
 static inline void core_order(void) {
     __asm volatile("" ::: "memory");
+}
+
+/* Keeps every interrupt out, for a few instructions; not nested. Faults and NMI still come. */
+static inline void core_mask(void) {
+    __asm volatile("cpsid i" ::: "memory");
+}
+
+static inline void core_unmask(void) {
+    __asm volatile("cpsie i" ::: "memory");
 }
 
 static inline void core_sleep(void) {

@@ -24,7 +24,6 @@ static bool fed_since[LOOPS];
 static bool late;
 
 void watchdog_start(void) {
-    DBGMCU->APB1_FZ |= DBGMCU_APB1_FZ_IWDG_STOP; /* a halted debugger does not starve it */
     IWDG->KR = IWDG_KR_START;
     IWDG->KR = IWDG_KR_ACCESS;
     IWDG->PR = IWDG_PR_DIV4;
@@ -42,7 +41,14 @@ bool watchdog_current_loop_dead(void) {
     return age[LOOP_CURRENT] > LATEST[0][LOOP_CURRENT];
 }
 
+/* Written each time: a debugger that connects sets the bit, too. */
+static void follow_debugger(bool bridge_on) {
+    const uint32_t others = DBGMCU->APB1_FZ & ~DBGMCU_APB1_FZ_IWDG_STOP;
+    DBGMCU->APB1_FZ = others | (bridge_on ? 0u : DBGMCU_APB1_FZ_IWDG_STOP);
+}
+
 bool watchdog_check(bool bridge_on) {
+    follow_debugger(bridge_on);
     const uint32_t *latest = LATEST[bridge_on ? 1 : 0];
     bool complete = true;
     for (uint32_t loop = 0; loop < LOOPS; loop++) {

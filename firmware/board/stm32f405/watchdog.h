@@ -8,6 +8,10 @@
  * The 20 kHz loop is excused when it is merely absent: a dead converter is a fault that the drive
  * can still report over CAN (watchdog_current_loop_dead()). A 20 kHz loop that hangs is not absent:
  * it starves the control tick, which is late then.
+ *
+ * A core that a debugger halts does not feed it either: with the bridge off the IWDG waits for the
+ * debugger, with the bridge on it resets the chip. pwm.h has the outputs opened at the halt itself;
+ * RM0090 is silent on that (38.16.2), so this is what bounds the time in any case.
  */
 #ifndef BOWDEN_STM32F405_WATCHDOG_H
 #define BOWDEN_STM32F405_WATCHDOG_H
