@@ -268,6 +268,20 @@ def test_a_cell_that_dies_in_mid_motion_costs_a_rung_and_a_warning_but_not_the_t
     assert emergencies(rig.drive) == [(0, 0)]
 
 
+@pytest.mark.parametrize("torque_unm", [8_388_607, -8_388_607])  # ends of an i24
+def test_a_cell_at_the_end_of_its_range_is_not_used_from_the_first_tick_on(torque_unm: int) -> None:
+    rig = Rig()
+    rig.run(0.1)
+    values, sensors = rig.drive.values, rig.drive.sensors
+    for beyond_counts, used in ((-1, True), (1, False)):
+        sensors.load_cell_counts = int(
+            math.copysign(abs(torque_unm) // 200 + beyond_counts, torque_unm)
+        )
+        rig.drive.tick()
+        assert (values.compensation_rung == WITH_CELL) == used
+        assert values.compensation_fallback == (0 if used else END_OF_RANGE)
+
+
 def test_an_encoder_that_slips_leaves_coulomb_feed_forward() -> None:
     rig = Rig()
     rig.run(0.4)
