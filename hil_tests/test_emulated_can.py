@@ -110,7 +110,8 @@ def test_modes_sleep_after_reset_then_initialisation_then_normal() -> None:
     chip = emulate(
         """
         #define CAN 0x40006400u
-        int main(void) { CLOCK(0x40023840u, 1u << 25); result[0] = R(CAN) & 3u; result[1] = R(CAN + 4);
+        int main(void) { CLOCK(0x40023840u, 1u << 25); result[0] = R(CAN) & 3u;
+            result[1] = R(CAN + 4);
             R(CAN + 0x1C) = 5; result[2] = R(CAN + 0x1C); R(CAN) = 1; result[3] = R(CAN + 4) & 3u;
             R(CAN + 0x1C) = 0x001C0000u; result[4] = R(CAN + 0x1C); R(CAN) = 0;
             result[5] = R(CAN + 4) & 3u; while (R(CAN + 4) & 1u) {} result[6] = R(CAN + 4) & 3u;

@@ -55,7 +55,8 @@ def test_other_pll_factors(config: str, hz: int, note: str | None) -> None:
     chip = emulate(
         f"""
         int main(void) {{ R(0x40023800u) |= 1u << 16; while (!(R(0x40023800u) & 1u << 17)) {{}}
-            R(0x40023C00u) = 7u; (void)R(0x40023C00u); R(0x40023804u) = {config} | 1u << 22 | 7u << 24;
+            R(0x40023C00u) = 7u; (void)R(0x40023C00u);
+            R(0x40023804u) = {config} | 1u << 22 | 7u << 24;
             R(0x40023800u) |= 1u << 24; while (!(R(0x40023800u) & 1u << 25)) {{}}
             R(0x40023808u) = 5u << 10 | 4u << 13 | 2u; for (;;) {{ WFI(); }} }}
         """
@@ -68,7 +69,8 @@ def test_other_pll_factors(config: str, hz: int, note: str | None) -> None:
 def test_too_few_wait_states_and_too_fast_buses_are_noted() -> None:
     source = """
         int main(void) { R(0x40023800u) |= 1u << 16; while (!(R(0x40023800u) & 1u << 17)) {}
-            R(0x40023C00u) = LATENCY; (void)R(0x40023C00u); R(0x40023804u) = 8u | 336u << 6 | 1u << 22 | 7u << 24;
+            R(0x40023C00u) = LATENCY; (void)R(0x40023C00u);
+            R(0x40023804u) = 8u | 336u << 6 | 1u << 22 | 7u << 24;
             R(0x40023800u) |= 1u << 24; while (!(R(0x40023800u) & 1u << 25)) {}
             R(0x40023808u) = DIVIDERS | 2u; for (;;) { WFI(); } }
     """

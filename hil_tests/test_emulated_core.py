@@ -379,7 +379,8 @@ def test_files_that_are_no_firmware_are_refused(tmp_path: Path) -> None:
 def test_what_is_not_modelled_is_said_apart_from_what_is_wrong() -> None:
     chip = run(
         """
-        int main(void) { CLOCK(0x40023844u, 1u << 4); R(0x40011008u) = 5; result[0] = R(0x40011008u);
+        int main(void) { CLOCK(0x40023844u, 1u << 4); R(0x40011008u) = 5;
+            result[0] = R(0x40011008u);
             R(0x40011408u) = 5; for (;;) { WFI(); } }
         """
     )

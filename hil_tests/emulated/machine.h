@@ -150,7 +150,7 @@ void rcc_start_lsi(machine_t *m); /* what starting the watchdog does */
 typedef struct {
     uint32_t acr, sr, cr, optcr;
     int key_step, option_step;
-    bool refused; /* a wrong key: locked until the next reset */
+    bool refused;        /* a wrong key: locked until the next reset */
     bool latency_unread; /* set, but not read back yet */
     tick_t busy_until;
     int erase_first, erase_count; /* sectors being erased */
@@ -227,7 +227,7 @@ typedef struct {
     uint32_t base_count;
     tick_t base_time;
     bool down;
-    bool frozen; /* by the debugger */
+    bool frozen;     /* by the debugger */
     uint32_t locked; /* BDTR.LOCK, write-once after reset */
 } tim_t;
 uint32_t tim_read(machine_t *m, int n, uint32_t offset);

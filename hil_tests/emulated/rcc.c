@@ -152,8 +152,9 @@ void rcc_hse_changed(machine_t *m) {
     }
 }
 
-/* The clock comes two cycles after the write (ES0182, delay after an RCC peripheral clock enabling):
- * not for accesses of the same block of instructions, unless the register was read back. */
+/* The clock comes two cycles after the write (ES0182, delay after an RCC peripheral clock
+ * enabling): not for accesses of the same block of instructions, unless the register was read back.
+ */
 bool rcc_is_fresh(const machine_t *m, int bus, int bit) {
     return m->rcc.fresh_at == m->now && (m->rcc.fresh[bus] >> bit & 1u);
 }
