@@ -51,6 +51,13 @@ typedef enum {
     BOARD_STORE_FAILED,
 } board_store_t;
 
+/* Does the bus take the frames that the drive gives? */
+typedef enum {
+    BOARD_BUS_FINE,
+    BOARD_BUS_LOST,    /* bus-off, or nobody acknowledges */
+    BOARD_BUS_DROPPED, /* lost, and in this tick what waited in the controller was taken back */
+} board_bus_t;
+
 /* What the board has measured, sampled together at the start of a tick. */
 typedef struct {
     uint32_t time_us;             /* free running, wraps after 71 minutes */
@@ -63,6 +70,7 @@ typedef struct {
     int32_t conduit_temperature_mdegc; /* millidegrees Celsius */
     uint32_t faults;                   /* BOARD_FAULT_* bits */
     board_store_t store;
+    board_bus_t bus;
 } board_sensors_t;
 
 /* What the board must do until the next tick. Bridge off overrides the current. */

@@ -7,6 +7,7 @@
 #define ERROR_HISTORY 0x1003
 #define INHIBIT_TIME 0x1015
 #define INHIBIT_STEP_US UINT32_C(100)
+#define AGE_STEP_US UINT32_C(10000)
 
 static void store(const od_t *od, uint16_t index, uint8_t sub, uint32_t value) {
     const od_entry_t *entry = NULL;
@@ -31,8 +32,8 @@ static void announce(emcy_t *emcy, const od_t *od, uint16_t code, uint32_t detai
     if (emcy->waiting_count < EMCY_WAITING_MAX) {
         emcy->waiting_count++;
     }
-    emcy->waiting[emcy->waiting_count - 1] =
-        (emcy_error_t){.code = code, .register_bits = bits, .detail = detail};
+    emcy->waiting[emcy->waiting_count - 1] = (emcy_error_t){
+        .code = code, .register_bits = bits, .detail = detail, .time_us = emcy->now_us};
 }
 
 static void remember(const od_t *od, const emcy_error_t *error) {
@@ -84,18 +85,32 @@ void emcy_clear_all(emcy_t *emcy, const od_t *od) {
     }
 }
 
+/* Ages of waiting frames stop at the most that a frame can tell: the clock wraps. */
+static uint8_t age(emcy_error_t *error, uint32_t now_us) {
+    const uint32_t most_us = UINT8_MAX * AGE_STEP_US;
+    if (now_us - error->time_us > most_us) {
+        error->time_us = now_us - most_us;
+    }
+    return (uint8_t)((now_us - error->time_us) / AGE_STEP_US);
+}
+
 void emcy_tick(emcy_t *emcy, uint8_t node_id, bool allowed, uint32_t now_us, frame_queue_t *tx) {
+    emcy->now_us = now_us;
+    for (uint32_t i = 0; i < emcy->waiting_count; i++) {
+        (void)age(&emcy->waiting[i], now_us);
+    }
     if (emcy->inhibited && now_us - emcy->sent_us >= emcy->inhibit_us) {
         emcy->inhibited = false;
     }
     if (!allowed || emcy->inhibited || emcy->waiting_count == 0 || frame_queue_is_full(tx)) {
         return;
     }
-    const emcy_error_t *error = &emcy->waiting[0];
+    emcy_error_t *error = &emcy->waiting[0];
     can_frame_t frame = {.cob_id = (uint16_t)(EMCY_COB_ID + node_id), .length = 8};
     od_encode(error->code, &frame.data[0], 2);
     frame.data[2] = error->register_bits;
     od_encode(error->detail, &frame.data[3], 4);
+    frame.data[7] = age(error, now_us);
     frame_queue_push(tx, &frame);
     emcy->waiting_count--;
     for (uint32_t i = 0; i < emcy->waiting_count; i++) {

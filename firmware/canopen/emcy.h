@@ -4,6 +4,9 @@
  * condition that is found in every tick does not flood the bus. Frames keep the inhibit time
  * (0x1015). The error register (0x1001) is the union of what is present; the history (0x1003)
  * keeps what was set, newest first.
+ *
+ * Frame: code, error register, detail (4 bytes), age: how long ago it was, in 10 ms, 255 for 2.55 s
+ * and more. A frame that had to wait for the bus so still tells when.
  */
 #ifndef BOWDEN_CANOPEN_EMCY_H
 #define BOWDEN_CANOPEN_EMCY_H
@@ -26,6 +29,7 @@ typedef struct {
     uint16_t code;
     uint8_t register_bits;
     uint32_t detail;
+    uint32_t time_us; /* set by this part */
 } emcy_error_t;
 
 typedef struct {
@@ -36,6 +40,7 @@ typedef struct {
     bool inhibited; /* a frame was sent less than the inhibit time ago */
     uint32_t sent_us;
     uint32_t inhibit_us;
+    uint32_t now_us; /* of the last emcy_tick() */
 } emcy_t;
 
 /* Takes the inhibit time from the dictionary. */

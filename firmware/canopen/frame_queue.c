@@ -5,6 +5,10 @@ bool frame_queue_is_full(const frame_queue_t *queue) {
     return queue->count == FRAME_QUEUE_CAPACITY;
 }
 
+void frame_queue_clear(frame_queue_t *queue) {
+    queue->count = 0;
+}
+
 void frame_queue_push(frame_queue_t *queue, const can_frame_t *frame) {
     if (frame_queue_is_full(queue)) {
         queue->overflow_count++;

@@ -20,6 +20,9 @@ typedef struct {
 
 void frame_queue_push(frame_queue_t *queue, const can_frame_t *frame);
 
+/* Drops every frame that waits. */
+void frame_queue_clear(frame_queue_t *queue);
+
 /* Would the next frame be lost? For what can wait. */
 bool frame_queue_is_full(const frame_queue_t *queue);
 

@@ -11,6 +11,10 @@
 #define PDO_AREA_BEGIN 0x1400
 #define PDO_AREA_END 0x1C00
 
+/* A boot-up message that the bus has not dropped by then has been sent: 50 ms, several times what
+ * a board waits for an acknowledge. */
+#define ANNOUNCED_US UINT32_C(50000)
+
 static void boot_up(node_t *node) {
     heartbeat_configure(&node->heartbeat, &node->od, node->now_us);
     emcy_configure(&node->emcy, &node->od);
@@ -18,6 +22,8 @@ static void boot_up(node_t *node) {
     node->sdo.transfer = SDO_IDLE;
     node->nmt.state = NMT_PRE_OPERATIONAL;
     heartbeat_send(node->od.node_id, NMT_INITIALISING, &node->tx);
+    node->announced = false;
+    node->booted_us = node->now_us;
 }
 
 void node_init(node_t *node, const od_entry_t *entries, uint16_t count, void *values,
@@ -182,6 +188,30 @@ bool node_sample_due(const node_t *node, uint32_t now_us) {
     return node->nmt.state == NMT_OPERATIONAL && pdo_due(&node->pdo, now_us);
 }
 
+void node_follow_bus(node_t *node, board_bus_t bus) {
+    node->bus = bus;
+    if (bus == BOARD_BUS_FINE) {
+        return;
+    }
+    frame_queue_clear(&node->tx);
+    node->sdo.transfer = SDO_IDLE;
+    node->booted_us = node->now_us;
+    if (bus == BOARD_BUS_DROPPED) {
+        heartbeat_send(node->od.node_id, node->announced ? node->nmt.state : NMT_INITIALISING,
+                       &node->tx);
+    }
+}
+
+/* What time demands while the bus takes nothing: all timers run, nothing is queued. */
+static void tick_without_bus(node_t *node) {
+    frame_queue_t unsent = {0};
+    if (node->nmt.state == NMT_OPERATIONAL) {
+        pdo_tick(&node->pdo, &node->od, node->now_us, &unsent);
+    }
+    heartbeat_tick(&node->heartbeat, node->od.node_id, node->nmt.state, node->now_us, &unsent);
+    emcy_tick(&node->emcy, node->od.node_id, false, node->now_us, &unsent);
+}
+
 void node_tick(node_t *node, uint32_t now_us) {
     const uint8_t node_id = node->od.node_id;
     const uint8_t state = node->nmt.state;
@@ -189,6 +219,11 @@ void node_tick(node_t *node, uint32_t now_us) {
     if (state == NMT_INITIALISING) {
         return;
     }
+    if (node->bus != BOARD_BUS_FINE) {
+        tick_without_bus(node);
+        return;
+    }
+    node->announced |= now_us - node->booted_us >= ANNOUNCED_US;
     if (state == NMT_OPERATIONAL) {
         pdo_tick(&node->pdo, &node->od, now_us, &node->tx);
     }

@@ -35,6 +35,9 @@ typedef struct {
     frame_queue_t tx;
     storage_request_t storage; /* the drive carries it out and sets it back */
     uint32_t now_us;           /* time of the last tick */
+    board_bus_t bus;           /* as node_follow_bus() was told */
+    bool announced;            /* the boot-up message has gone out for all that is known */
+    uint32_t booted_us;        /* its time in the queue, or when the bus was last lost since */
 } node_t;
 
 /* Starts a node: sets every value to its initial one (so set the serial number after it), queues
@@ -49,6 +52,11 @@ void node_receive(node_t *node, const can_frame_t *frame);
 /* Takes the value of the urgent entry, the controlword, in an RPDO that was not taken (pdo.h);
  * false when there was none since the last call. Ask after each node_receive(). */
 bool node_take_withheld(node_t *node, uint16_t *value);
+
+/* Tells how the bus is, in every tick before node_tick(). While it takes no frames none are queued
+ * but the heartbeat, anew each time the controller has dropped the one before: so no frame leaves
+ * that tells of a time long past. EMCY frames wait, an SDO transfer ends. */
+void node_follow_bus(node_t *node, board_bus_t bus);
 
 /* Will node_tick(now_us) send a TPDO? All TPDOs of that tick are one sample. */
 bool node_sample_due(const node_t *node, uint32_t now_us);

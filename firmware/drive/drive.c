@@ -343,6 +343,7 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     publish_model(drive);
     publish_state(drive, sensors);
     count_sample(drive, sensors);
+    node_follow_bus(&drive->node, sensors->bus);
     node_tick(&drive->node, sensors->time_us);
     *actuators = (board_actuators_t){
         .bridge_enabled = state_bridge_on(drive->state),

@@ -50,9 +50,22 @@ def _emcy(dictionary: Dictionary, node_id: int) -> Message:
         _signal("error_code", 0, 16, choices=codes),
         _signal("error_register", 16, 8),
         _signal("error_detail", 24, 32),
-        _signal("error_reserved", 56, 8),
+        _age(56),
     ]
     return _message("EMCY", 0x80 + node_id, signals, _DRIVE)
+
+
+def _age(start: int) -> Signal:
+    return Signal(
+        name="error_age",
+        start=start,
+        length=8,
+        byte_order="little_endian",
+        conversion=BaseConversion.factory(scale=0.01),
+        unit="s",
+        comment="how long ago it was; 2.55 s and more",
+        receivers=[_HOST],
+    )
 
 
 def _message(

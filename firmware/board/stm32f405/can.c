@@ -35,6 +35,13 @@ static struct {
 static volatile bool rx_overrun;
 static uint16_t listened[CAN_RPDOS];
 static uint32_t since_recovery, passive; /* ticks */
+static uint8_t own_node_id;
+static bool configured;
+static bool lost;
+static uint32_t unsent; /* ticks since a frame waits and none has left */
+
+/* So long may the frames in the mailboxes wait: 10 ms. Then nobody acknowledges them. */
+#define UNSENT_TICKS (10000u / BOARD_CONTROL_PERIOD_US)
 
 static bool wait_for_initialisation(bool on) {
     const uint32_t wanted = on ? CAN_MSR_INAK : 0u;
@@ -69,18 +76,24 @@ static void start_filters(uint8_t node_id) {
     CAN1->FMR = CAN_FMR_RESET;
 }
 
-bool can_start(uint8_t node_id) {
+/* In initialisation: from here on the controller may take part. */
+static void configure(void) {
+    CAN1->BTR = BIT_TIMING;
+    start_filters(own_node_id);
+    CAN1->IER = CAN_IER_FMPIE0;
+    configured = true;
+    CAN1->MCR &= ~CAN_MCR_INRQ;
+}
+
+void can_start(uint8_t node_id) {
+    own_node_id = node_id;
     RCC->APB1ENR |= RCC_APB1ENR_CAN1EN;
     core_barrier();
     CAN1->MCR = CAN_MCR_INRQ | CAN_MCR_TXFP | CAN_MCR_DBF; /* awake, first come first sent */
-    if (!wait_for_initialisation(true)) {
-        return false;
+    if (wait_for_initialisation(true)) {
+        configure();
+        (void)wait_for_initialisation(false); /* can_tick() tells when it does not come */
     }
-    CAN1->BTR = BIT_TIMING;
-    start_filters(node_id);
-    CAN1->IER = CAN_IER_FMPIE0;
-    CAN1->MCR &= ~CAN_MCR_INRQ;
-    return wait_for_initialisation(false);
 }
 
 void can_listen(const uint16_t cob_ids[CAN_RPDOS]) {
@@ -154,12 +167,31 @@ void can_send(const can_frame_t *frame) {
 
 /* Bus-off ends 128 times 11 recessive bits after initialisation was entered and left (32.7.6). */
 static void recover(void) {
-    if ((CAN1->MSR & CAN_MSR_INAK) != 0) {
+    if ((CAN1->MSR & CAN_MSR_INAK) != 0 && !configured) {
+        configure();
+    } else if ((CAN1->MSR & CAN_MSR_INAK) != 0) {
         CAN1->MCR &= ~CAN_MCR_INRQ;
     } else if (since_recovery >= RECOVERY_TICKS) {
         since_recovery = 0;
         CAN1->MCR |= CAN_MCR_INRQ;
     }
+}
+
+board_bus_t can_bus(bool off) {
+    const uint32_t status = CAN1->TSR;
+    const bool waiting = (status & CAN_TSR_TME) != CAN_TSR_TME;
+    const bool sent = (status & CAN_TSR_TXOK) != 0;
+    CAN1->TSR = status & CAN_TSR_RQCP;
+    unsent = waiting && !sent ? unsent + 1u : 0u;
+    const bool falls_silent = off && !lost;
+    lost = off || (lost && !sent);
+    if (falls_silent || unsent >= UNSENT_TICKS) {
+        lost = true;
+        unsent = 0;
+        CAN1->TSR = CAN_TSR_ABRQ;
+        return BOARD_BUS_DROPPED;
+    }
+    return lost ? BOARD_BUS_LOST : BOARD_BUS_FINE;
 }
 
 uint32_t can_tick(void) {

@@ -14,9 +14,9 @@
 
 #define CAN_RPDOS 4
 
-/* Starts the controller for NMT, SYNC, the node's SDO requests and all heartbeats. Returns false
- * when it does not leave initialisation: then nothing comes and can_tick() says so. */
-bool can_start(uint8_t node_id);
+/* Starts the controller for NMT, SYNC, the node's SDO requests and all heartbeats. On a bus that
+ * does not let it in, can_tick() goes on with it and reports bus-off meanwhile. */
+void can_start(uint8_t node_id);
 
 /* Receives these identifiers too; 0 is none. Costs nothing while they stay the same. */
 void can_listen(const uint16_t cob_ids[CAN_RPDOS]);
@@ -24,6 +24,10 @@ void can_listen(const uint16_t cob_ids[CAN_RPDOS]);
 /* Once every control tick: recovers from bus-off, at most ten times a second. Returns
  * BOARD_FAULT_* bits. */
 uint32_t can_tick(void);
+
+/* Once every control tick, after can_tick(); `off`: that has reported bus-off. Does the bus take
+ * our frames? What waits for 10 ms, and at bus-off at once, is taken back and will not be sent. */
+board_bus_t can_bus(bool off);
 
 /* Takes the oldest received frame; false when there is none. */
 bool can_take(can_frame_t *frame);

@@ -122,7 +122,9 @@ static uint32_t find_faults(void) {
     }
     /* A node that is alone on the bus is error-passive, too; it matters while current flows. */
     const uint32_t ignored = actuators.bridge_enabled ? 0u : (uint32_t)BOARD_FAULT_CAN_PASSIVE;
-    return faults | (can_tick() & ~ignored);
+    const uint32_t bus = can_tick();
+    sensors.bus = can_bus((bus & BOARD_FAULT_CAN_BUS_OFF) != 0);
+    return faults | (bus & ~ignored);
 }
 
 static void read_sensors(void) {
