@@ -60,6 +60,7 @@ void emcy_set(emcy_t *emcy, const od_t *od, emcy_error_t error) {
         }
     }
     if (emcy->present_count < EMCY_PRESENT_MAX) {
+        error.time_us = emcy->now_us;
         emcy->present[emcy->present_count] = error;
         emcy->present_count++;
     }
@@ -85,7 +86,25 @@ void emcy_clear_all(emcy_t *emcy, const od_t *od) {
     }
 }
 
-/* Ages of waiting frames stop at the most that a frame can tell: the clock wraps. */
+static bool is_waiting(const emcy_t *emcy, uint16_t code) {
+    bool found = false;
+    for (uint32_t i = 0; i < emcy->waiting_count; i++) {
+        found = found || emcy->waiting[i].code == code;
+    }
+    return found;
+}
+
+void emcy_repeat(emcy_t *emcy, const od_t *od) {
+    for (uint32_t i = 0; i < emcy->present_count; i++) {
+        const emcy_error_t *error = &emcy->present[i];
+        if (!is_waiting(emcy, error->code)) {
+            announce(emcy, od, error->code, error->detail);
+            emcy->waiting[emcy->waiting_count - 1].time_us = error->time_us;
+        }
+    }
+}
+
+/* Ages stop at the most that a frame can tell: the clock wraps. */
 static uint8_t age(emcy_error_t *error, uint32_t now_us) {
     const uint32_t most_us = UINT8_MAX * AGE_STEP_US;
     if (now_us - error->time_us > most_us) {
@@ -98,6 +117,9 @@ void emcy_tick(emcy_t *emcy, uint8_t node_id, bool allowed, uint32_t now_us, fra
     emcy->now_us = now_us;
     for (uint32_t i = 0; i < emcy->waiting_count; i++) {
         (void)age(&emcy->waiting[i], now_us);
+    }
+    for (uint32_t i = 0; i < emcy->present_count; i++) {
+        (void)age(&emcy->present[i], now_us);
     }
     if (emcy->inhibited && now_us - emcy->sent_us >= emcy->inhibit_us) {
         emcy->inhibited = false;

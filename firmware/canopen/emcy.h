@@ -55,6 +55,9 @@ void emcy_clear(emcy_t *emcy, const od_t *od, uint16_t code);
 /* All errors have gone. */
 void emcy_clear_all(emcy_t *emcy, const od_t *od);
 
+/* Tells every present error again, with its age: frames may have been lost on the way. */
+void emcy_repeat(emcy_t *emcy, const od_t *od);
+
 /* Sends the next waiting frame when the inhibit time allows it, `allowed` (not stopped), and there
  * is room: a bus that is blocked must not swallow why. */
 void emcy_tick(emcy_t *emcy, uint8_t node_id, bool allowed, uint32_t now_us, frame_queue_t *tx);

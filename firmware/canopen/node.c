@@ -189,8 +189,12 @@ bool node_sample_due(const node_t *node, uint32_t now_us) {
 }
 
 void node_follow_bus(node_t *node, board_bus_t bus) {
+    const bool was_lost = node->bus != BOARD_BUS_FINE;
     node->bus = bus;
     if (bus == BOARD_BUS_FINE) {
+        if (was_lost) {
+            emcy_repeat(&node->emcy, &node->od);
+        }
         return;
     }
     frame_queue_clear(&node->tx);

@@ -104,3 +104,26 @@ def test_history_is_newest_first_bounded_and_can_be_emptied(node: Any) -> None:
     set_error(node, LOST)
     assert node.read(0x1003, 1) == (0x8130).to_bytes(4, "little")
     assert node.read(0x1003, 2) == 0x08000024
+
+
+FINE, AWAY, DROPPED = range(3)
+
+
+def test_an_error_whose_frame_the_bus_dropped_is_told_again_with_its_age(node: Any) -> None:
+    follow = node.lib.node_follow_bus
+    set_error(node, OVERCURRENT)
+    assert len(emergencies(node, 250)) == 1  # on its way when the bus is lost
+    follow(node.node, DROPPED)
+    set_error(node, LOST)
+    heard = node.run(99_750)
+    assert {cob_id for _, cob_id, _ in heard} == {0x710}  # the heartbeat that stands for all
+    follow(node.node, AWAY)
+    assert node.run(1_000_000) == []
+    follow(node.node, FINE)
+    ages = {data[:2]: data[7] for _, data in emergencies(node, 50_000)}
+    assert ages == {b"\x30\x81": 110, b"\x10\x23": 111}  # 1.1 s, then an inhibit time later
+    follow(node.node, DROPPED)
+    follow(node.node, AWAY)
+    node.run(4_000_000)
+    follow(node.node, FINE)
+    assert [data[7] for _, data in emergencies(node, 50_000)] == [255, 255]
