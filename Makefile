@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate wheels bench bench-diagnosis lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-diagnosis lock clean
 .PHONY: setup setup-firmware setup-baselines native
 
 help: ## list the targets
@@ -54,6 +54,9 @@ debug: setup-firmware ## gdb on a running board, through OpenOCD
 
 native: setup ## build the firmware as a shared library for this machine
 	$(MAKE) --no-print-directory -C firmware native BUILD=$(CURDIR)/build
+
+docs: native ## build the documentation site, with executed notebooks, into build/docs
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs build/docs
 
 wheels: setup ## build dist/bowden-*.whl and dist/bowden_rig-*.whl (with the compiled firmware)
 	rm -rf dist && $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation -w dist ./host ./rig

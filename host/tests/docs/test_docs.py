@@ -1,0 +1,99 @@
+"""The pages hold: links lead somewhere, commands exist with their options, Python blocks run."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import bowden
+import numpy as np
+import pytest
+from bowden.cli.main import COMMANDS, build_parser
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "notebooks").glob("*.md")]
+)
+LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)|!\[[^\]]*\]\(([^)\s]+)\)")
+FENCE = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+GENERATED = ROOT / "docs" / "reference"  # made when the site is built; `make docs` checks its links
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as GitHub and MyST make them."""
+    found = set()
+    for line in page.read_text(encoding="utf-8").splitlines():
+        if line.startswith("#"):
+            title = re.sub(r"[`*]", "", line.lstrip("#").strip()).lower()
+            found.add(re.sub(r"[^\w\- ]", "", title).replace(" ", "-"))
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_somewhere(page: Path) -> None:
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    for match in LINK.finditer(text):
+        target = match.group(1) or match.group(2)
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        if GENERATED in file.parents:
+            continue
+        assert file.exists(), f"{page.name}: {target}"
+        if anchor:
+            assert anchor in anchors(file), f"{page.name}: {target}"
+
+
+def command_lines() -> Iterator[tuple[str, str]]:
+    """Every `bowden ...` line of a code block: page, and the command without its comment."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        blocks = [
+            body for kind, _, body in FENCE.findall(text) if kind in ("", "sh", "bash", "console")
+        ]
+        blocks += re.findall(r"(?:^    .*\n)+", FENCE.sub("", text), re.MULTILINE)
+        for block in blocks:
+            for written in re.sub(r"\\\n\s*", "", block).splitlines():
+                line = written.strip().removeprefix("$ ").removeprefix(".venv/bin/")
+                if line.startswith("bowden ") and "COMMAND" not in line:
+                    yield page.name, line
+
+
+@pytest.mark.parametrize(("page", "line"), sorted(set(command_lines())))
+def test_every_command_is_one_that_the_program_takes(page: str, line: str) -> None:
+    words = shlex.split(line, comments=True)
+    words = words[1 : words.index(">") if ">" in words else None]
+    words = [word for word in words if word != "&"]
+    assert words[0] in COMMANDS or words[0].startswith("-"), f"{page}: {line}"
+    build_parser([words[0]]).parse_args(words)
+
+
+def test_make_targets_that_pages_name_exist() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    for page in PAGES:
+        for name in re.findall(r"(?:^ {4}|`)make ([a-z-]+)", page.read_text(), re.MULTILINE):
+            assert name in targets, f"{page.name}: make {name}"
+
+
+def test_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the folder of a checkout, with a recording of one's own."""
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    time_s = np.arange(0.0, 1.0, 2e-3)
+    given = bowden.Recording(
+        time_s, motor_torque_nm=0.1 * np.sin(6 * time_s), load_angle_rad=0.2 * np.sin(6 * time_s)
+    )
+    bowden.write_csv(bowden.simulate(bowden.table_1(), given), tmp_path / "run.csv")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    blocks = [
+        body
+        for kind, options, body in FENCE.findall(text)
+        if kind == "python" and "no-run" not in options
+    ]
+    assert blocks
+    for body in blocks:
+        exec(compile(body, "python.md", "exec"), {})
+    assert (tmp_path / "loop.html").stat().st_size > 1000
