@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import settings
 
 # Spelt out here and in hil_tests/targets: this file must not import the bench, or tests
 # of the model would need a built firmware.
 TARGETS = ("native", "emulated", "hardware")
+
+# How long an example takes is the machine's affair, not the law's.
+settings.register_profile("bowden", deadline=None)
+settings.load_profile("bowden")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
