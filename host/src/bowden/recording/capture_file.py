@@ -8,6 +8,7 @@ power cut the ``.part`` can be read up to the last second. Never needs a drive.
 from __future__ import annotations
 
 import dataclasses
+import io
 import struct
 import zlib
 from collections.abc import Iterator
@@ -29,6 +30,7 @@ from bowden.recording.side_file import (
     side_path,
     write_side_file,
 )
+from bowden.recording.source_bytes import is_packed, read_source
 
 NOT_CLOSED = "the recorder ended without closing the capture"
 
@@ -161,7 +163,8 @@ def _account(side: SideFile, decoded: Decoded | None) -> SideFile:
 
 def _frames(path: Path) -> Iterator[can.Message]:
     try:
-        with can.BLFReader(path) as reader:
+        data = io.BytesIO(read_source(path, "a BLF capture")) if is_packed(path) else path
+        with can.BLFReader(data) as reader:
             yield from reader
     except struct.error:
         # The file ends inside a block: the recorder was killed. All whole blocks have been read.

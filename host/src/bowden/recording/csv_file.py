@@ -6,7 +6,10 @@ the file's name and line. Writing is atomic: the file is there whole, or not at 
 
 from __future__ import annotations
 
+import io
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +19,15 @@ from bowden.errors import BadInput
 from bowden.recording.atomic import replace_whole
 from bowden.recording.channels import MAIN_CHANNELS, TIME
 from bowden.recording.recording import Recording
+from bowden.recording.source_bytes import is_packed, read_text, write_text
 
 #: What a header row may hold, for messages.
 ACCEPTED = ", ".join((TIME, *MAIN_CHANNELS))
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+#: Rows that are turned into text at once: keeps the memory small for long recordings.
+_ROWS_AT_ONCE = 20_000
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def read_csv(path: Path) -> Recording:
@@ -29,7 +36,7 @@ def read_csv(path: Path) -> Recording:
     Parameters
     ----------
     path : Path
-        The file. Columns in any order; ``time_s`` and at least one channel.
+        The file, also packed (``.gz``). Columns in any order; ``time_s`` and at least one channel.
 
     Raises
     ------
@@ -37,27 +44,31 @@ def read_csv(path: Path) -> Recording:
         Unreadable file, missing or repeated column, text, NaN, infinity, or time that does not
         increase; with the line.
     """
-    lines = _read_lines(path)
-    header_at = next((i for i, line in enumerate(lines) if line and line[0] != "#"), None)
-    if header_at is None:
+    text = read_text(path, "a readable recording (CSV)")
+    remarks: list[str] = []
+    start, number = 0, 0
+    while start < len(text):
+        end = text.find("\n", start) + 1 or len(text) + 1
+        line = text[start : end - 1].strip()
+        start, number = end, number + 1
+        if line and line[0] != "#":
+            break
+        remarks.append(line)
+    else:
         raise BadInput(str(path), "no header row", f"a row like {ACCEPTED}")
-    columns = _columns(path, header_at + 1, lines[header_at])
-    numbered = [
-        (number, line)
-        for number, line in enumerate(lines[header_at + 1 :], header_at + 2)
-        if line and line[0] != "#"
-    ]
-    if not numbered:
-        raise BadInput(f"{path}, line {header_at + 1}", "no samples after it", "rows of numbers")
-    table = _numbers(path, columns, numbered)
-    _check_time(path, columns, numbered, table[:, columns.index(TIME)])
+    columns = _columns(path, number, line)
+    body = _Body(path, columns, text[start:], number + 1)
+    table = body.numbers()
+    body.check_time(table[:, columns.index(TIME)])
     series = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(columns)}
     time_s = series.pop(TIME)
-    return Recording(time_s, series, metadata=_metadata(lines[:header_at]), source=str(path))
+    return Recording(time_s, series, metadata=_metadata(remarks), source=str(path))
 
 
 def write_csv(recording: Recording, path: Path) -> None:
     """Write a recording in the exchange form; reading it back gives exactly the same numbers.
+
+    A path that ends with ``.gz`` is packed.
 
     Raises
     ------
@@ -66,22 +77,14 @@ def write_csv(recording: Recording, path: Path) -> None:
     """
     first = [TIME, *(name for name in MAIN_CHANNELS if name in recording.channels)]
     series = {name: recording[name] for name in [*first, *recording.channels]}
-    lines = [f"# {key}: {' '.join(value.split())}" for key, value in recording.metadata.items()]
-    lines.append(",".join(series))
-    columns = [values.tolist() for values in series.values()]
-    lines.extend(",".join(map(repr, row)) for row in zip(*columns, strict=True))
-    with replace_whole(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _read_lines(path: Path) -> list[str]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise BadInput(str(path), error.strerror or str(error), "a readable recording") from error
-    except UnicodeDecodeError as error:
-        raise BadInput(str(path), "bytes that are not UTF-8 text", "a CSV recording") from error
-    return [line.strip() for line in text.split("\n")]
+    with replace_whole(path) as temporary, write_text(temporary, packed=is_packed(path)) as file:
+        for key, value in recording.metadata.items():
+            file.write(f"# {key}: {' '.join(value.split())}\n")
+        file.write(",".join(series) + "\n")
+        for start in range(0, recording.time_s.size, _ROWS_AT_ONCE):
+            rows = slice(start, start + _ROWS_AT_ONCE)
+            columns = [values[rows].tolist() for values in series.values()]
+            file.writelines(",".join(map(repr, row)) + "\n" for row in zip(*columns, strict=True))
 
 
 def _columns(path: Path, line: int, header: str) -> list[str]:
@@ -89,7 +92,8 @@ def _columns(path: Path, line: int, header: str) -> list[str]:
     where = f"{path}, line {line}"
     if TIME not in columns or len(columns) < 2:
         found = "no channel beside it" if TIME in columns else f"a header without {TIME}"
-        raise BadInput(where, found, f"columns like {ACCEPTED}, separated by commas")
+        accepted = f"columns like {ACCEPTED}, separated by commas"
+        raise BadInput(where, found, f"{accepted} (other tables: bowden convert --map)")
     repeated = sorted({name for name in columns if columns.count(name) > 1})
     if repeated or "" in columns:
         found = f"column {', '.join(repeated)} twice" if repeated else "a column without a name"
@@ -97,19 +101,56 @@ def _columns(path: Path, line: int, header: str) -> list[str]:
     return columns
 
 
-def _numbers(
-    path: Path, columns: list[str], numbered: list[tuple[int, str]]
-) -> NDArray[np.float64]:
-    """Parse all rows at once; only when that fails, look for the row to blame."""
-    try:
-        table = np.loadtxt([line for _, line in numbered], delimiter=",", ndmin=2, comments=None)
-    except ValueError:
-        table = None
-    if table is None or table.shape[1] != len(columns) or not np.isfinite(table).all():
-        for number, line in numbered:
-            _check_row(f"{path}, line {number}", columns, line)
-        raise BadInput(str(path), "rows that are not a table of numbers", "rows of finite numbers")
-    return np.asarray(table, dtype=np.float64)
+@dataclass(frozen=True)
+class _Body:
+    """The text behind the header row; split into lines only to find the one to blame."""
+
+    path: Path
+    columns: list[str]
+    text: str
+    first_line: int
+
+    def numbers(self) -> NDArray[np.float64]:
+        """Parse all rows at once; only when that fails, look for the row to blame."""
+        table = self._parsed(self.text) if "#" not in self.text else None
+        if table is None:
+            table = self._parsed("\n".join(line for _, line in self._rows()))
+        if table is None or not table.size:
+            for number, line in self._rows():
+                _check_row(f"{self.path}, line {number}", self.columns, line)
+            where = f"{self.path}, line {self.first_line - 1}"
+            found = "rows that are no table" if any(self._rows()) else "no samples after it"
+            raise BadInput(where, found, "rows of numbers")
+        return table
+
+    def check_time(self, time_s: NDArray[np.float64]) -> None:
+        """Refuse time that does not increase, with its line."""
+        stalled = np.flatnonzero(time_s[1:] <= time_s[:-1])
+        if stalled.size:
+            rows = list(self._rows())[int(stalled[0]) :][:2]
+            at = self.columns.index(TIME)
+            before, written = (line.split(",")[at].strip() for _, line in rows)
+            raise BadInput(
+                f"{self.path}, line {rows[1][0]}",
+                f"time_s = {written} after {before}",
+                "time that increases from row to row",
+            )
+
+    def _parsed(self, text: str) -> NDArray[np.float64] | None:
+        if not text.strip():
+            return None
+        try:
+            table = np.loadtxt(io.StringIO(text), delimiter=",", ndmin=2, comments=None)
+        except ValueError:
+            return None
+        if table.shape[1] != len(self.columns) or not np.isfinite(table).all():
+            return None
+        return np.asarray(table, dtype=np.float64)
+
+    def _rows(self) -> Iterator[tuple[int, str]]:
+        for number, line in enumerate(self.text.split("\n"), self.first_line):
+            if (row := line.strip()) and row[0] != "#":
+                yield number, row
 
 
 def _check_row(where: str, columns: list[str], line: str) -> None:
@@ -119,20 +160,6 @@ def _check_row(where: str, columns: list[str], line: str) -> None:
     for name, cell in zip(columns, cells, strict=True):
         if not _NUMBER.fullmatch(cell) or not np.isfinite(float(cell)):
             raise BadInput(where, f"{name} = {cell[:40]!r}", "a finite number")
-
-
-def _check_time(
-    path: Path, columns: list[str], numbered: list[tuple[int, str]], time_s: NDArray[np.float64]
-) -> None:
-    stalled = np.flatnonzero(time_s[1:] <= time_s[:-1])
-    if stalled.size:
-        at = int(stalled[0]) + 1
-        written = [numbered[i][1].split(",")[columns.index(TIME)].strip() for i in (at - 1, at)]
-        raise BadInput(
-            f"{path}, line {numbered[at][0]}",
-            f"time_s = {written[1]} after {written[0]}",
-            "time that increases from row to row",
-        )
 
 
 def _metadata(lines: list[str]) -> dict[str, str]:

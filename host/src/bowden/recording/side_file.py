@@ -74,8 +74,8 @@ class SideFile(_Part):
 
 
 def side_path(capture: Path) -> Path:
-    """Return the side file's path for a capture's path."""
-    return capture.with_name(capture.name + ".json")
+    """Return the side file's path for a capture's path; that of a packed one has no ``.gz``."""
+    return capture.with_name(capture.name.removesuffix(".gz") + ".json")
 
 
 def read_side_file(capture: Path) -> SideFile:
