@@ -1,0 +1,155 @@
+"""A session: recordings of one rig and what they share (zeros, path, tool), from a YAML side file.
+
+    rig: Tool 5, left spindle
+    shared: {zeros: day 1, tool: "5"}
+    recordings:
+    - {file: run_05.csv, path: roll 0}
+    - {file: run_06.csv.gz, path: roll 90, notes: after the pause}
+
+Recordings of one group have one number where others have one each: the same sensor zeros, the same
+way of the cables, the same tool. `signals` and `estimation` read the groups; this module reads and
+writes files only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from pydantic import Field
+
+from bowden.errors import BadInput
+from bowden.recording.read import read_recording
+from bowden.recording.recording import Recording
+from bowden.recording.yaml_file import Part, read_yaml, write_yaml
+
+#: What recordings of a session can share.
+Shared = Literal["zeros", "path", "tool"]
+SHARED: tuple[Shared, ...] = get_args(Shared)
+
+#: File endings that mean a session.
+SESSION_ENDINGS = (".yaml", ".yml")
+
+
+class Groups(Part):
+    """Group labels; recordings with the same label share that thing."""
+
+    zeros: str | None = Field(default=None, min_length=1)
+    path: str | None = Field(default=None, min_length=1)
+    tool: str | None = Field(default=None, min_length=1)
+
+
+class SessionEntry(Groups):
+    """One recording of the file, relative to it."""
+
+    file: str = Field(min_length=1)
+    notes: str | None = None
+
+
+class SessionFile(Part):
+    """The whole file; `shared` holds for every recording that does not say otherwise."""
+
+    rig: str = Field(min_length=1)
+    shared: Groups = Groups()
+    recordings: tuple[SessionEntry, ...] = Field(min_length=1)
+    notes: str | None = None
+
+
+@dataclass(frozen=True)
+class Session:
+    """Recordings of one rig, with the group of each.
+
+    Parameters
+    ----------
+    rig : str
+        Its name.
+    recordings : tuple of Recording
+        In the order of the file.
+    groups : dict of str to tuple of str
+        For ``"zeros"``, ``"path"`` and ``"tool"``, the label of each recording.
+    """
+
+    rig: str
+    recordings: tuple[Recording, ...]
+    groups: Mapping[Shared, tuple[str, ...]]
+
+    def members(self, shared: Shared) -> dict[str, tuple[int, ...]]:
+        """Return the recordings' numbers by group, in the order of first mention."""
+        found: dict[str, tuple[int, ...]] = {}
+        for number, label in enumerate(self.groups[shared]):
+            found[label] = (*found.get(label, ()), number)
+        return found
+
+
+def read_session(path: str | Path) -> Session:
+    """Read a session file and its recordings.
+
+    Who says nothing of tool and path shares them with the rig (the group is the rig's name). Who
+    says nothing of zeros has zeros of its own (the group is the file's name), for sensors may be
+    zeroed between runs.
+
+    Raises
+    ------
+    BadInput
+        What `read_yaml` and `read_recording` raise, or a file that is listed twice.
+    """
+    path = Path(path)
+    content = read_yaml(path, SessionFile, "a session file (YAML)")
+    names = [entry.file for entry in content.recordings]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise BadInput(
+                f"{path}, recordings[{number}].file", f"{name} again", "each recording once"
+            )
+    recordings = []
+    for number, entry in enumerate(content.recordings):
+        try:
+            recordings.append(read_recording(path.parent / entry.file))
+        except BadInput as error:
+            where = f"{path}, recordings[{number}].file, {error.where}"
+            raise BadInput(where, error.found, error.accepted) from error
+    groups = {
+        shared: tuple(_label(shared, entry, content) for entry in content.recordings)
+        for shared in SHARED
+    }
+    return Session(content.rig, tuple(recordings), groups)
+
+
+def read_recordings(paths: Sequence[str | Path]) -> Session:
+    """Read what a command line names: one session file, or recordings of one rig.
+
+    Recordings without a session share tool and path, and have zeros of their own.
+
+    Raises
+    ------
+    BadInput
+        What `read_session` and `read_recording` raise, or a session among other files.
+    """
+    found = [Path(path) for path in paths]
+    sessions = [path for path in found if path.suffix.lower() in SESSION_ENDINGS]
+    if sessions and len(found) > 1:
+        raise BadInput(
+            str(sessions[0]),
+            "a session file among other files",
+            "one session file, or recordings (list them all in the session)",
+        )
+    if sessions:
+        return read_session(sessions[0])
+    recordings = tuple(read_recording(path) for path in found)
+    rig = next((one.metadata["rig"] for one in recordings if "rig" in one.metadata), "rig")
+    own = tuple(str(path) for path in found)
+    one_rig = tuple(rig for _ in found)
+    return Session(rig, recordings, {"zeros": own, "path": one_rig, "tool": one_rig})
+
+
+def write_session(path: Path, content: SessionFile) -> None:
+    """Write a session file, whole or not at all."""
+    write_yaml(path, content)
+
+
+def _label(shared: Shared, entry: SessionEntry, content: SessionFile) -> str:
+    own: str | None = getattr(entry, shared)
+    every: str | None = getattr(content.shared, shared)
+    return own or every or (entry.file if shared == "zeros" else content.rig)
