@@ -1,34 +1,50 @@
 """Importer for recordings of the Medical Robotics and Devices Lab's surgical-tool test stand.
 
-Reads one text file of `MRDLab/mis-tool-characterization` (O'Neill, Stephens, Kowalewski, IEEE RA-L
-3(4), 2018: a cable-driven surgical tool with torque and angle measured at both ends) and builds a
-`Recording`, which then goes wherever any recording goes. The proximal end is our motor, the distal
-end our load. Touches nothing but the file that it reads.
+Reads files of `MRDLab/mis-tool-characterization` (O'Neill, Stephens, Kowalewski, IEEE RA-L 3(4),
+2018: a cable-driven surgical tool with torque and angle measured at both ends), packed or not. The
+proximal end is our motor, the distal end our load. The runs of one set (names that differ in the
+last number only) share their zeros, the sets of one tool the tool. `mrd_file` reads the columns.
 
-The files' header is not to be trusted (it says milliseconds where the column holds seconds), signs
-are not documented, and the distal torque has no zero. What is found or assumed instead is written
-into the recording's metadata under `import_...`, so that nobody has to guess later:
+The header is not to be trusted (it says milliseconds where the column holds seconds) and signs are
+not documented. What is found or assumed is written into the metadata under `import_...`:
 
-- *Angles* count from the first kept sample. The load's sign is the one that makes it move with the
-  motor.
-- *Torque signs* follow from the power flow: over many cycles nothing in the rig produces energy, so
-  the motor puts work in and the load takes work out.
-- *Proximal zero*: `torque0AverageTorque` of the header.
-- *Distal zero*: the first sample. The resistive load engages only after it, whatever its step: the
-  first samples of twelve runs are within 15 counts (0.6 mN m) of each other's mean, while the
-  torque that follows ranges over 3000.
+- *Angle zeros* are the counters' own: they run on from run to run of a set, so that all its runs
+  share one zero. The zeros of the two ends are not aligned with each other.
+- *Torque zeros* are the header's, `torque0AverageTorque` and `torque2ZeroLoad`. The second is 0 in
+  every file, and the first may have been taken with friction in the tool: a constant between the
+  two torques is not known.
+- *Signs*, one for all runs that are read together: the load's angle moves with the motor's; over
+  many cycles nothing in the rig produces energy, so the motor puts work in and the load takes it
+  out.
 - *Start-up*: the load jumps on and rings for up to half a second; that part is cut off.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.errors import BadInput
+from bowden.recording.mrd_file import (
+    ANGLE_L,
+    ANGLE_M,
+    BRAKE,
+    COMMAND,
+    CURRENT,
+    MOTOR,
+    TORQUE_L,
+    TORQUE_M,
+    StandRun,
+    read_stand_run,
+)
 from bowden.recording.recording import Recording
+from bowden.recording.session import Groups, SessionEntry, SessionFile
+from bowden.recording.source_bytes import read_text, stem
 
 _Floats = NDArray[np.float64]
 
@@ -37,9 +53,34 @@ PROXIMAL_COUNTS_PER_TURN = 8192
 DISTAL_COUNTS_PER_TURN = 4000
 MOTOR_COUNTS_PER_TURN = 4196 * 35  # encoder counts times the gearbox
 STARTUP_S = 0.5
+#: Net work below this share of the work moved to and fro leaves a torque's sign in doubt.
+DOUBTFUL_SHARE = 0.05
 
-_COLUMNS = 10
-_TIME, _ANGLE_M, _TORQUE_M, _CURRENT, _ANGLE_L, _TORQUE_L, _BRAKE, _COMMAND, _MOTOR = range(9)
+_NAME = re.compile(r"(?P<set>(?P<tool>.+?)(?:_(?P<path>(?:Roll|Pitch)_\d+))?)_(?P<run>\d{2,3})")
+
+
+@dataclass(frozen=True)
+class _Signs:
+    """What the signs of a set of runs follow from; each is negative where a sign is reversed.
+
+    Parameters
+    ----------
+    together : float
+        Correlation of the two ends' motions.
+    motor_work, load_work : float
+        Net work into the cables at the motor and out of them at the load, over the work moved.
+    """
+
+    together: float
+    motor_work: float
+    load_work: float
+
+    @classmethod
+    def of(cls, runs: Sequence[StandRun]) -> _Signs:
+        """Find the signs of runs that share them."""
+        together = _correlation(runs)
+        load_work = _net_work_share(runs, TORQUE_L, ANGLE_L)
+        return cls(together, _net_work_share(runs, TORQUE_M, ANGLE_M), _sign(together) * load_work)
 
 
 def read_mrd(
@@ -53,162 +94,172 @@ def read_mrd(
     Parameters
     ----------
     path : str or Path
-        The `<tool>_<XY>.TXT` file.
+        The `<tool>_<XY>.TXT` file, also packed.
     startup_s : float, default 0.5
         Seconds to cut off at the start, >= 0.
     distal_zero_counts : float, optional
-        The distal torque sensor's reading without load; the first sample when absent.
+        The distal torque sensor's reading without load; the header's when absent.
 
     Returns
     -------
     Recording
-        Signs as on the physics page; the stand's other columns too; what was assumed in
-        `metadata`.
+        Signs as on the physics page; the stand's other columns too; what was assumed in `metadata`.
 
     Raises
     ------
     BadInput
         No such file, a line that is not ten numbers, or nothing left after the start-up.
     """
-    path = Path(path)
-    header, rows = _parse(path)
-    time_s, time_note, keep = _seconds(rows[:, _TIME])
-    if not keep.all():
-        rows = rows[keep]
-    time_s = time_s[keep]
+    return _read([Path(path)], startup_s, distal_zero_counts)[0]
 
-    first = int(np.searchsorted(time_s, time_s[0] + startup_s))
-    if time_s.size - first < 100:
-        raise BadInput(
-            str(path),
-            f"{time_s[-1] - time_s[0]:.3f} s of data",
-            f"more than the start-up of {startup_s} s that is cut off",
+
+def read_mrd_folder(
+    folder: str | Path,
+    *,
+    startup_s: float = STARTUP_S,
+    distal_zero_counts: float | None = None,
+) -> tuple[list[Recording], SessionFile]:
+    """Read all runs of a folder, with one set of signs, and what they share.
+
+    Parameters
+    ----------
+    folder : str or Path
+        With `<tool>[_Roll_<n> | _Pitch_<n>]_<number>.TXT` files, packed or not, of one tool.
+    startup_s, distal_zero_counts
+        As for `read_mrd`.
+
+    Returns
+    -------
+    recordings : list of Recording
+        In the order of the names.
+    session : SessionFile
+        Zeros by set, path by the roll or pitch that the names tell; the files are ``NAME.csv``.
+
+    Raises
+    ------
+    BadInput
+        No run in the folder, runs of several tools, or what `read_mrd` raises.
+    """
+    folder = Path(folder)
+    paths = sorted(
+        path for path in folder.glob("*") if re.search(r"\.TXT(\.gz)?$", path.name, re.IGNORECASE)
+    )
+    named = {path: found for path in paths if (found := _NAME.fullmatch(stem(path)))}
+    if not named:
+        raise BadInput(str(folder), "no run of the test stand", "files like TOOL_12.TXT[.gz]")
+    tools = sorted({found["tool"] for found in named.values()})
+    if len(tools) > 1:
+        raise BadInput(str(folder), f"runs of {', '.join(tools)}", "runs of one tool in a folder")
+    recordings = _read(list(named), startup_s, distal_zero_counts)
+    entries = [
+        SessionEntry(
+            file=f"{stem(path)}.csv",
+            zeros=found["set"],
+            path=found["path"],
+            notes=_readme(path, found["path"]),
         )
-    proximal_zero, zero_note = _proximal_zero(header)
-    distal_zero = float(rows[0, _TORQUE_L]) if distal_zero_counts is None else distal_zero_counts
+        for path, found in named.items()
+    ]
+    shared = Groups(tool=tools[0], path=None if entries[0].path else "as mounted")
+    return recordings, SessionFile(
+        rig=f"MRD surgical-tool stand, {tools[0]}", shared=shared, recordings=tuple(entries)
+    )
 
-    rows = rows[first:]
-    time_s = time_s[first:] - time_s[first]
-    motor_angle = _angle_rad(rows[:, _ANGLE_M], PROXIMAL_COUNTS_PER_TURN)
-    load_angle = _angle_rad(rows[:, _ANGLE_L], DISTAL_COUNTS_PER_TURN)
-    motor_torque = (rows[:, _TORQUE_M] - proximal_zero) * TORQUE_NM_PER_COUNT
-    load_torque = (rows[:, _TORQUE_L] - distal_zero) * TORQUE_NM_PER_COUNT
 
-    correlation = float(np.corrcoef(np.diff(motor_angle[::10]), np.diff(load_angle[::10]))[0, 1])
-    load_angle = _flip(load_angle, correlation)
-    motor_work = _net_work_share(motor_torque, motor_angle)
-    load_work = _net_work_share(load_torque, load_angle)
-    motor_torque = _flip(motor_torque, motor_work)
-    load_torque = _flip(load_torque, load_work)
+def _read(
+    paths: Sequence[Path], startup_s: float, distal_zero_counts: float | None
+) -> list[Recording]:
+    """Read runs that share their signs."""
+    if not 0.0 <= startup_s < float("inf"):
+        raise BadInput("start-up", f"{startup_s:g}", "seconds, 0 or more")
+    runs = [read_stand_run(path, startup_s) for path in paths]
+    signs = _Signs.of(runs)
+    return [_recording(run, signs, distal_zero_counts) for run in runs]
 
+
+def _recording(run: StandRun, signs: _Signs, distal_zero_counts: float | None) -> Recording:
+    rows = run.rows
+    load_sign, motor_work, load_work = _sign(signs.together), signs.motor_work, signs.load_work
+    motor_zero, motor_note = _zero(run.header, "torque0AverageTorque")
+    load_zero, load_note = _zero(run.header, "torque2ZeroLoad")
+    if distal_zero_counts is not None:
+        load_zero, load_note = distal_zero_counts, f"{distal_zero_counts:g} counts (given)"
+    pulses = ", ".join(f"{k}={v}" for k, v in run.header.items() if k.startswith("idxPulse"))
     return Recording(
-        time_s=time_s,
-        motor_angle_rad=motor_angle,
-        load_angle_rad=load_angle,
-        motor_torque_nm=motor_torque,
-        load_torque_nm=load_torque,
-        channels={
-            "motor_current_a": rows[:, _CURRENT].copy(),
-            "brake_command_a": rows[:, _BRAKE].copy(),
-            "motor_command": rows[:, _COMMAND].copy(),
-            "geared_motor_angle_rad": _angle_rad(rows[:, _MOTOR], MOTOR_COUNTS_PER_TURN),
-        },
+        run.time_s,
+        motor_angle_rad=_angle_rad(rows[:, ANGLE_M], PROXIMAL_COUNTS_PER_TURN),
+        load_angle_rad=load_sign * _angle_rad(rows[:, ANGLE_L], DISTAL_COUNTS_PER_TURN),
+        motor_torque_nm=_sign(motor_work) * (rows[:, TORQUE_M] - motor_zero) * TORQUE_NM_PER_COUNT,
+        load_torque_nm=_sign(load_work) * (rows[:, TORQUE_L] - load_zero) * TORQUE_NM_PER_COUNT,
+        motor_current_a=rows[:, CURRENT],
+        brake_command_a=rows[:, BRAKE],
+        motor_command=rows[:, COMMAND],
+        geared_motor_angle_rad=_angle_rad(rows[:, MOTOR], MOTOR_COUNTS_PER_TURN),
         metadata={
-            "rig": f"MRD surgical-tool stand, {path.stem}",
-            "sample_rate_hz": f"{1.0 / float(np.median(np.diff(time_s))):.6g}",
+            "rig": f"MRD surgical-tool stand, {stem(run.path)}",
+            "sample_rate_hz": f"{1.0 / float(np.median(np.diff(run.time_s))):.6g}",
             "data_source": "MRDLab/mis-tool-characterization, doi 10.1109/LRA.2018.2849862, "
             "Open Database License",
-            "import_time": time_note,
-            "import_startup": f"first {startup_s:g} s cut off",
-            "import_angles": "zero at the first kept sample; load sign "
-            f"{'reversed' if correlation < 0 else 'kept'} (correlation of the motions "
-            f"{correlation:+.2f})",
-            "import_motor_torque": f"zero {zero_note}; sign {_sign_note(motor_work)}",
-            "import_load_torque": f"zero {distal_zero:g} counts "
-            f"({'first sample' if distal_zero_counts is None else 'given'}); "
-            f"sign {_sign_note(load_work)}",
-            "notes": header[1].lstrip("% ") if len(header) > 1 else "",
+            "import_time": run.time_note,
+            "import_angles": "zero of the counters, one for all runs of a set; load sign "
+            f"{'reversed' if load_sign < 0 else 'kept'} (correlation of the motions "
+            f"{signs.together:+.2f})" + (f"; index pulses {pulses}" if pulses else ""),
+            "import_motor_torque": f"zero {motor_note}; sign {_sign_note(motor_work)}",
+            "import_load_torque": f"zero {load_note}; sign {_sign_note(load_work)}",
+            "notes": run.note,
         },
-        source=str(path),
+        source=str(run.path),
     )
 
 
-def _parse(path: Path) -> tuple[list[str], _Floats]:
-    """Return the header lines and the ten columns."""
+def _zero(header: dict[str, str], name: str) -> tuple[float, str]:
+    """Return a torque's zero in counts and where it is from; 0 where the header has none."""
     try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as error:
-        raise BadInput(str(path), error.strerror or "no file", "a readable MRD text file") from None
-    header = [line for line in lines if line.startswith("%")]
-    numbered = [
-        (number, line)
-        for number, line in enumerate(lines, start=1)
-        if line.strip() and not line.startswith("%")
-    ]
-    if not numbered:
-        raise BadInput(str(path), "no rows", "rows of ten comma-separated numbers")
-    values = []
-    for number, line in numbered:
-        cells = line.split(",")
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError:
-            row = []
-        if len(row) != _COLUMNS or not np.all(np.isfinite(row)):
-            raise BadInput(
-                f"{path}, line {number}", repr(line[:60]), "ten comma-separated finite numbers"
-            )
-        values.append(row)
-    return header, np.array(values)
-
-
-def _seconds(column: _Floats) -> tuple[_Floats, str, NDArray[np.bool_]]:
-    """Time in seconds from the first row, how it was read, and which rows to keep.
-
-    The unit follows from the step (the stand samples at 1 kHz); where the clock jumps back it has
-    wrapped, and time goes on with one step; rows that repeat a time are dropped.
-    """
-    step = np.diff(column)
-    usual = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
-    unit, name = (1e-3, "milliseconds") if usual >= 0.5 else (1.0, "seconds")
-    wraps = step < 0
-    time_s = np.concatenate([[0.0], np.cumsum(np.where(wraps, usual, step))]) * unit
-    keep = np.concatenate([[True], step != 0])
-    note = (
-        f"column in {name}; {int(wraps.sum())} wraps joined; {int((~keep).sum())} repeats dropped"
-    )
-    return time_s, note, keep
-
-
-def _proximal_zero(header: list[str]) -> tuple[float, str]:
-    for line in header:
-        name, _, value = line.lstrip("% ").partition("=")
-        if name.strip() == "torque0AverageTorque":
-            try:
-                return float(value), f"{float(value):g} counts (header)"
-            except ValueError:
-                break
-    return 0.0, "0 counts (none in the header)"
+        zero = float(header[name])
+    except (KeyError, ValueError):
+        return 0.0, "0 counts (none in the header)"
+    return (zero, f"{zero:g} counts (header)") if np.isfinite(zero) else _zero({}, name)
 
 
 def _angle_rad(counts: _Floats, counts_per_turn: int) -> _Floats:
-    """Angle from the first row; a jump of more than half a turn is the counter's wrap."""
-    unwrapped = np.unwrap(counts, period=counts_per_turn)
-    return np.asarray((unwrapped - unwrapped[0]) * (2.0 * np.pi / counts_per_turn))
+    """Angle from the counter's zero; a jump of more than half a turn is the counter's wrap."""
+    return np.asarray(np.unwrap(counts, period=counts_per_turn) * (2.0 * np.pi / counts_per_turn))
 
 
-def _net_work_share(torque_nm: _Floats, angle_rad: _Floats) -> float:
+def _correlation(runs: Sequence[StandRun]) -> float:
+    """Correlate the two ends' motions, in steps of ten samples, over all runs; -1..1."""
+    motor, load = (
+        np.concatenate([np.diff(run.rows[::10, column]) for run in runs])
+        for column in (ANGLE_M, ANGLE_L)
+    )
+    norm = float(np.sqrt(np.sum(motor**2) * np.sum(load**2)))
+    return float(np.sum(motor * load)) / norm if norm > 0.0 else 0.0
+
+
+def _net_work_share(runs: Sequence[StandRun], torque: int, angle: int) -> float:
     """Net work over the work moved to and fro, -1..1; an offset of the torque cancels."""
-    power = (torque_nm - torque_nm.mean())[1:] * np.diff(angle_rad)
-    moved = float(np.sum(np.abs(power)))
-    return float(np.sum(power)) / moved if moved > 0.0 else 0.0
+    net = moved = 0.0
+    for run in runs:
+        values = run.rows[:, torque]
+        power = (values - values.mean())[1:] * np.diff(run.rows[:, angle])
+        net, moved = net + float(np.sum(power)), moved + float(np.sum(np.abs(power)))
+    return net / moved if moved > 0.0 else 0.0
 
 
-def _flip(values: _Floats, indicator: float) -> _Floats:
-    return -values if indicator < 0.0 else values
+def _sign(work_share: float) -> float:
+    return -1.0 if work_share < 0.0 else 1.0
 
 
 def _sign_note(work_share: float) -> str:
     kept = "reversed" if work_share < 0.0 else "kept"
-    doubt = "" if abs(work_share) > 0.05 else ", doubtful"
+    doubt = "" if abs(work_share) > DOUBTFUL_SHARE else ", doubtful"
     return f"{kept} (net work is {abs(work_share):.0%} of the work moved{doubt})"
+
+
+def _readme(run: Path, path: str | None) -> str | None:
+    """Return what the set's readme says of its path: ``readme_Roll_1.txt``, or ``readme.txt``."""
+    for name in (f"readme_{path}.txt", "readme.txt"):
+        readme = run.with_name(name)
+        if path and readme.is_file():
+            return " ".join(read_text(readme, "a text file", "latin-1").split("\n\n")[0].split())
+    return None
