@@ -30,12 +30,13 @@ test: lint firmware native ## lint, prove the firmware integer-only, run every t
 	$(BIN)/pytest $(PYTEST_FLAGS)
 	$(BIN)/pytest $(PYTEST_FLAGS) hil_tests/test_bench.py hil_tests/test_drive.py hil_tests/test_storage.py hil_tests/test_compensation.py --target=emulated --require-target
 
-lint: setup ## ruff, mypy strict, import contracts, clang-format
+lint: setup ## ruff, mypy strict, import contracts, word list, clang-format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m shared.dictionary --check
+	$(BIN)/python -m tools.word_list
 	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
 
 format: setup ## format Python and C in place

@@ -1,6 +1,6 @@
-"""The compensation's ladder on the simulated rig, over CAN: on every target that can be put on it.
+"""Fallback levels of the compensation on the simulated rig, over CAN, on every target.
 
-What leads to which rung, to the tick, is tested in firmware/tests/test_fallback; here it is that
+What leads to which level, to the tick, is tested in firmware/tests/test_fallback; here it is that
 the whole drive goes on, says so, and keeps the torque from jumping.
 """
 
@@ -65,13 +65,13 @@ def compensating(benches: Benches, rig: Rig, law: int = MODEL_INVERSION) -> Host
 
 
 def warnings(host: Host) -> list[tuple[int, int]]:
-    """Rung and causes of each warning on the wire."""
+    """Level and causes of each warning on the wire."""
     told = [
         struct.unpack("<HxHH", f.data[:7])
         for f in host.frames
         if f.arbitration_id == 0x80 + host.node_id
     ]
-    return [(rung, causes) for code, causes, rung in told if code == WARNING]
+    return [(level, causes) for code, causes, level in told if code == WARNING]
 
 
 def test_the_law_that_is_configured_is_the_law_that_runs(benches: Benches) -> None:
@@ -103,7 +103,7 @@ def test_a_load_cell_that_saturates_in_mid_motion_costs_a_rung_and_not_the_tunne
     assert read(host, "compensation_active_law") == MODEL_INVERSION
     assert read(host, "compensation_fallback") & CELL_CAUSES
     assert warnings(host)
-    assert all(rung == WITHOUT_CELL and causes & CELL_CAUSES for rung, causes in warnings(host))
+    assert all(level == WITHOUT_CELL and causes & CELL_CAUSES for level, causes in warnings(host))
     slew_nm = 20.0 * 1e-3  # the drive's slew limit in a sample of 1 ms
     converters = host.bus.bench.target.converters
     bound = slew_nm + 2 * (converters.motor_torque_nm + converters.regulation_nm) + 1e-3
@@ -120,7 +120,9 @@ def test_an_encoder_that_does_not_fit_the_cables_leaves_coulomb_feed_forward(
     host.enable(TUNNEL)
     host.listen(1.2)
     assert read(host, "statusword") & STATE == ENABLED
-    assert any(rung == COULOMB_RUNG and causes & ENCODER_SLIPPED for rung, causes in warnings(host))
+    assert any(
+        level == COULOMB_RUNG and causes & ENCODER_SLIPPED for level, causes in warnings(host)
+    )
 
 
 def test_torque_that_the_cables_hold_when_the_law_starts_is_no_broken_cell(

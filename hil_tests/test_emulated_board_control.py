@@ -58,7 +58,7 @@ def test_analogue_inputs_reach_the_dictionary() -> None:
     assert board.signed(BUS_VOLTAGE) == pytest.approx(rig.bus_voltage_mv, abs=10)  # one code
     # one code of 3300 mV / 4096 is 81 mdegC
     assert board.signed(TEMPERATURE) == pytest.approx(rig.conduit_temperature_mdegc, abs=81)
-    # one code is 3.2 mN m; the rig's own noise of 0.5 mN m three times
+    # one code is 3.2 mN m; the rig's sensor noise of 0.5 mN m three times
     true_unm = rig.load_cell_counts * 200
     assert board.signed(LOAD_TORQUE) == pytest.approx(true_unm, abs=3200 + 1500)
     assert board.signed(MOTOR_CURRENT) == pytest.approx(0, abs=board_map.CURRENT_UA_PER_CODE)

@@ -32,7 +32,7 @@ from hil_tests.hidden_effects.compiled import compiled
 Vector = NDArray[np.float64]
 
 MEETING = 1e-9  # share of a tension by which two profiles are still the same
-FASTEST_M_PER_S = 3.0  # faster is a trial gone astray; friction grows no further
+FASTEST_M_PER_S = 3.0  # faster is a diverged trial; friction grows no further
 
 
 class Path(NamedTuple):

@@ -51,7 +51,7 @@ What the columns mean; the truth is the rig's, not the load cell's:
   nothing is to be exchanged: of the friction's work). **Worst path**: the largest such part. **Of
   the friction**: the same energy as a part of what the pair's friction would take on that path.
 - **slack**: median part of the time with an empty cable. **Fell back**: part of the time in which
-  a lesser law of the ladder ran. **Stopped**: trials in which the drive went to fault.
+  a lower fallback level ran. **Stopped**: trials in which the drive went to fault.
 
 """
 

@@ -102,9 +102,9 @@ def test_a_rotor_on_a_soft_cable_rings_at_its_own_frequency() -> None:
     assert np.diff(crossings).mean() * 1e-3 == pytest.approx(np.pi / w, rel=0.02)
     # Samples further apart: the mesh takes its own steps, 16 a period, (2 pi/16)^2 / 3 slower.
     few = Inputs(t[::10], None, np.zeros(300), np.interp(t[::10], t, inputs.motor_torque_nm))
-    rung = simulate(model, TP, few).motor_angle_rad * k / torque
-    assert np.abs(rung - 1.0).max() == pytest.approx(1.0, abs=0.1)
-    turns = np.count_nonzero(np.diff(np.sign(rung[6:106] - 1.0)) != 0) / 2  # in one second
+    swing = simulate(model, TP, few).motor_angle_rad * k / torque
+    assert np.abs(swing - 1.0).max() == pytest.approx(1.0, abs=0.1)
+    turns = np.count_nonzero(np.diff(np.sign(swing[6:106] - 1.0)) != 0) / 2  # in one second
     assert turns == pytest.approx(w / (2 * np.pi) * 0.95, abs=1.0)
 
 

@@ -1,4 +1,4 @@
-"""The whole thread once: simulated rig, drive, configuration, recording, comparison, report.
+"""The main job in one go: simulated rig, drive, configuration, recording, comparison, report.
 
 Starts a rig of its own, runs the paper's Experiment 2 on it (a hand moves the load by 40 degrees
 at 0.5 Hz while the drive renders the error-reduction tunnel) and compares what was recorded with

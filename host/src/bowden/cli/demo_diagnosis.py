@@ -1,4 +1,4 @@
-"""The loop closed: a rig that is not what the lab believes, found out, and rendered better for it.
+"""Diagnose a hidden effect of a simulated rig, apply the model and measure the rendering again.
 
 A simulated rig of its own has conduits with more bends than the lab's model says. The drive
 renders the tunnel without compensation and with two laws on that model: Coulomb feed-forward, which

@@ -22,18 +22,18 @@ from bowden.errors import BadInput, DriveFailed
 
 #: Every command, in the order in which a newcomer meets them.
 COMMANDS = {
-    "demo": "the whole thread once: simulated rig, drive, recording, comparison, report",
-    "demo-diagnosis": "the loop closed: find what a model lacks, apply it, render better",
+    "demo": "simulated rig, drive, recording over CAN, comparison and report in one go",
+    "demo-diagnosis": "diagnose a hidden effect of a simulated rig, apply the model, measure again",
     "rig": "run the simulated rig on a CAN bus",
     "scan": "list the CANopen nodes on the bus",
-    "info": "say who a drive is, how it is and what went wrong",
+    "info": "show identity, state and error history of a drive",
     "configure": "write a model's rig into the drive and read it back",
-    "apply": "make the drive run a model, with what the drive can of its effects",
+    "apply": "write a model, reduced to what the drive supports, to the drive",
     "record": "record both encoders, motor torque and load cell over CAN",
     "simulate": "run the offline model on a recording's inputs",
     "compare": "compare recordings with the offline model",
     "calibrate": "fit named parameters of a model to recordings",
-    "diagnose": "name the effect that a model lacks, or say that nothing is missing",
+    "diagnose": "name the effect that a model lacks to explain recordings",
     "experiment": "run one of the paper's experiments on the offline model",
     "estimate": "stiffness, friction or pretension from recordings, with intervals",
     "sweep": "run an experiment over a grid or random draws of parameters",

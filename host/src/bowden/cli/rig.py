@@ -1,4 +1,4 @@
-"""Run the simulated rig: motor, two cables, load, a person's hand, and the drive's firmware.
+"""Run the simulated rig: motor, two cables, load, an operator, and the drive's firmware.
 
 It appears on a CAN bus as a drive would, in real time, until Ctrl-C. All arguments that are not
 listed here go to the rig's own program; see --rig-help.

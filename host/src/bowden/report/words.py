@@ -60,8 +60,8 @@ def verdict(comparison: Comparison) -> str:
         ratio = figures.gap / figures.noise_floor
         floor = si(figures.noise_floor, "N m")
         if ratio <= 1.1:
-            return f"{text}: no more than the sensor's own noise of {floor}. Nothing is missing."
-        text += f": {_digits(ratio, 2)} times the sensor's own noise of {floor}"
+            return f"{text}: within the noise floor of {floor}."
+        text += f": {_digits(ratio, 2)} times the noise floor of {floor}"
     return f"{text}."
 
 
