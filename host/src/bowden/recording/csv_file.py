@@ -140,7 +140,9 @@ class _Body:
         if not text.strip():
             return None
         try:
-            table = np.loadtxt(io.StringIO(text), delimiter=",", ndmin=2, comments=None)
+            # StringIO would hold four bytes a character.
+            lines = io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8")
+            table = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
         except ValueError:
             return None
         if table.shape[1] != len(self.columns) or not np.isfinite(table).all():
