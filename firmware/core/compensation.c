@@ -4,12 +4,8 @@
 #define PPM 1000000
 #define TRUSTED 128 /* confidence below which ever less of the friction is compensated */
 
-/* While the load moves, this part of the friction is left to be felt: a bias to the passive side
- * that covers what encoders and cell are late by. */
-#define FELT_PART 25
-
 static uint32_t q16(uint32_t ppm) {
-    return (uint32_t)((uint64_t)ppm * INVERSION_SHARE_ONE / PPM);
+    return (uint32_t)((uint64_t)ppm * LAW_SHARE_ONE / PPM);
 }
 
 void compensation_configure(compensation_t *compensation, const transmission_t *transmission,
@@ -44,12 +40,18 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
             friction_unm),
         .observer = friction_observer_of(windup_nm / 2, coarse_nm, settings->ticks_per_s),
         .passivity = passivity_of(pair->load_pulley_radius_nm, friction_unm),
-        .inversion = inversion_of(transmission, &sliding, settings->ticks_per_s,
-                                  settings->motor_inertia_gmm2, settings->torque_limit_unm,
-                                  settings->rest_band_unm, settings->integral_gain_mhz),
-        .published = published_of(transmission, &sliding, settings->ticks_per_s,
-                                  settings->integral_gain_mhz),
+        .load_motion = load_motion_of(transmission, &sliding, settings->ticks_per_s),
     };
+    laws_configure(&compensation->laws, &(law_settings_t){
+                                            .transmission = transmission,
+                                            .sliding = &compensation->configured,
+                                            .friction_unm = friction_unm,
+                                            .torque_limit_unm = settings->torque_limit_unm,
+                                            .rest_band_unm = settings->rest_band_unm,
+                                            .motor_inertia_gmm2 = settings->motor_inertia_gmm2,
+                                            .integral_gain_mhz = settings->integral_gain_mhz,
+                                            .ticks_per_s = settings->ticks_per_s,
+                                        });
 }
 
 static void take_adapted(compensation_t *compensation) {
@@ -76,54 +78,17 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
  * it is not pushed; at rest what it expects, since a motor within its friction moves nothing at
  * all. Less of it when the model cannot be believed. */
 static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
-    const uint32_t left = INVERSION_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
+    const uint32_t left = LAW_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
     if (cell) {
         return left;
     }
     const bool rests = compensation->estimator.load_direction == 0;
     const uint64_t friction = rests ? friction_observer_mean_q16(&compensation->observer)
                                     : friction_observer_sure_q16(&compensation->observer);
-    const uint32_t share = (uint32_t)(friction * compensation->share_q16 / INVERSION_SHARE_ONE);
+    const uint32_t share = (uint32_t)(friction * compensation->share_q16 / LAW_SHARE_ONE);
     const uint32_t confidence = compensation->estimator.confidence;
     const uint32_t trust = confidence < TRUSTED ? confidence : TRUSTED;
-    return (uint32_t)((uint64_t)(share * trust / TRUSTED) * left / INVERSION_SHARE_ONE);
-}
-
-/* What the law adds to the naive torque, or for ours the torque itself. */
-static int32_t law_torque_unm(compensation_t *compensation, const compensation_inputs_t *inputs,
-                              int32_t wanted_unm, int32_t load_torque_unm) {
-    uint32_t saturations = 0; /* the motor's limit is far below */
-    const published_t *published = &compensation->published;
-    const int32_t naive_unm =
-        fixed_scale(wanted_unm, compensation->motor_per_load_torque, &saturations);
-    switch (inputs->law) {
-    case COMPENSATION_LAW_COULOMB:
-        return fixed_add(naive_unm, published_coulomb_unm(published), &saturations);
-    case COMPENSATION_LAW_INTEGRAL:
-        return fixed_add(naive_unm, published_integral_unm(published), &saturations);
-    case COMPENSATION_LAW_SMOOTH_INVERSE:
-        return fixed_add(naive_unm, published_smooth_inverse_unm(published), &saturations);
-    case COMPENSATION_LAW_ADAPTIVE_HYSTERESIS:
-        return fixed_add(naive_unm, published_hysteresis_unm(published), &saturations);
-    case COMPENSATION_LAW_MODEL_INVERSION:
-        return inversion_step(
-            &compensation->inversion,
-            /* without a cell the observer's friction is that of the pair as it is configured */
-            inputs->load_cell_valid ? &compensation->sliding : &compensation->configured,
-            &compensation->estimator,
-            &(inversion_inputs_t){
-                .wanted_unm = wanted_unm,
-                .asked_unm = inputs->wanted_unm,
-                .load_torque_unm = load_torque_unm,
-                .cell = inputs->load_cell_valid,
-                .limited = (compensation->outputs.flags & COMPENSATION_FLAGS_LIMITED) != 0,
-                .owes = passivity_back_off_q16(&compensation->passivity) > 0,
-                .share_q16 = friction_share_q16(compensation, inputs->load_cell_valid),
-            });
-    case COMPENSATION_LAW_NONE:
-    default:
-        return naive_unm;
-    }
+    return (uint32_t)((uint64_t)(share * trust / TRUSTED) * left / LAW_SHARE_ONE);
 }
 
 /* 1 or -1: the whole pair slides that way; else 0. */
@@ -164,25 +129,53 @@ static void adapt(compensation_t *compensation, const transmission_t *transmissi
     take_adapted(compensation);
 }
 
-static uint8_t flags_of(const compensation_t *compensation, const compensation_inputs_t *inputs,
-                        bool limited, bool damped) {
-    uint8_t flags = 0;
+static uint8_t flags_of(const compensation_t *compensation, bool limited) {
+    uint8_t flags = compensation->answer.flags;
     if (limited) {
         flags |= COMPENSATION_FLAGS_LIMITED;
     }
-    if (damped) {
+    if (passivity_back_off_q16(&compensation->passivity) > 0) {
         flags |= COMPENSATION_FLAGS_DAMPED;
     }
     if (compensation->estimator.confidence < TRUSTED) {
         flags |= COMPENSATION_FLAGS_DISAGREES;
     }
-    if (inputs->law == COMPENSATION_LAW_MODEL_INVERSION && compensation->inversion.resting) {
-        flags |= COMPENSATION_FLAGS_RESTING;
-    }
-    if (inputs->law == COMPENSATION_LAW_MODEL_INVERSION && compensation->inversion.held_taut) {
-        flags |= COMPENSATION_FLAGS_HELD_TAUT;
-    }
     return flags;
+}
+
+/* Runs the law, or holds it ready; the motor torque within the motor's limit. */
+static void step_laws(compensation_t *compensation, const compensation_inputs_t *inputs,
+                      int32_t load_torque_unm, int32_t error_unm) {
+    uint32_t saturations = 0; /* the motor's limit is far below */
+    compensation_outputs_t *outputs = &compensation->outputs;
+    law_answer_t *answer = &compensation->answer;
+    const bool active = inputs->active;
+    const compensation_law_t running = active ? inputs->law : COMPENSATION_LAW_NONE;
+    const law_inputs_t told = {
+        .wanted_unm = active ? inputs->wanted_unm : 0,
+        .naive_unm =
+            fixed_scale(inputs->wanted_unm, compensation->motor_per_load_torque, &saturations),
+        .load_torque_unm = load_torque_unm,
+        .error_unm = error_unm,
+        .cell = inputs->load_cell_valid,
+        .limited = (outputs->flags & COMPENSATION_FLAGS_LIMITED) != 0,
+        .owes = passivity_back_off_q16(&compensation->passivity) > 0,
+        .share_q16 = friction_share_q16(compensation, inputs->load_cell_valid),
+        /* without a cell the observer's friction is that of the pair as it is configured */
+        .sliding = inputs->load_cell_valid ? &compensation->sliding : &compensation->configured,
+        .estimator = &compensation->estimator,
+        .load_motion = &compensation->load_motion,
+    };
+    if (active) {
+        *answer = laws_step(&compensation->laws, running, &told);
+    } else { /* its flags stay: they tell of the law that is held ready */
+        answer->motor_torque_unm = 0;
+        answer->inertia_unm = 0;
+    }
+    const int32_t limit = compensation->settings.torque_limit_unm;
+    outputs->motor_torque_unm = fixed_clamp(answer->motor_torque_unm, -limit, limit);
+    laws_follow(&compensation->laws, running, outputs->motor_torque_unm, &told);
+    outputs->flags = flags_of(compensation, outputs->motor_torque_unm != answer->motor_torque_unm);
 }
 
 void compensation_step(compensation_t *compensation, transmission_t *transmission,
@@ -191,8 +184,8 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
     estimator_t *estimator = &compensation->estimator;
     uint32_t saturations = 0;
     /* what turns the motor's inertia does not pull the cables */
-    const int32_t pulls_unm = fixed_subtract(
-        inputs->motor_torque_unm, compensation->inversion.move.inertia_unm, &saturations);
+    const int32_t pulls_unm =
+        fixed_subtract(inputs->motor_torque_unm, compensation->answer.inertia_unm, &saturations);
     estimator_step(estimator, transmission,
                    &(estimator_inputs_t){
                        .motor_arc_nm = inputs->motor_arc_nm,
@@ -215,26 +208,12 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
         inputs->load_cell_valid ? inputs->load_cell_unm : estimator->load_torque_unm;
     const int32_t error_unm = fixed_subtract(inputs->wanted_unm, load_torque_unm, &saturations);
     const bool runs = inputs->active && inputs->law != COMPENSATION_LAW_NONE;
-    const bool ours = inputs->law == COMPENSATION_LAW_MODEL_INVERSION;
     passivity_step(&compensation->passivity, inputs->load_arc_nm, runs ? -error_unm : 0);
-    if (!ours) {
-        published_step(&compensation->published, estimator, inputs->load_arc_nm, error_unm,
-                       runs && inputs->law == COMPENSATION_LAW_INTEGRAL,
-                       runs && inputs->law == COMPENSATION_LAW_ADAPTIVE_HYSTERESIS);
+    /* the model inversion does without it, and needs the tick's time */
+    if (inputs->law != COMPENSATION_LAW_MODEL_INVERSION) {
+        load_motion_step(&compensation->load_motion, estimator, inputs->load_arc_nm);
     }
-    int32_t torque_unm = 0;
-    if (inputs->active) {
-        const int32_t felt_unm = ours ? compensation->friction_unm / FELT_PART : 0;
-        const int32_t wanted_unm =
-            fixed_subtract(inputs->wanted_unm, estimator->load_direction * felt_unm, &saturations);
-        torque_unm = law_torque_unm(compensation, inputs, wanted_unm, load_torque_unm);
-    }
-    const int32_t limit = compensation->settings.torque_limit_unm;
-    outputs->motor_torque_unm = fixed_clamp(torque_unm, -limit, limit);
-    if (!inputs->active || !ours) {
-        inversion_follow(&compensation->inversion, outputs->motor_torque_unm,
-                         inputs->active ? inputs->wanted_unm : 0);
-    }
+    step_laws(compensation, inputs, load_torque_unm, error_unm);
     outputs->friction_unm =
         (int32_t)((int64_t)compensation->friction_unm *
                   friction_observer_mean_q16(&compensation->observer) / FRICTION_OBSERVER_ONE);
@@ -243,7 +222,5 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
     outputs->slip = estimator->slip;
     outputs->confidence = estimator->confidence;
     outputs->informed = estimator->informed;
-    outputs->flags = flags_of(compensation, inputs, outputs->motor_torque_unm != torque_unm,
-                              passivity_back_off_q16(&compensation->passivity) > 0);
     outputs->energy_uj = passivity_energy_uj(&compensation->passivity);
 }

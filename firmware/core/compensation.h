@@ -2,13 +2,10 @@
  *
  * One call a tick: compensation_step() takes what the drive has measured, steps the model of the
  * pair (estimator.h), and answers with the motor torque of the selected law. "Wanted" is the torque
- * of the cables ON the load, in the signs of transmission.h; the tunnel's is restoring. The laws:
- *   none                 wanted / rho, rho = r_load / r_motor: as if the cables had no friction
- *   coulomb              + the friction of the moving pair in the direction of motion (Townsend)
- *   integral             force control on the load cell, without one on the estimate
- *   smooth inverse       + B/2 chi, chi a smoothed sign of motion, B the backlash (Agrawal)
- *   adaptive hysteresis  + a hysteresis state whose size adapts itself (Do)
- *   model inversion      ours, law_inversion.h
+ * of the cables ON the load, in the signs of transmission.h; the tunnel's is restoring. Without a
+ * law the motor torque is wanted / rho, rho = r_load / r_motor: as if the cables had no friction.
+ * The laws add to it what friction takes: law.h says what a law is, laws.h (generated) has them
+ * all.
  *
  * The caller limits slew and falls back; the answer is within the motor's limit. Pure functions
  * over structs: no I/O, no globals. Exchanging the cables mirrors everything to the last bit.
@@ -24,8 +21,8 @@
 #include "estimator.h"
 #include "fixed.h"
 #include "friction_observer.h"
-#include "law_inversion.h"
-#include "laws_published.h"
+#include "laws.h"
+#include "load_motion.h"
 #include "passivity.h"
 #include "sliding.h"
 #include "transmission.h"
@@ -84,8 +81,9 @@ typedef struct {
     adaptation_t adaptation;
     friction_observer_t observer;
     passivity_t passivity;
-    inversion_t inversion;
-    published_t published;
+    load_motion_t load_motion;
+    laws_t laws;
+    law_answer_t answer; /* of the last tick */
 } compensation_t;
 
 /* Computes the constants from a configured transmission, and starts at rest. Slow: not in a tick

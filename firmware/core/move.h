@@ -7,7 +7,7 @@
  * lags, (M1)  x = u / (1 + s T)^2 and with l1, l2 what is behind one and two of them that takes
  *   (M2)  tau = f(l2) + a (u - 2 l1 + l2) + b (l1 - l2),  a = 1/(omega T)^2,  b = D/(J omega^2 T)
  * The second term turns the motor's inertia and never pulls a cable; the third is what damping
- * (law_inversion.c) takes of the planned speed. T is as short as the motor's limit allows:
+ * (law_model_inversion.c) takes of the planned speed. T is as short as the motor's limit allows:
  *   (M3)  a |u - x| = limit
  * u is within the motor's limit: beyond it, it would arrive there at full speed with no torque left
  * to stop it, and bring the load what it can never take back.

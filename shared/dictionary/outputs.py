@@ -7,6 +7,7 @@ import sysconfig
 from pathlib import Path
 
 from shared.dictionary import (
+    c_laws,
     c_meanings,
     c_table,
     dbc,
@@ -49,6 +50,8 @@ def render(dictionary: Dictionary) -> dict[Path, str]:
     return {
         drive / "dictionary.h": _clang_format(c_table.header(dictionary)),
         drive / "dictionary.c": _clang_format(c_table.source(dictionary)),
+        Path("firmware/core/laws.h"): _clang_format(c_laws.header(dictionary)),
+        Path("firmware/core/laws.c"): _clang_format(c_laws.source(dictionary)),
         Path("firmware/meanings.h"): _clang_format(c_meanings.header(dictionary)),
         Path("host/src/bowden/drive/dictionary.py"): host_module.module(dictionary),
         Path("host/src/bowden/drive/meanings.py"): host_meanings.module(dictionary),
