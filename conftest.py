@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 from hypothesis import settings
+
+# As `bowden.cli.main` does; before anything imports numpy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Spelt out here and in hil_tests/targets: this file must not import the bench, or tests
 # of the model would need a built firmware.

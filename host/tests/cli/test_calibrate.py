@@ -20,7 +20,7 @@ rig:
   motor_pulley_radius_m: 0.020
   load_pulley_radius_m: 0.104
 friction: {law: coulomb, mu_d: 0.21}
-numerics: {segments: 20}
+numerics: {segments: 150}
 """
 
 

@@ -8,13 +8,14 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.decide import NamedEffect, Value
 from bowden.diagnosis.diagnose import Diagnosis, Ranked
 from bowden.diagnosis.excitation import excitation
-from bowden.diagnosis.figures import Gap, Series
+from bowden.diagnosis.figures import Series
 from bowden.diagnosis.localise import localise
 from bowden.diagnosis.quality import Finding
+from bowden.estimation.gap import Gap
+from bowden.estimation.posterior import Estimate
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.recording.recording import Recording
 from bowden.report.diagnosis import TITLES, diagnosis_report
@@ -111,8 +112,8 @@ def named() -> Diagnosis:
         gap=gaps[0],
         gaps=gaps,
         calibration=(
-            Estimate("rig.cable.pretension_n", 10.0, 10.4, 10.3, 10.5, 1.0, 0.4, False),
-            Estimate("friction.mu_d", 0.21, 0.14, 0.13, 0.15, 0.021, -3.3, True),
+            Estimate("rig.cable.pretension_n", 10.0, 10.4, 10.3, 10.5, 0.05, 1.0, 0.4, False, True),
+            Estimate("friction.mu_d", 0.21, 0.14, 0.13, 0.15, 0.005, 0.021, -3.3, True, True),
         ),
         quality=(Finding("gap", "run.csv, time_s", "1 gap", "none", "warn"),),
         excitation=excitation(MODEL, [recording]),

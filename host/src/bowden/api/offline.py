@@ -11,12 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from bowden.diagnosis import calibrate as _calibrate
 from bowden.diagnosis import compare as _compare
 from bowden.diagnosis import diagnose as _diagnose
 from bowden.errors import BadInput
-from bowden.model import Inputs, Mode, Model, format_model, parse_model
-from bowden.model.estimation import QUANTITIES, Estimation
+from bowden.estimation import calibrate as _calibrate
+from bowden.estimation import quantities as _quantities
+from bowden.model import Mode, Model, format_model, parse_model
 from bowden.recording.atomic import replace_whole
 from bowden.recording.enabled import until_disabled
 from bowden.recording.read import read_recording
@@ -140,7 +140,7 @@ def calibrate(
     widen : bool
         Set the stated tolerances aside.
     held_out : Recording, path, or sequence of them, optional
-        Judges the fit; by default the last third of each recording.
+        Validates the fit; by default every third recording, of one every third second.
     """
     return _calibrate.calibrate(
         model_of(model),
@@ -148,7 +148,7 @@ def calibrate(
         Mode(mode),
         free=list(free) if free is not None else None,
         widen=widen,
-        held_out=None if held_out is None else _recordings(held_out),
+        held_out=() if held_out is None else _recordings(held_out),
     )
 
 
@@ -156,24 +156,20 @@ def estimate(
     quantity: Literal["stiffness", "friction", "pretension"],
     model: ModelLike,
     recordings: RecordingLike | Sequence[RecordingLike],
-) -> Estimation:
+) -> _quantities.Estimation:
     """Estimate stiffness, friction or pretension, with 95 % intervals.
 
     Parameters
     ----------
     quantity : str
     model : Model or path
-        What the estimate starts from; numbers that are not estimated stay.
+        What the estimate starts from; other numbers move within their tolerances.
     recordings : Recording, path, or sequence of them
         Each from a virgin rig.
     """
-    if quantity not in QUANTITIES:
-        raise BadInput("quantity", repr(quantity), ", ".join(QUANTITIES))
-    runs = [
-        Inputs(r.time_s, r.motor_angle_rad, r.load_angle_rad, r.motor_torque_nm, r.load_torque_nm)
-        for r in _recordings(recordings)
-    ]
-    return QUANTITIES[quantity](model_of(model), runs)
+    if quantity not in _quantities.QUANTITIES:
+        raise BadInput("quantity", repr(quantity), ", ".join(_quantities.QUANTITIES))
+    return _quantities.estimate(quantity, model_of(model), _recordings(recordings))
 
 
 def diagnose(

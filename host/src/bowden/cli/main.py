@@ -20,6 +20,10 @@ from typing import NoReturn, Protocol, cast
 
 from bowden.errors import BadInput, DriveFailed
 
+# Fits spread simulations over all cores themselves: threads inside of small matrix products would
+# only get in each other's way. Read when numpy is first imported, so set before any command is.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 #: Every command, in the order in which a newcomer meets them.
 COMMANDS = {
     "demo": "simulated rig, drive, recording over CAN, comparison and report in one go",

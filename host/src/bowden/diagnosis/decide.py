@@ -14,13 +14,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import EffectNumber
 from bowden.diagnosis.fit import Fitted
 from bowden.diagnosis.free_parameters import Free
 from bowden.diagnosis.hypothesis import MOST_EFFECTS, Hypothesis
 from bowden.diagnosis.problem import BY_CHANCE
 from bowden.diagnosis.select import Selection
+from bowden.estimation.posterior import Estimate
 from bowden.model.effects.effect import EXACT
 
 _Floats = NDArray[np.float64]
@@ -293,9 +293,11 @@ def calibration(hypothesis: Hypothesis) -> tuple[Estimate, ...]:
                 value=value,
                 low=one.value_at(max(float(x - spread), one.low)),
                 high=one.value_at(min(float(x + spread), one.high)),
+                sigma=abs(one.value_at(float(x + spread)) - value) / 1.96,
                 tolerance=one.tolerance,
                 change_in_sigmas=one.sigmas_at(float(x)) if one.tolerance else None,
                 at_bound=bool(x < one.low + edge or x > one.high - edge),
+                identifiable=bool(spread < 1.96 * one.scale),
             )
         )
     return tuple(found)

@@ -16,7 +16,6 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.closer import closely
 from bowden.diagnosis.decide import (
@@ -29,7 +28,7 @@ from bowden.diagnosis.decide import (
     look_alikes,
 )
 from bowden.diagnosis.excitation import Excitation, excitation
-from bowden.diagnosis.figures import Gap, Series, gap_in, rest_of, series_of
+from bowden.diagnosis.figures import Series, gap_in, rest_of, series_of
 from bowden.diagnosis.fit import Fit, solve, solve_widely
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.hypothesis import Hypothesis
@@ -40,6 +39,8 @@ from bowden.diagnosis.prepare import prepare
 from bowden.diagnosis.problem import Part, Problem
 from bowden.diagnosis.quality import Finding, check_quality
 from bowden.diagnosis.select import Progress, Selection, select, silent
+from bowden.estimation.gap import Gap
+from bowden.estimation.posterior import Estimate
 from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording

@@ -16,38 +16,12 @@ from numpy.typing import NDArray
 from bowden.diagnosis.decide import Rest
 from bowden.diagnosis.problem import Part, Problem, about_zero
 from bowden.diagnosis.select import Selection
+from bowden.estimation.gap import Gap
 from bowden.model import Mode, Model
 from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Gap:
-    """The gap in one channel on held-out data; RMS, N m or rad.
-
-    Parameters
-    ----------
-    quantity : str
-        The channel.
-    before : float
-        Of the calibrated model.
-    after : float
-        Of the model with the effects.
-    noise_floor : float
-        What noise, counts and the simulator's own error leave of a model that is right.
-    """
-
-    quantity: str
-    before: float
-    after: float
-    noise_floor: float
-
-    @property
-    def metric(self) -> str:
-        """How it is measured."""
-        return "RMS, held out"
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,7 @@ from bowden.model.errors import ModelError
 from bowden.model.lumped import Lumped
 from bowden.model.model_changes import DoubtfulChange, steps_of, with_numbers
 from bowden.model.model_effects import NUMBER, InForce, effect_problems, effects_in_force
-from bowden.model.model_file import ModelFile, Quantity
+from bowden.model.model_file import ModelFile, PosteriorSection, Quantity
 from bowden.model.model_numbers import lumped_of, misfits, solver_of, transmission_of
 from bowden.model.model_problems import nearest, problem_line
 from bowden.model.transmission import Transmission
@@ -171,6 +171,10 @@ class Model:
             f"rig.cable.path[{i}].length_m": factor * piece.length_m.value
             for i, piece in enumerate(cable.path)
         }
+
+    def with_posterior(self, posterior: PosteriorSection) -> Model:
+        """Return the model with what a fit knows of its numbers together."""
+        return replace(self, document=self.document.model_copy(update={"posterior": posterior}))
 
     def with_effect(self, name: str, values: Mapping[str, float]) -> Model:
         """Return the model with one more effect, last in its list.

@@ -12,6 +12,7 @@ import math
 import re
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -311,6 +312,54 @@ class Numerics(Part):
         return {key for key in keys if getattr(self, key) is not None}
 
 
+class Source(Part):
+    """A recording that a posterior was fitted to."""
+
+    file: str
+    sha256: str
+
+
+class PosteriorSection(Part):
+    """What a fit knows of the numbers in the file together: the next fit's prior.
+
+    The mean is the file's own values; a number that is moved by hand takes the mean along.
+    """
+
+    paths: Annotated[tuple[str, ...], Field(min_length=1)]
+    covariance: tuple[tuple[float, ...], ...]
+    fitted: tuple[Source, ...] = ()
+    held_out: tuple[str, ...] = ()
+    bowden_version: str = ""
+
+    @model_validator(mode="after")
+    def _is_covariance(self) -> PosteriorSection:
+        matrix = np.array(
+            [row if len(row) == len(self.paths) else [math.nan] for row in self.covariance],
+            dtype=object,
+        )
+        size = len(self.paths)
+        if matrix.shape != (size, size):
+            raise PydanticCustomError(
+                "covariance",
+                "found a covariance of another shape, accepted: {size} rows of {size} numbers",
+                {"size": size},
+            )
+        values = matrix.astype(np.float64)
+        scale = np.sqrt(np.abs(np.diag(values)))
+        even = values / np.maximum(np.outer(scale, scale), 1e-300)
+        if not np.all(np.isfinite(values)) or not np.allclose(values, values.T):
+            raise PydanticCustomError(
+                "covariance", "found no symmetric numbers, accepted: a covariance", {}
+            )
+        if np.any(np.diag(values) <= 0.0) or float(np.linalg.eigvalsh(even).min()) < -1e-6:
+            raise PydanticCustomError(
+                "covariance",
+                "found a matrix that is not positive, accepted: a covariance",
+                {},
+            )
+        return self
+
+
 class ModelFile(Part):
     """A whole model file."""
 
@@ -318,3 +367,4 @@ class ModelFile(Part):
     friction: Friction
     effects: tuple[dict[str, Any], ...] = ()
     numerics: Numerics = Numerics()
+    posterior: PosteriorSection | None = None

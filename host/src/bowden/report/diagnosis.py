@@ -14,7 +14,8 @@ from pathlib import Path
 
 from bowden.diagnosis.decide import NamedEffect, Value
 from bowden.diagnosis.diagnose import Diagnosis
-from bowden.diagnosis.figures import Gap, Series
+from bowden.diagnosis.figures import Series
+from bowden.estimation.gap import Gap
 from bowden.model import format_model
 from bowden.model.effects import CATALOGUE
 from bowden.report import diagnosis_plots as plots
@@ -284,7 +285,7 @@ def _calibration(diagnosis: Diagnosis) -> list[Section]:
             one.path,
             f"{one.before:.4g}",
             f"{one.value:.4g}",
-            f"{one.low:.3g} .. {one.high:.3g}",
+            "–" if one.low is None else f"{one.low:.3g} .. {one.high:.3g}",
             "to its bound"
             if one.at_bound
             else (f"{one.change_in_sigmas:+.1f} σ" if one.change_in_sigmas is not None else "–"),

@@ -14,10 +14,10 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from bowden.diagnosis.calibrate import Estimate
 from bowden.diagnosis.diagnose import Ranked
 from bowden.diagnosis.figures import Series
 from bowden.diagnosis.localise import Place, ResidualMap
+from bowden.estimation.posterior import Estimate
 from bowden.model.effects import CATALOGUE
 from bowden.report.canvas import MEASURED, SIMULATED, draw, dress, legend_above, short
 from bowden.report.decimate import envelope
@@ -238,8 +238,14 @@ def calibration(estimates: Sequence[Estimate]) -> go.Figure:
         error_x={
             "type": "data",
             "symmetric": False,
-            "array": [sigmas(one, one.high) - x for one, x in zip(shown, moved, strict=True)],
-            "arrayminus": [x - sigmas(one, one.low) for one, x in zip(shown, moved, strict=True)],
+            "array": [
+                sigmas(one, one.value if one.high is None else one.high) - x
+                for one, x in zip(shown, moved, strict=True)
+            ],
+            "arrayminus": [
+                x - sigmas(one, one.value if one.low is None else one.low)
+                for one, x in zip(shown, moved, strict=True)
+            ],
             "color": "#5c6066",
             "thickness": 1.4,
         },

@@ -152,7 +152,7 @@ def local_noise(
     if index.size < recording.time_s.size:
         asked["steps"] = (model, estimates.recording)
     if "motor_torque_nm" in mode.columns:
-        asked["held"] = (model, at_samples(_held(estimates.recording), index))
+        asked["held"] = (model, at_samples(held_torque(estimates.recording), index))
     asked |= {f"doubt {k}": (other, best) for k, (other, _) in enumerate(doubts)}
     runs = _simulated(asked, mode, pool)
 
@@ -231,8 +231,12 @@ def _moved(estimates: Estimates, mode: Mode, generator: np.random.Generator) -> 
     return estimates.recording.with_channels(drawn)
 
 
-def _held(recording: Recording) -> Recording:
-    """Return a recording whose motor torque is half a sample late, as if it was held."""
+def held_torque(recording: Recording) -> Recording:
+    """Return a recording whose motor torque is half a sample late, as if it was held.
+
+    What a torque does between two samples is not recorded: a straight line and a step differ by
+    half a sample.
+    """
     time_s, torque = recording.time_s, recording.motor_torque_nm
     late = time_s - 0.5 * np.diff(time_s, prepend=time_s[0])
     return recording.with_channels(motor_torque_nm=np.interp(late, time_s, torque))

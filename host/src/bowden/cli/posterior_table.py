@@ -1,0 +1,95 @@
+"""What `calibrate` and `estimate` tell of a fit: the table of numbers, the measurement, the gap."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.cli.output import console
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bowden.estimation.calibrate import Calibration
+    from bowden.estimation.posterior import Estimate, NuisanceEstimate
+
+TOLD_SIGMAS = 3.0  # a nuisance number beyond so many of its own errors is worth a line
+
+
+def show(calibration: Calibration, caveats: Sequence[str], written: Path | None) -> None:
+    """Tell people, on stderr, what came out."""
+    from rich import box  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415  (keeps --help fast)
+
+    from bowden.report.words import quantity_with_unit  # noqa: PLC0415
+
+    out = console()
+    for nuisance in calibration.nuisances:
+        if abs(nuisance.value) > TOLD_SIGMAS * nuisance.sigma:
+            out.print(_measurement(nuisance, calibration.recordings), soft_wrap=True)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("parameter", overflow="fold")
+    for name in ("before", "now", "95 % interval", "moved"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for one in calibration.estimates:
+        table.add_row(
+            one.path, f"{one.before:.4g}", _at(one.value, one), _interval(one), _moved(one)
+        )
+    out.print(table)
+    for caveat in caveats:
+        out.print(caveat, soft_wrap=True)
+    for gap in calibration.held_out:
+        before, after, floor = (
+            quantity_with_unit(gap.quantity, value)
+            for value in (gap.before, gap.after, gap.noise_floor)
+        )
+        out.print(
+            f"held-out gap in {gap.quantity}: {before} before, {after} after, noise floor {floor}",
+            soft_wrap=True,
+        )
+    out.print(f"held out: {calibration.held_out_is}", soft_wrap=True)
+    if written:
+        out.print(f"model: {written}", soft_wrap=True)
+
+
+def _interval(one: Estimate) -> str:
+    if one.low is None or one.high is None:
+        return "–"
+    return f"{_at(one.low, one)} .. {_at(one.high, one)}"
+
+
+def _at(value: float, one: Estimate) -> str:
+    """Write a value with as many digits as its interval is worth."""
+    width = 0.5 * abs((one.high or 0.0) - (one.low or 0.0))
+    if width == 0.0 or value == 0.0:
+        return f"{value:.5g}"
+    digits = math.ceil(math.log10(abs(value) / width)) + 1
+    return f"{value:.{min(max(digits, 3), 12)}g}"
+
+
+def _moved(one: Estimate) -> str:
+    if one.at_bound:
+        return "to its bound"
+    if one.change_in_sigmas is not None:
+        return f"{one.change_in_sigmas:+.1f} sigma"
+    return f"{100.0 * (one.value / one.before - 1.0):+.2g} %" if one.before else ""
+
+
+def _measurement(one: NuisanceEstimate, recordings: Sequence[str]) -> str:
+    """Say what the measurement was off by."""
+    names = ", ".join(Path(recordings[k]).name for k in one.recordings)
+    scale, unit = {"N m": (1e3, "mN m"), "rad": (1e3, "mrad"), "s": (1e3, "ms")}.get(
+        one.unit, (100.0, "%")
+    )
+    value = f"{scale * one.value:+.3g} ± {scale * 1.96 * one.sigma:.2g} {unit}"
+    return f"{one.kind} of {one.channel} in {names}: {value}"
+
+
+def sources(paths: Sequence[Path]) -> list[dict[str, str]]:
+    """Return the provenance of recordings: name and SHA-256 of each file."""
+    return [
+        {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+        for path in paths
+    ]

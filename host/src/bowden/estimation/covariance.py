@@ -1,0 +1,223 @@
+"""How the errors of a recording's observations hang together, if the model is right.
+
+Paths that explain the given channels' readings as well as the best estimate are drawn once and
+pushed through the model; their spread, block by block, is the covariance of what the inputs do.
+What the model's mesh leaves open is measured against a finer one and counts as error; what samples
+that were left out do is corrected, and doubted by half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.estimation.nuisance import Nuisance, as_given, as_read
+from bowden.estimation.observations import Observations, observe
+from bowden.model import Mode, Model
+from bowden.model.experiments.variants import with_segments
+from bowden.recording.recording import Recording
+from bowden.signals.dequantise import Estimates, estimate_channels
+from bowden.signals.prediction import PREDICTED, simulate_recording
+from bowden.signals.propagate import HELD_OR_NOT, MESH_FACTOR, held_torque
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.intp]
+
+DRAWS = 48  # input paths: the degrees of freedom of the block covariance
+TAPER_S = 1.0  # beyond it so many draws know no correlation
+ANY_SHAPE, ROUGH_S = 1e-3, 1.0  # share of the draws' variance of any shape, and how long it lasts
+DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
+FINEST_S = 1e-3  # the model is asked no closer than this
+COARSE_S = 8e-3  # a law with rate or memory is asked no closer: it costs ten times more
+
+
+@dataclass(frozen=True)
+class Data:
+    """One recording ready for fits: what the model is given and what was observed.
+
+    Parameters
+    ----------
+    number : int
+        Its place among the recordings.
+    mode : Mode
+    estimates : Estimates
+        Of all samples.
+    given : Recording
+        Best estimates of the given channels at the samples that are simulated.
+    kept : ndarray of int
+        Which samples those are.
+    seed : int
+        Of the drawn paths.
+    observations : Observations
+    """
+
+    number: int
+    mode: Mode
+    estimates: Estimates
+    given: Recording
+    observations: Observations
+    kept: _Index
+    seed: int
+
+    @classmethod
+    def of(cls, recording: Recording, number: int, model: Model, mode: Mode, seed: int = 0) -> Data:
+        """Make a recording ready; the same seed gives the same paths."""
+        estimates = estimate_channels(recording, model, mode)
+        observations = observe(recording, estimates, mode)
+        kept = simulated_samples(estimates.recording, model, mode)
+        given = estimates.recording.select(kept)
+        return cls(number, mode, estimates, given, observations, kept, seed)
+
+    @property
+    def is_thinned(self) -> bool:
+        """Whether samples are left out of `given`."""
+        return self.kept.size < self.estimates.recording.time_s.size
+
+    def paths(self) -> Iterator[Recording]:
+        """Yield other paths that explain the readings as well, the same ones each time."""
+        for child in np.random.SeedSequence([self.seed, self.number]).spawn(DRAWS):
+            generator = np.random.default_rng(child)
+            channels = self.estimates.channels
+            drawn = {name: channels[name].draw(generator)[self.kept] for name in self.mode.columns}
+            yield self.given.with_channels(drawn)
+
+    def predict(
+        self,
+        model: Model,
+        numbers: Sequence[tuple[Nuisance, float]] = (),
+        given: Recording | None = None,
+    ) -> _Floats:
+        """Simulate and return what each observation should read, shape (n,).
+
+        Parameters
+        ----------
+        model : Model
+        numbers : sequence of (Nuisance, float)
+            Of this recording.
+        given : Recording, optional
+            In place of the best estimates.
+
+        Raises
+        ------
+        ModelError
+            The model cannot run this recording.
+        """
+        recording = self.given if given is None else given
+        named = [pair for pair in numbers if pair[0].channel in self.mode.columns]
+        trajectory = simulate_recording(model, self.mode, as_given(recording, named))
+        seen = self.observations
+        found = np.empty(seen.time_s.size)
+        for k, name in enumerate(PREDICTED[self.mode]):
+            rows = seen.channel == k
+            mine = [pair for pair in numbers if pair[0].channel == name]
+            values = as_read(recording.time_s, getattr(trajectory, name), mine)
+            found[rows] = np.interp(seen.time_s[rows], recording.time_s, values)
+            found[rows] += seen.direction[rows] * sum(
+                value for one, value in mine if one.kind == "hysteresis"
+            )
+        return found
+
+
+def simulated_samples(recording: Recording, model: Model, mode: Mode) -> _Index:
+    """Choose the samples that a simulation is given: all, as long as they cost little.
+
+    A law with rate or memory is solved implicitly: every few milliseconds, and where a given
+    series turns between, for friction remembers extremes.
+    """
+    time_s = recording.time_s
+    step = COARSE_S if is_dear(model) else FINEST_S
+    stride = max(1, round(step / float(np.median(np.diff(time_s)))))
+    kept = [np.arange(0, time_s.size, stride), np.array([time_s.size - 1])]
+    if stride > 1:
+        for name in mode.columns:
+            values = recording[name]
+            kept.append(np.flatnonzero(np.diff(np.sign(np.diff(values))) != 0) + 1)
+    return np.unique(np.concatenate(kept))
+
+
+def is_dear(model: Model) -> bool:
+    """Whether the model's law needs the implicit solver, ten times slower than the plain ones."""
+    pair = model.transmission
+    return model.solver == "lumped" or not pair.is_plain or bool(model.effects)
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Of one recording's observations about one model, block by block.
+
+    Parameters
+    ----------
+    offset : ndarray of shape (n,)
+        What samples that were left out add to the prediction.
+    own : ndarray of shape (n,)
+        Variance of each observation's independent error.
+    inputs : tuple of ndarray of shape (m, m)
+        What the inputs and the discretisation do, for each block.
+    floor : ndarray of shape (2,)
+        Usual noise of each channel: the unit of the discrepancy.
+    sigma : ndarray of shape (n,)
+        All noise of each observation.
+    """
+
+    offset: _Floats
+    own: _Floats
+    inputs: tuple[_Floats, ...]
+    floor: _Floats
+    sigma: _Floats
+
+
+USUAL_SHARE = (
+    0.75  # of the observations, the least noisy: what a channel's usual noise is read from
+)
+
+
+def covariance(
+    data: Data, model: Model, numbers: Sequence[tuple[Nuisance, float]] = ()
+) -> Covariance:
+    """Push the input paths through a model and return the covariance about its prediction.
+
+    Raises
+    ------
+    ModelError
+        The model cannot run one of them.
+    """
+    seen = data.observations
+    best = data.predict(model, numbers)
+    paths = np.array([data.predict(model, numbers, one) for one in data.paths()]) - best
+    columns, offset = [paths / np.sqrt(DRAWS)], np.zeros(best.size)
+    if "motor_torque_nm" in data.mode.columns:
+        held = data.predict(model, numbers, held_torque(data.given)) - best
+        columns.append(HELD_OR_NOT * held[None])
+    segments = model.transmission.segments
+    if model.solver == "mesh" and segments:
+        # Whether a rig behaves as so many segments or as the continuum, nobody has measured.
+        finer = MESH_FACTOR * (data.predict(with_segments(model, 2 * segments), numbers) - best)
+        columns.append(finer[None])
+    if data.is_thinned:
+        steps = data.predict(model, numbers, data.estimates.recording) - best
+        offset, columns = offset + steps, [*columns, DOUBTED * steps[None]]
+    spread = np.concatenate(columns)
+    variance = np.sum(spread**2, axis=0)
+    own = seen.sigma**2
+    sigma = np.sqrt(own + variance)
+    floor = np.array([_usual(sigma[seen.channel == k]) for k in (0, 1)])
+    inputs = []
+    for rows in seen.blocks:
+        apart = np.abs(seen.time_s[rows][:, None] - seen.time_s[rows][None])
+        alike = seen.channel[rows][:, None] == seen.channel[rows][None]
+        part = spread[:, rows]
+        matrix = (1.0 - ANY_SHAPE) * (part.T @ part) * np.exp(-0.5 * (apart / TAPER_S) ** 2)
+        size = np.sqrt(variance[rows])
+        matrix += ANY_SHAPE * np.outer(size, size) * np.exp(-apart / ROUGH_S) * alike
+        inputs.append(matrix)
+    return Covariance(offset, own, tuple(inputs), floor, sigma)
+
+
+def _usual(sigma: _Floats) -> float:
+    if not sigma.size:
+        return 0.0
+    least = np.sort(sigma)[: max(1, int(USUAL_SHARE * sigma.size))]
+    return float(np.sqrt(np.mean(least**2)))

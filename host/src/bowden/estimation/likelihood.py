@@ -1,0 +1,174 @@
+"""The one likelihood that every fit uses: how well a model predicts observations.
+
+``y = f(theta) + nuisance + discrepancy + error``. The error's covariance comes from `covariance`;
+three numbers of it are read off the residual itself: how rough the given motion really is
+(a share of the drawn paths' variance, one a recording), and how large an unknown discrepancy is in
+each channel. Where the model is right the discrepancy vanishes; where it is not, it keeps precise
+observations from driving the fit. A covariance from K draws makes each block a Student t of K
+degrees of freedom.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from bowden.estimation.covariance import DRAWS, Covariance, Data
+
+_Floats = NDArray[np.float64]
+
+ROUGHNESS = (0.1, 0.2, 0.35, 0.6, 1.0)  # share of the drawn paths' variance
+SIZES = (0.0, *np.geomspace(0.1, 300.0, 15).tolist())  # of the discrepancy, in usual noise
+DISCREPANCY_S = 0.15  # how long a discrepancy stays correlated
+SMALL = 0.5  # half-normal prior of it: two solvers of one law differ by so much
+
+
+@dataclass(frozen=True)
+class Scales:
+    """The three numbers of the covariance.
+
+    Parameters
+    ----------
+    roughness : tuple of float
+        One a recording, 0..1.
+    discrepancy : tuple of (float, float)
+        Of each channel, in its usual noise.
+    """
+
+    roughness: tuple[float, ...]
+    discrepancy: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Rows of one block, independent and of unit variance.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (m, columns)
+    half_log_det : float
+    """
+
+    rows: _Floats
+    half_log_det: float
+
+
+def whiten(
+    data: Data,
+    noise: Covariance,
+    scales: Scales,
+    columns: _Floats,
+    only: Sequence[int] | None = None,
+) -> list[Whitened]:
+    """Whiten columns over a recording's observations, block by block.
+
+    Parameters
+    ----------
+    columns : ndarray of shape (n, c)
+    only : sequence of int, optional
+        Which blocks; all when absent.
+    """
+    found = []
+    share = scales.roughness[data.number]
+    for k, rows in enumerate(data.observations.blocks):
+        if only is not None and k not in only:
+            continue
+        matrix = share * noise.inputs[k]
+        if max(scales.discrepancy) > 0.0:
+            matrix += _unknown(data, noise, scales, rows)
+        matrix[np.diag_indices_from(matrix)] += noise.own[rows]
+        factor = np.linalg.cholesky(matrix)
+        white = solve_triangular(factor, columns[rows], lower=True, check_finite=False)
+        found.append(Whitened(white, float(np.sum(np.log(np.diag(factor))))))
+    return found
+
+
+def _unknown(data: Data, noise: Covariance, scales: Scales, rows: NDArray[np.intp]) -> _Floats:
+    """Covariance of the unknown discrepancy over some observations."""
+    seen = data.observations
+    channel = seen.channel[rows]
+    apart = np.abs(seen.time_s[rows][:, None] - seen.time_s[rows][None])
+    size = (np.array(scales.discrepancy) * noise.floor)[channel]
+    alike = channel[:, None] == channel[None]
+    return np.asarray(np.exp(-apart / DISCREPANCY_S) * np.outer(size, size) * alike)
+
+
+def block_cost(block: Whitened) -> float:
+    """Return -log density of a block's residual (its first column), up to a constant."""
+    size = block.rows.shape[0]
+    square = float(block.rows[:, 0] @ block.rows[:, 0])
+    return float(0.5 * (DRAWS + size) * math.log1p(square / DRAWS) + block.half_log_det)
+
+
+def block_weight(block: Whitened) -> float:
+    """Return what a block's squares count in the normal equations: less where it fits badly."""
+    size = block.rows.shape[0]
+    return float((DRAWS + size) / (DRAWS + block.rows[:, 0] @ block.rows[:, 0]))
+
+
+Part = tuple[Data, Covariance, _Floats, tuple[int, ...] | None]
+"""A recording, its covariance, its residual, and which of its blocks count (None: all)."""
+
+
+def cost(parts: Sequence[Part], scales: Scales) -> float:
+    """Return -log likelihood of residuals with the prior of the scales, up to a constant."""
+    return _scale_prior(scales) + sum(
+        block_cost(block)
+        for data, noise, residual, only in parts
+        for block in whiten(data, noise, scales, residual[:, None], only)
+    )
+
+
+def _scale_prior(scales: Scales) -> float:
+    """Prior of the scales: a small discrepancy costs what it is in `SMALL`, a large one levels."""
+    return sum(math.log1p(0.5 * (size / SMALL) ** 2) for size in scales.discrepancy)
+
+
+def best_scales(parts: Sequence[Part], start: Scales) -> Scales:
+    """Find the scales under which the residuals are most likely, one after the other."""
+    now, lowest = start, cost(parts, start)
+    for channel in (0, 1):
+
+        def trial(size: float, now: Scales = now, channel: int = channel) -> Scales:
+            both = list(now.discrepancy)
+            both[channel] = size
+            return Scales(now.roughness, (both[0], both[1]))
+
+        now, lowest = _descend([trial(size) for size in SIZES], now, lowest, parts)
+    for part in parts:
+        number = part[0].number
+
+        def other(share: float, now: Scales = now, number: int = number) -> Scales:
+            every = list(now.roughness)
+            every[number] = share
+            return Scales(tuple(every), now.discrepancy)
+
+        now, _ = _descend([other(share) for share in ROUGHNESS], now, cost([part], now), [part])
+    return now
+
+
+def _descend(
+    line: Sequence[Scales],
+    now: Scales,
+    lowest: float,
+    parts: Sequence[Part],
+) -> tuple[Scales, float]:
+    """Walk along a line of scales from the nearest to where it is, as long as the cost falls."""
+    here = line.index(now) if now in line else len(line) // 2
+    if now not in line:
+        now, lowest = line[here], cost(parts, line[here])
+    for step in (1, -1):
+        k = here + step
+        while 0 <= k < len(line):
+            found = cost(parts, line[k])
+            if found >= lowest:
+                break
+            now, lowest, k = line[k], found, k + step
+        if now != line[here]:
+            break
+    return now, lowest

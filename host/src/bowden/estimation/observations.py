@@ -1,0 +1,129 @@
+"""Which samples of a predicted channel count as observations, and how precise each is by itself.
+
+A noisy channel is read every few milliseconds: its noise is white. A quantised one is read where
+its count changes: there the quantity is on the edge between two counts, to within what it moves in
+a sample; between edges a count says nothing new, and at standstill nothing at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.model import Mode
+from bowden.recording.recording import Recording
+from bowden.signals.dequantise import EDGE_NOISE, Estimates
+from bowden.signals.prediction import PREDICTED
+
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.intp]
+
+STEP_S = 16e-3  # closer observations cost time and tell little more
+BLOCK_S = (0.9, 1.6)  # from reversal to reversal, at least and at most
+LEAST_SHARE = 1e-5  # of a channel's range: no prediction is more exact
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What a recording says of the predicted channels.
+
+    Parameters
+    ----------
+    time_s : ndarray of shape (n,), s
+        Of each observation; channel by channel.
+    measured : ndarray of shape (n,)
+        In the channel's unit.
+    sigma : ndarray of shape (n,)
+        Standard deviation of each one's own, independent error; > 0.
+    channel : ndarray of int, shape (n,)
+        0 or 1: which of the mode's two predicted channels.
+    direction : ndarray of shape (n,)
+        Which way a quantised channel crossed the edge, -1 or 1; 0 of others.
+    blocks : tuple of ndarray of int
+        Rows of each stretch of time, both channels: the units of correlation and of validation.
+    """
+
+    time_s: _Floats
+    measured: _Floats
+    sigma: _Floats
+    channel: _Index
+    direction: _Floats
+    blocks: tuple[_Index, ...]
+
+
+def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observations:
+    """Choose the observations of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        As it was read.
+    estimates : Estimates
+        Of its channels: which are quantised, how noisy each is, the path behind the counts.
+    mode : Mode
+    """
+    time_s = recording.time_s
+    pieces = []
+    for number, name in enumerate(PREDICTED[mode]):
+        values = recording[name]
+        one = estimates.channels[name]
+        if one.quantum is not None and one.noise < 0.5 * one.quantum:
+            found = _at_edges(time_s, values, estimates.recording[name], one.quantum)
+        else:
+            kept = _spaced(np.arange(time_s.size), time_s)
+            noise = np.full(kept.size, one.noise)
+            found = time_s[kept], values[kept], noise, np.zeros(kept.size)
+        at, measured, sigma, way = found
+        least = LEAST_SHARE * max(float(np.ptp(values)), 1e-9)
+        pieces.append((at, measured, np.hypot(sigma, least), np.full(at.size, number), way))
+    columns = [np.concatenate(column) for column in zip(*pieces, strict=True)]
+    row_time_s = columns[0]
+    edges = _block_edges(estimates.recording)
+    block = np.searchsorted(edges, row_time_s, side="right")
+    rows = tuple(np.flatnonzero(block == k) for k in np.unique(block))
+    channel = columns[3].astype(np.intp)
+    return Observations(row_time_s, columns[1], columns[2], channel, columns[4], rows)
+
+
+def _at_edges(
+    time_s: _Floats, values: _Floats, path: _Floats, quantum: float
+) -> tuple[_Floats, _Floats, _Floats, _Floats]:
+    """Observe where the count changes: time halfway, the edge between, its error, which way."""
+    late = _spaced(np.flatnonzero(np.diff(values) != 0.0) + 1, time_s)
+    early = late - 1
+    travel = np.minimum(np.abs(path[late] - path[early]), quantum / np.sqrt(2.0))
+    sigma = np.sqrt((EDGE_NOISE * quantum) ** 2 + travel**2 / 12.0)
+    at, edge = 0.5 * (time_s[late] + time_s[early]), 0.5 * (values[late] + values[early])
+    return at, edge, sigma, np.sign(values[late] - values[early])
+
+
+def _spaced(index: _Index, time_s: _Floats) -> _Index:
+    """Keep of some samples those that are a step apart at least."""
+    if not index.size:
+        return index
+    slot = np.floor((time_s[index] - time_s[index[0]]) / STEP_S + 1e-9)
+    return np.asarray(index[np.concatenate([[True], np.diff(slot) > 0])])
+
+
+def _block_edges(recording: Recording) -> _Floats:
+    """Return the times at which blocks begin: at reversals where there are some."""
+    time_s = recording.time_s
+    moving = max(
+        (recording.load_angle_rad, recording.motor_angle_rad),
+        key=lambda angle: float(np.ptp(angle)),
+    )
+    way = np.sign(np.diff(moving))
+    (still,) = np.nonzero(way == 0)
+    last = np.maximum.accumulate(np.where(way == 0, 0, np.arange(way.size)))
+    way[still] = way[last[still]]
+    turns = time_s[1:-1][np.diff(way) != 0]
+    least, most = BLOCK_S
+    edges = [float(time_s[0])]
+    for turn in [*turns.tolist(), float(time_s[-1])]:
+        while turn - edges[-1] > most:
+            edges.append(edges[-1] + 0.5 * (least + most))
+        if turn - edges[-1] >= least:
+            edges.append(turn)
+    return np.array(edges[1:])

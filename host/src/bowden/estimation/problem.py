@@ -1,0 +1,197 @@
+"""What is fitted to what: a `Problem` of prepared recordings and numbers that may move.
+
+It simulates residuals at points, side by side; `objective` weighs them. `descend` and `search` move
+points, an `Optimum` is what they end with. Touches no file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.estimation.covariance import Covariance, Data, covariance
+from bowden.estimation.likelihood import Part, Scales, block_cost, cost, whiten
+from bowden.estimation.nuisance import Nuisance
+from bowden.estimation.parameters import Parameters
+from bowden.model import Model, ModelError
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is fitted to what.
+
+    Parameters
+    ----------
+    data : tuple of Data
+    parameters : Parameters
+    nuisances : tuple of Nuisance
+    blocks : tuple of (tuple of int or None)
+        Which blocks of each recording are fitted; None: all.
+    pool : ThreadPoolExecutor
+    """
+
+    data: tuple[Data, ...]
+    parameters: Parameters
+    nuisances: tuple[Nuisance, ...]
+    blocks: tuple[tuple[int, ...] | None, ...]
+    pool: ThreadPoolExecutor
+
+    @property
+    def size(self) -> int:
+        """Parameters of the model; nuisances follow them in a point."""
+        return len(self.parameters.each)
+
+    @property
+    def unit(self) -> _Floats:
+        """Unit step of each number of a point."""
+        return np.concatenate([self.parameters.step, [one.sigma for one in self.nuisances]])
+
+    def start(self) -> _Floats:
+        """Return the point of the file's values and of no nuisance."""
+        return np.concatenate([self.parameters.start, np.zeros(len(self.nuisances))])
+
+    def feasible(self, x: _Floats) -> _Floats:
+        """Return the nearest point that describes a rig."""
+        return np.concatenate([self.parameters.feasible(x[: self.size]), x[self.size :]])
+
+    def numbers(self, x: _Floats, recording: int) -> list[tuple[Nuisance, float]]:
+        """Return the nuisance numbers that count for a recording."""
+        return [
+            (one, float(v))
+            for one, v in zip(self.nuisances, x[self.size :], strict=True)
+            if recording in one.recordings
+        ]
+
+    def residuals(self, x: _Floats, noises: Sequence[Covariance]) -> list[_Floats] | None:
+        """Return measured minus predicted of each recording; None where no rig answers."""
+        return self.residuals_at([x], noises)[0]
+
+    def residuals_at(
+        self,
+        points: Sequence[_Floats],
+        noises: Sequence[Covariance],
+        known: Sequence[Mapping[int, _Floats]] | None = None,
+    ) -> list[list[_Floats] | None]:
+        """Return the residuals at several points, simulated side by side.
+
+        `known`: for each point, residuals of recordings by their place that need no simulation.
+        """
+        models: list[Model | None] = []
+        for x in points:
+            try:
+                models.append(self.parameters.model_at(x[: self.size]))
+            except ModelError:
+                models.append(None)
+
+        def one(job: tuple[int, int]) -> _Floats | None:
+            point, k = job
+            model, data = models[point], self.data[k]
+            if known is not None and k in known[point]:
+                return known[point][k]
+            if model is None:
+                return None
+            try:
+                predicted = data.predict(model, self.numbers(points[point], data.number))
+            except ModelError:
+                return None
+            residual = data.observations.measured - predicted - noises[k].offset
+            return residual if bool(np.all(np.isfinite(residual))) else None
+
+        jobs = [(i, k) for i in range(len(points)) for k in range(len(self.data))]
+        found = list(self.pool.map(one, jobs))
+        count = len(self.data)
+        rows = [found[i * count : (i + 1) * count] for i in range(len(points))]
+        return [
+            [one for one in row if one is not None] if all(r is not None for r in row) else None
+            for row in rows
+        ]
+
+    def noises(self, x: _Floats) -> list[Covariance]:
+        """Return each recording's covariance about the model at a point."""
+        model = self.parameters.model_at(x[: self.size])
+        return list(
+            self.pool.map(
+                lambda one: covariance(one, model, self.numbers(x, one.number)), self.data
+            )
+        )
+
+    def prior(self, x: _Floats) -> tuple[_Floats, _Floats]:
+        """Return residual and Jacobian of the priors."""
+        count, size = len(self.nuisances), self.size
+        sigmas = np.array([one.sigma for one in self.nuisances])
+        residual = np.concatenate(
+            [self.parameters.prior_residual(x[:size]), x[size:] / sigmas if count else []]
+        )
+        jacobian = np.zeros((size + count, size + count))
+        jacobian[:size, :size] = self.parameters.prior_jacobian(x[:size])
+        if count:
+            jacobian[size:, size:] = np.diag(1.0 / sigmas)
+        return residual, jacobian
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The most probable point and what is known about it.
+
+    Parameters
+    ----------
+    x : ndarray of shape (k,)
+        Coordinates of the parameters, then the nuisance numbers.
+    cost : float
+        -log posterior, up to a constant of the data.
+    hessian : ndarray of shape (k, k)
+        Of it, by Gauss-Newton.
+    residuals : list of ndarray
+        One a recording.
+    noises : list of Covariance
+    scales : Scales
+    as_good : ndarray of shape (k, 2) or None
+        Lowest and highest coordinate of each parameter that was found to be as good, the others
+        held: within what bounds a 95 % interval.
+    """
+
+    x: _Floats
+    cost: float
+    hessian: _Floats
+    residuals: list[_Floats]
+    noises: list[Covariance]
+    scales: Scales
+    as_good: _Floats | None = None
+
+
+def objective(
+    problem: Problem,
+    x: _Floats,
+    residuals: Sequence[_Floats],
+    noises: Sequence[Covariance],
+    scales: Scales,
+) -> float:
+    """Return -log posterior of a point under given scales, up to a constant."""
+    prior, _ = problem.prior(x)
+    total = cost([], scales) + 0.5 * float(prior @ prior)
+    for k, (data, noise, residual) in enumerate(zip(problem.data, noises, residuals, strict=True)):
+        blocks = whiten(data, noise, scales, residual[:, None], problem.blocks[k])
+        total += sum(block_cost(one) for one in blocks)
+    return total
+
+
+def about(problem: Problem, x: _Floats, like: Optimum) -> float:
+    """Return -log posterior at another point under an optimum's covariance; infinite for no rig."""
+    residuals = problem.residuals(x, like.noises)
+    if residuals is None:
+        return math.inf
+    return objective(problem, x, residuals, like.noises, like.scales)
+
+
+def fitted_parts(
+    problem: Problem, residuals: Sequence[_Floats], noises: Sequence[Covariance]
+) -> list[Part]:
+    """Return what `best_scales` wants."""
+    return list(zip(problem.data, noises, residuals, problem.blocks, strict=True))

@@ -1,0 +1,170 @@
+"""Where to begin and whether to go on: the most probable point of a `Problem`, from several starts.
+
+Numbers without a prior are scanned across their bounds, the weakest direction of the data is tried
+to both sides, and around the optimum every scale is looked at once more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.estimation.covariance import Covariance
+from bowden.estimation.descend import ENOUGH, descend
+from bowden.estimation.likelihood import Scales
+from bowden.estimation.problem import Optimum, Problem, about, objective
+from bowden.model import ModelError
+
+_Floats = NDArray[np.float64]
+
+INTERVAL = 1.96  # standard deviations either way: 95 % of a normal distribution
+WANTED = 0.5 * INTERVAL**2  # rise of the cost at an end of a 95 % interval
+MOST_LOOKS = 6  # around an optimum, each from the better one that the last has found
+SCANNED = 49  # points across the bounds of a number without a prior: 13 % apart in 1 .. 400
+MOST_VALLEYS = 3  # of a scan are searched on from
+WRONG = 30.0  # usual noise: a discrepancy to start from
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share of the whole."""
+
+
+def solve(problem: Problem, *, progress: Progress | None = None) -> Optimum:
+    """Find the most probable point.
+
+    Parameters
+    ----------
+    problem : Problem
+    progress : callable (stage, share of the whole), optional
+
+    Raises
+    ------
+    ModelError
+        The model of the file cannot run a recording.
+    """
+    tell = progress or (lambda _stage, _share: None)
+    start = problem.start()
+    tell("noise of the recordings", 0.0)
+    noises = problem.noises(start)
+    scales = Scales(
+        tuple(1.0 for _ in range(1 + max(d.number for d in problem.data))), (WRONG, WRONG)
+    )
+    tell("first search", 0.2)
+    starts = [start, *_scan(problem, start, noises, scales)]
+    best = _best_of(problem, starts, noises, scales)
+    for share in (0.5, 0.8):
+        tell("noise about the fit", share)
+        noises = problem.noises(best.x)
+        tell("search", share + 0.1)
+        again = [best.x]
+        if share == 0.5:
+            again += _along_valley(problem, best) + _scan(problem, best.x, noises, best.scales)
+        best = _best_of(problem, again, noises, best.scales)
+    tell("looking around", 0.95)
+    best = _look_around(problem, best)
+    tell("done", 1.0)
+    return best
+
+
+def _scan(
+    problem: Problem, x: _Floats, noises: Sequence[Covariance], scales: Scales
+) -> list[_Floats]:
+    """Look along each number without a prior, all across its bounds; return the lowest valleys."""
+    found = []
+    for i in range(problem.size):
+        if problem.parameters.precision[i, i] != 0.0:
+            continue
+        low, high = problem.parameters.low[i], problem.parameters.high[i]
+        points = []
+        for value in np.linspace(low, high, SCANNED):
+            moved = x.copy()
+            moved[i] = value
+            points.append(problem.feasible(moved))
+        costs = _costs(problem, points, noises, scales)
+        padded = np.concatenate([[math.inf], costs, [math.inf]])
+        valleys = np.flatnonzero(
+            (costs <= padded[:-2]) & (costs <= padded[2:]) & (costs < math.inf)
+        )
+        found += [points[k] for k in valleys[np.argsort(costs[valleys])][:MOST_VALLEYS]]
+    return found
+
+
+def _look_around(problem: Problem, best: Optimum) -> Optimum:
+    """Look along each number at every scale, from its posterior sigma to its unit step.
+
+    With friction that is higher at rest the cost is jagged: a search ends in the nearest notch.
+    """
+    for _ in range(MOST_LOOKS):
+        points, numbers = _around(problem, best)
+        costs = _costs(problem, points, best.noises, best.scales)
+        here = about(problem, best.x, best)
+        lowest = int(np.argmin(costs))
+        found = None
+        if costs[lowest] < here - ENOUGH:
+            found = descend(problem, points[lowest], best.noises, best.scales)
+        if found is None or found.cost >= best.cost - ENOUGH:
+            break
+        best = found
+    as_good = np.stack([best.x[: problem.size]] * 2, axis=1)
+    for point, number, value in zip(points, numbers, costs, strict=True):
+        if value < here + WANTED:
+            as_good[number] = (
+                min(as_good[number, 0], point[number]),
+                max(as_good[number, 1], point[number]),
+            )
+    return replace(best, as_good=as_good)
+
+
+def _around(problem: Problem, best: Optimum) -> tuple[list[_Floats], list[int]]:
+    """Return points around an optimum, octave by octave, and the parameter that moved."""
+    sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(best.hessian)), 1e-300))
+    points, numbers = [], []
+    for i in range(problem.size):
+        octaves = max(1, math.ceil(math.log2(max(problem.unit[i] / sigma[i], 2.0))))
+        for reach in sigma[i] * 2.0 ** np.arange(octaves + 1):
+            for sign in (-1.0, 1.0):
+                moved = best.x.copy()
+                moved[i] += sign * reach
+                points.append(problem.feasible(moved))
+                numbers.append(i)
+    return points, numbers
+
+
+def _along_valley(problem: Problem, best: Optimum) -> list[_Floats]:
+    """Return starts to both sides of an optimum along what the data know least of."""
+    unit = problem.unit[: problem.size]
+    inner = best.hessian[: problem.size, : problem.size] * np.outer(unit, unit)
+    _, vectors = np.linalg.eigh(inner)
+    found = []
+    for sign in (-2.0, 2.0):
+        moved = best.x.copy()
+        moved[: problem.size] += sign * unit * vectors[:, 0]
+        found.append(problem.feasible(moved))
+    return found
+
+
+def _best_of(
+    problem: Problem, starts: Sequence[_Floats], noises: Sequence[Covariance], scales: Scales
+) -> Optimum:
+    """Search from the most promising starts and return the best optimum."""
+    rough = [descend(problem, start, noises, scales, rounds=3) for start in starts]
+    ended = sorted((one for one in rough if one is not None), key=lambda one: one.cost)
+    if not ended:
+        raise ModelError("found no start that the model can run, accepted: other values or bounds")
+    found = [descend(problem, one.x, noises, one.scales) for one in ended[:2]]
+    return min((one for one in found if one is not None), key=lambda one: one.cost)
+
+
+def _costs(
+    problem: Problem, points: Sequence[_Floats], noises: Sequence[Covariance], scales: Scales
+) -> _Floats:
+    """Return -log posterior at several points; infinite where no rig answers."""
+    return np.array(
+        [
+            math.inf if one is None else objective(problem, point, one, noises, scales)
+            for point, one in zip(points, problem.residuals_at(points, noises), strict=True)
+        ]
+    )
