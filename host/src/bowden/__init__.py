@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from bowden.api.offline import estimate as estimate
     from bowden.api.offline import read_model as read_model
     from bowden.api.offline import simulate as simulate
+    from bowden.api.offline import verify as verify
     from bowden.api.offline import write_model as write_model
     from bowden.api.plots import figures as figures
     from bowden.api.tables import to_dataframe as to_dataframe
@@ -61,6 +62,7 @@ _MODULES = {
     "simulate": "bowden.api.offline",
     "table_1": "bowden.model",
     "to_dataframe": "bowden.api.tables",
+    "verify": "bowden.api.offline",
     "write_csv": "bowden.recording.csv_file",
     "write_model": "bowden.api.offline",
 }

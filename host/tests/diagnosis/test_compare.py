@@ -68,10 +68,9 @@ def test_noise_alone_is_at_its_floor() -> None:
     figures = compare(
         MODEL, [replace(recording, load_torque_nm=recording.load_torque_nm + noise)]
     ).figures
-    # Sampling error of a deviation over 8000 samples is 0.8 %, of the floor 1.5 %, and the
-    # floor counts friction's kinks in where they fill the windows.
-    assert figures.gap == pytest.approx(0.01, rel=0.03)
-    assert figures.noise_floor == pytest.approx(0.01, rel=0.06)
+    assert figures.gap == pytest.approx(0.01, rel=0.03)  # 8000 samples: 0.8 %
+    # The floor holds what the model's own 50 segments may be off by, 8 mN m beside 10 of noise.
+    assert 0.0099 < figures.noise_floor < 0.015
 
 
 def test_the_gap_of_several_recordings_is_pooled() -> None:

@@ -16,6 +16,7 @@ from bowden.diagnosis import diagnose as _diagnose
 from bowden.errors import BadInput
 from bowden.estimation import calibrate as _calibrate
 from bowden.estimation import quantities as _quantities
+from bowden.estimation import verify as _verify
 from bowden.model import Mode, Model, format_model, parse_model
 from bowden.recording.atomic import replace_whole
 from bowden.recording.enabled import until_disabled
@@ -170,6 +171,15 @@ def estimate(
     if quantity not in _quantities.QUANTITIES:
         raise BadInput("quantity", repr(quantity), ", ".join(_quantities.QUANTITIES))
     return _quantities.estimate(quantity, model_of(model), _recordings(recordings))
+
+
+def verify(
+    model: ModelLike,
+    recordings: RecordingLike | Sequence[RecordingLike],
+    mode: ModeName = "torque-position",
+) -> _verify.Verification:
+    """Check whether a model explains recordings that it has not seen, to their noise floor."""
+    return _verify.verify(model_of(model), _recordings(recordings), Mode(mode))
 
 
 def diagnose(

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     add_model_argument(parser)
     parser.add_argument(
-        "recordings", metavar="REC", type=Path, nargs="+", help="recording (.csv or .blf)"
+        "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
     add_mode_argument(parser)
     parser.add_argument(
@@ -53,32 +53,32 @@ def run(args: argparse.Namespace) -> int:
     from bowden.model import format_model  # noqa: PLC0415
     from bowden.model.model_file import Source  # noqa: PLC0415
     from bowden.recording.atomic import replace_whole  # noqa: PLC0415
-    from bowden.recording.read import read_recording  # noqa: PLC0415
+    from bowden.recording.session import read_recordings  # noqa: PLC0415
 
     model = read_model(args.model)
-    recordings = [read_recording(path) for path in args.recordings]
-    held_out = [read_recording(path) for path in args.hold_out or []]
-    count = len(recordings) + len(held_out)
+    session = read_recordings(args.recordings)
+    held_out = read_recordings(args.hold_out) if args.hold_out else None
+    zeros = [*session.groups["zeros"], *(held_out.groups["zeros"] if held_out else ())]
     with progress() as bar:
         task = bar.add_task("fitting", total=1.0)
         calibration = calibrate(
             model,
-            recordings,
+            session.recordings,
             mode_of(args),
             free=args.free,
             widen=args.widen,
-            held_out=held_out,
-            zeros=["session"] * count if args.shared_zeros else None,
+            held_out=held_out.recordings if held_out else (),
+            zeros=["session"] * len(zeros) if args.shared_zeros else zeros,
             seed=args.seed,
             progress=lambda stage, share: bar.update(task, description=stage, completed=share),
         )
-    fitted = [Source(**one) for one in sources(args.recordings)]
+    fitted = [Source(**one) for one in sources(session)]
     written = calibration.as_model(fitted)
     if args.write_model:
         with replace_whole(args.write_model) as temporary:
             temporary.write_text(format_model(written), encoding="utf-8")
     show(calibration, calibration.caveats, args.write_model)
     if args.json:
-        document = calibration.to_document() | {"sources": sources(args.recordings)}
+        document = calibration.to_document() | {"sources": sources(session)}
         print_json(document | {"model": str(args.write_model) if args.write_model else None})
     return 0

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     add_model_argument(parser)
     parser.add_argument(
-        "recordings", metavar="REC", type=Path, nargs="+", help="recording (.csv or .blf)"
+        "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
     add_mode_argument(parser)
     add_json_argument(parser)
@@ -56,9 +56,10 @@ def compare_files(
 ) -> Comparison:
     """Compare recordings with a model, file by file, and write the report where one is wanted."""
     from bowden.diagnosis.compare import compare  # noqa: PLC0415  (keeps --help fast)
-    from bowden.recording.read import read_recording  # noqa: PLC0415
+    from bowden.recording.session import read_recordings  # noqa: PLC0415
 
-    comparison = compare(read_model(model), [read_recording(path) for path in recordings], mode)
+    session = read_recordings(recordings)
+    comparison = compare(read_model(model), session.recordings, mode, zeros=session.groups["zeros"])
     if report:
         write_report(comparison, model, report)
     return comparison
@@ -79,7 +80,7 @@ def show(comparison: Comparison, report: Path | None = None) -> None:
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415  (keeps --help fast)
 
-    from bowden.report.words import percent, si, verdict, whereabouts  # noqa: PLC0415
+    from bowden.report.words import constants, percent, si, verdict, whereabouts  # noqa: PLC0415
 
     table = Table("recording", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("gap (RMS)", "of peak", "first cycle", "later", "noise", "lost"):
@@ -97,6 +98,8 @@ def show(comparison: Comparison, report: Path | None = None) -> None:
         )
     out = console()
     out.print(table)
-    out.print(f"{verdict(comparison)} {whereabouts(comparison)}")
+    for sentence in (verdict(comparison), constants(comparison), whereabouts(comparison)):
+        if sentence:
+            out.print(sentence, soft_wrap=True)
     if report:
         out.print(f"report: {report}", soft_wrap=True)

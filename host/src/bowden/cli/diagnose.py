@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     add_model_argument(parser)
     parser.add_argument(
-        "recordings", metavar="REC", type=Path, nargs="+", help="recording (.csv or .blf)"
+        "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
     add_mode_argument(parser)
     parser.add_argument(
@@ -53,12 +53,12 @@ def run(args: argparse.Namespace) -> int:
     from bowden.diagnosis.diagnose import diagnose  # noqa: PLC0415  (keeps --help fast)
     from bowden.errors import BadInput  # noqa: PLC0415
     from bowden.recording.enabled import until_disabled  # noqa: PLC0415
-    from bowden.recording.read import read_recording  # noqa: PLC0415
+    from bowden.recording.session import read_recordings  # noqa: PLC0415
 
     if args.seed < 0:
         raise BadInput("--seed", str(args.seed), "0 or more")
     model = read_model(args.model)
-    recordings = [until_disabled(read_recording(path)) for path in args.recordings]
+    recordings = [until_disabled(one) for one in read_recordings(args.recordings).recordings]
     with progress() as bar:
         task = bar.add_task("diagnosing", total=1.0)
         diagnosis = diagnose(

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("quantity", choices=("stiffness", "friction", "pretension"))
     parser.add_argument(
-        "recordings", metavar="REC", type=Path, nargs="+", help="recording (.csv or .blf)"
+        "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
     parser.add_argument(
         "--model", metavar="MODEL", type=Path, required=True, help="model file to start from"
@@ -40,19 +40,20 @@ def run(args: argparse.Namespace) -> int:
     from bowden.model import format_model  # noqa: PLC0415
     from bowden.model.model_file import Source  # noqa: PLC0415
     from bowden.recording.atomic import replace_whole  # noqa: PLC0415
-    from bowden.recording.read import read_recording  # noqa: PLC0415
+    from bowden.recording.session import read_recordings  # noqa: PLC0415
 
     model = read_model(args.model)
-    recordings = [read_recording(path) for path in args.recordings]
+    session = read_recordings(args.recordings)
     with progress() as bar:
         task = bar.add_task("fitting", total=1.0)
         found = estimate(
             args.quantity,
             model,
-            recordings,
+            session.recordings,
+            zeros=session.groups["zeros"],
             progress=lambda stage, share: bar.update(task, description=stage, completed=share),
         )
-    fitted = [Source(**one) for one in sources(args.recordings)]
+    fitted = [Source(**one) for one in sources(session)]
     if args.write_model:
         with replace_whole(args.write_model) as temporary:
             text = format_model(found.calibration.as_model(fitted))

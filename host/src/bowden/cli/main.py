@@ -2,8 +2,9 @@
 
 Each command is one module of `bowden.cli` with a docstring (its ``--help`` text), `add_arguments`,
 `run`, and examples in `EXAMPLES`. Only the module of the command that was asked for is imported,
-so that `bowden --help` answers at once. Exit status: 0 done; 2 bad input or usage; 3 the drive or
-the bus failed; 130 interrupted (143 terminated), after the command has cleaned up.
+so that `bowden --help` answers at once. Exit status: 0 done; 1 `verify` says no; 2 bad input or
+usage; 3 the drive or the bus failed; 130 interrupted (143 terminated), after the command has
+cleaned up.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ COMMANDS = {
     "simulate": "run the offline model on a recording's inputs",
     "compare": "compare recordings with the offline model",
     "calibrate": "fit named parameters of a model to recordings",
+    "verify": "check whether a model explains recordings that it has not seen",
     "diagnose": "name the effect that a model lacks to explain recordings",
     "experiment": "run one of the paper's experiments on the offline model",
     "estimate": "stiffness, friction or pretension from recordings, with intervals",

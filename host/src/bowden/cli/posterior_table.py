@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from bowden.estimation.calibrate import Calibration
     from bowden.estimation.posterior import Estimate, NuisanceEstimate
+    from bowden.recording.session import Session
 
 TOLD_SIGMAS = 3.0  # a nuisance number beyond so many of its own errors is worth a line
 
@@ -87,9 +88,11 @@ def _measurement(one: NuisanceEstimate, recordings: Sequence[str]) -> str:
     return f"{one.kind} of {one.channel} in {names}: {value}"
 
 
-def sources(paths: Sequence[Path]) -> list[dict[str, str]]:
+def sources(session: Session) -> list[dict[str, str]]:
     """Return the provenance of recordings: name and SHA-256 of each file."""
+    paths = [Path(one.source) for one in session.recordings]
     return [
         {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
         for path in paths
+        if path.is_file()
     ]

@@ -12,12 +12,14 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.diagnosis.budget import Compared, GapStep, gap_budget, shared_means
 from bowden.diagnosis.conditions import Condition, split_by_motion
+from bowden.estimation.fit import channel_floor
 from bowden.model import Mode, Model, Trajectory
 from bowden.recording.recording import Recording
-from bowden.signals.motion import Motion
-from bowden.signals.noise import noise_sigma
+from bowden.signals.motion import LOCKED_SHARE, Motion
 from bowden.signals.prediction import PREDICTED, simulate_recording
+from bowden.signals.repeatability import find_cycles
 
 _Floats = NDArray[np.float64]
 
@@ -39,7 +41,7 @@ class Figures:
     relative_gap : float or None
         `gap` / `full_scale`; None when nothing was measured.
     noise_floor : float
-        RMS of the measured channel's own white noise: no model can come below it.
+        RMS of what noise, counts and the simulator's own error leave of a model that is right.
     first_cycle, steady : float or None
         RMS until both extremes of the motion were visited, and after that; None where the motion
         has no cycles.
@@ -116,7 +118,9 @@ class Comparison:
     figures : Figures
         Over all samples of all recordings.
     where : tuple of Condition
-        Likewise.
+        Likewise, after the constants of the budget.
+    budget : tuple of GapStep
+        The gap step by step, from raw to nothing.
     """
 
     model: Model
@@ -124,6 +128,7 @@ class Comparison:
     recordings: tuple[RecordingComparison, ...]
     figures: Figures
     where: tuple[Condition, ...]
+    budget: tuple[GapStep, ...]
 
     @property
     def quantity(self) -> str:
@@ -143,6 +148,7 @@ class Comparison:
             "unit": "N m",
             "mode": self.mode.value,
             **asdict(self.figures),
+            "budget": [asdict(step) for step in self.budget],
             "where": [asdict(condition) for condition in self.where],
             "recordings": [
                 {
@@ -164,7 +170,11 @@ class Comparison:
 
 
 def compare(
-    model: Model, recordings: Sequence[Recording], mode: Mode = Mode.TORQUE_POSITION
+    model: Model,
+    recordings: Sequence[Recording],
+    mode: Mode = Mode.TORQUE_POSITION,
+    *,
+    zeros: Sequence[str] | None = None,
 ) -> Comparison:
     """Simulate each recording and measure the gap.
 
@@ -175,6 +185,9 @@ def compare(
         One or more runs of one rig; each starts virgin.
     mode : Mode, default torque-position
         Decides which two series are given and which are predicted.
+    zeros : sequence of str, optional
+        A label for each recording: those of one label share their zeros. Each has its own when
+        absent.
 
     Returns
     -------
@@ -185,7 +198,11 @@ def compare(
     bowden.model.ModelError
         A recording of fewer than two samples, or one that the model cannot run.
     """
-    parts = tuple(_compare_one(model, recording, mode) for recording in recordings)
+    for recording in recordings:
+        recording.require([*mode.columns, *PREDICTED[mode]], f"comparing in mode {mode.value}")
+    parts = tuple(
+        _compare_one(model, recording, mode, number) for number, recording in enumerate(recordings)
+    )
     residual = np.concatenate([part.residual for part in parts])
     motion = Motion.joined([part.motion for part in parts])
     floors = np.array([part.figures.noise_floor for part in parts])
@@ -197,11 +214,36 @@ def compare(
         ),
         steady=motion.steady,
     )
-    where = split_by_motion(residual, motion)
-    return Comparison(model=model, mode=mode, recordings=parts, figures=figures, where=where)
+    quantity = PREDICTED[mode][0]
+    labels = list(zeros) if zeros is not None else [str(k) for k in range(len(parts))]
+    compared = [
+        Compared(
+            part.recording.time_s,
+            part.recording[quantity],
+            getattr(part.trajectory, quantity),
+            find_cycles(part.recording.time_s, _moving(part.recording)),
+            label,
+        )
+        for part, label in zip(parts, labels, strict=True)
+    ]
+    constants = np.repeat(
+        shared_means([part.residual for part in parts], labels),
+        [part.residual.size for part in parts],
+    )
+    where = split_by_motion(residual - constants, motion)
+    return Comparison(model, mode, parts, figures, where, gap_budget(quantity, compared))
 
 
-def _compare_one(model: Model, recording: Recording, mode: Mode) -> RecordingComparison:
+def _moving(recording: Recording) -> _Floats:
+    """Return the angle of the end that moves."""
+    load, motor = recording.load_angle_rad, recording.motor_angle_rad
+    locked = np.ptp(load) <= LOCKED_SHARE * np.ptp(motor)
+    return motor if locked else load
+
+
+def _compare_one(
+    model: Model, recording: Recording, mode: Mode, number: int
+) -> RecordingComparison:
     trajectory = simulate_recording(model, mode, recording)
     quantity, other = PREDICTED[mode]
     if other.endswith(
@@ -213,7 +255,7 @@ def _compare_one(model: Model, recording: Recording, mode: Mode) -> RecordingCom
     measured: _Floats = getattr(recording, quantity)
     residual = measured - getattr(trajectory, quantity)
     motion = Motion.of(recording)
-    noise_floor = noise_sigma(measured, recording.time_s)
+    noise_floor = channel_floor(model, recording, mode, number)
     return RecordingComparison(
         recording=recording,
         trajectory=trajectory,

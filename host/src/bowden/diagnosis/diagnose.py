@@ -162,8 +162,7 @@ def diagnose(
     model : Model
         Numbers with a tolerance may move by about that; effects that it has stay.
     recordings : sequence of Recording
-        Of one rig. With up to three, blocks of half-cycles are held back for the verdict; with
-        more, every third recording is.
+        Of one rig. Every third block of half-cycles of each is held out for the verdict.
     mode : Mode, default torque-position
         Both channels that it predicts count.
     seed : int, default 0

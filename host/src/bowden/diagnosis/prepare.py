@@ -26,7 +26,6 @@ _Index = NDArray[np.intp]
 
 STEP_S = 8e-3
 BLOCKS = 12  # at most, of one recording; every third judges
-WHOLE_RECORDINGS = 4  # from so many on, whole recordings are held back instead of blocks
 
 
 def prepare(
@@ -72,11 +71,7 @@ def prepare(
             or_else=or_else,
         )
         best = noise.estimates.recording
-        if len(recordings) < WHOLE_RECORDINGS:
-            counts = _blocks(best)
-        else:
-            counts = np.full(best.time_s.size, number % 3 != 2)
-        ready.append(_part(noise, counts[noise.index], model))
+        ready.append(_part(noise, _blocks(best)[noise.index], model))
     return ready
 
 

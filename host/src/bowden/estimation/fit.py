@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.estimation.covariance import Data, is_dear
+from bowden.estimation.covariance import Data, covariance, is_dear
 from bowden.estimation.gap import Gap
 from bowden.estimation.nuisance import usual_nuisances
 from bowden.estimation.parameters import Parameters
@@ -117,6 +117,22 @@ def fit(
         for rows in (inside, outside)
     )
     return Fit(found, whole, best, fitted, validated, text)
+
+
+def channel_floor(model: Model, recording: Recording, mode: Mode, number: int = 0) -> float:
+    """Return the noise floor of the mode's first predicted channel, in its unit.
+
+    RMS over the recording of what noise, counts and the simulator's own error leave of a model
+    that is right.
+
+    Raises
+    ------
+    ModelError
+        The model cannot run the recording.
+    """
+    data = Data.of(recording, number, model, mode)
+    sigma = covariance(data, model).sigma[data.observations.channel == 0]
+    return _rms(sigma)
 
 
 def as_fitted(model: Model) -> Model:

@@ -69,6 +69,7 @@ def estimate(
     model: Model,
     recordings: Sequence[Recording],
     *,
+    zeros: Sequence[str] | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Estimation:
@@ -82,6 +83,8 @@ def estimate(
     model : Model
     recordings : sequence of Recording
         Each starts virgin.
+    zeros : sequence of str, optional
+        A label for each recording: those of one label share their zeros.
     seed : int
     progress : callable (stage, share of the whole), optional
 
@@ -101,7 +104,7 @@ def estimate(
     if model.document.posterior is not None:
         moving += model.document.posterior.paths
     free = list(dict.fromkeys([*paths, *moving]))
-    found = calibrate(model, recordings, free=free, seed=seed, progress=progress)
+    found = calibrate(model, recordings, free=free, zeros=zeros, seed=seed, progress=progress)
     readings = stretch_readings(found.model, recordings) if quantity == "stiffness" else None
     return Estimation(quantity, paths, found, readings)
 

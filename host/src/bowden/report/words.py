@@ -65,13 +65,33 @@ def verdict(comparison: Comparison) -> str:
     return f"{text}."
 
 
+def constants(comparison: Comparison) -> str:
+    """Say in one sentence what of the gap is constant or proportional; empty where little is."""
+    parts = []
+    for step in comparison.budget:
+        if step.value is None or step.share < 0.05:
+            continue
+        if step.step.startswith("constant"):
+            parts.append(
+                f"a constant of {si(step.value, 'N m')} explains {percent(step.share)} of it"
+            )
+        else:
+            parts.append(
+                f"a proportion of {percent(abs(step.value))} explains {percent(step.share)}"
+            )
+    if not parts:
+        return ""
+    text = ", ".join(parts)
+    return f"Of the squared gap, {text.removesuffix(' of it')}."
+
+
 def whereabouts(comparison: Comparison) -> str:
     """Say in one sentence where most of the gap is; empty when there is no gap."""
     if not comparison.where or comparison.figures.gap == 0.0:
         return ""
     worst = comparison.where[0]
     return (
-        f"The largest part of it, {percent(worst.share_of_gap)}, arises in "
+        f"The largest part of what varies, {percent(worst.share_of_gap)}, arises in "
         f"{percent(worst.share_of_time)} of the time: {worst.condition}."
     )
 
