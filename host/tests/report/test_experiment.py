@@ -22,8 +22,8 @@ def test_the_page_stands_alone_and_says_what_was_found(experiment: Experiment) -
     markup = re.sub(r"<script[^>]*>.*?</script>", "", page, flags=re.DOTALL)
     assert not re.search(r"(src|href)=", markup)
     assert "<script src" not in page
-    assert len(page) < 8e6
-    ids = re.findall(r'<div id="([^"]+)" class="plotly', page)
+    assert len(page) < 1e6
+    ids = re.findall(r'<figure id="([^"]+)"', page)
     assert len(ids) == len(set(ids)) >= 2
     if experiment.beside is not None:
         assert "where torque arrives" in page

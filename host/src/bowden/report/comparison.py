@@ -22,8 +22,8 @@ from bowden.report.page import Section, figure, listing, page, paragraph, table
 from bowden.report.words import NAMES, percent, quantity_with_unit, si, verdict, whereabouts
 
 POINTS_A_TRACE = 5000
-POINTS_A_PAGE = 250_000  # with the plotting library's 4.8 MB, keeps the page below 8 MB
-DETAILED = 6  # recordings that get plots; the others are in the table
+POINTS_A_PAGE = 24_000  # at about 35 characters each, keeps the page below 1 MB
+DETAILED = 3  # recordings that get plots; the others are in the table
 _TRACES_A_RECORDING = 19
 
 
@@ -39,7 +39,7 @@ def comparison_report(comparison: Comparison, facts: Mapping[str, str] | None = 
     Returns
     -------
     str
-        A self-contained HTML document of less than 8 MB.
+        A self-contained HTML document of less than 1 MB.
     """
     worst_first = sorted(comparison.recordings, key=lambda one: -one.figures.gap)
     detailed = worst_first[:DETAILED]

@@ -1,22 +1,28 @@
 """The frame of every report: one HTML file that opens anywhere, prints, and loads nothing.
 
-Knows HTML and nothing of transmissions. `comparison` fills it with words, tables and plots.
+Knows HTML and nothing of transmissions. `comparison` fills it with words, tables and plots. Figures
+are static SVG (`svg`), drawn once for wide screens and once for phones; a few lines of script
+export each as SVG or CSV, and each table as LaTeX. Follows the reader's light or dark setting.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
 import plotly.graph_objects as go
-import plotly.io
-from plotly.offline import get_plotlyjs
+
+from bowden.report import svg
 
 _STYLE = """
-:root { --ink: #1a1a1a; --soft: #5c6066; --line: #dfe2e6; --paper: #ffffff; --blue: #0072b2; }
+:root { color-scheme: light dark; --ink: #1a1a1a; --soft: #5c6066; --line: #dfe2e6;
+  --paper: #ffffff; --around: #f4f5f7; --blue: #0072b2; }
+@media (prefers-color-scheme: dark) { :root { --ink: #f0f2f4; --soft: #aab0b8; --line: #363c44;
+  --paper: #16191d; --around: #0d0f12; --blue: #5db8f0; } }
 * { box-sizing: border-box; }
-body { margin: 0; background: #f4f5f7; color: var(--ink);
+body { margin: 0; background: var(--around); color: var(--ink);
   font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
 main { max-width: 1020px; margin: 0 auto; padding: 48px 56px 40px; background: var(--paper); }
 h1 { font-size: 26px; line-height: 1.25; font-weight: 650; margin: 0 0 4px; }
@@ -32,9 +38,17 @@ th { text-align: right; font-weight: 600; color: var(--soft); border-bottom: 1.5
   padding: 6px 0 6px 14px; vertical-align: bottom; }
 td { text-align: right; border-bottom: 1px solid var(--line); padding: 6px 0 6px 14px;
   white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; padding-left: 0; white-space: normal;
-  overflow-wrap: anywhere; }
+th:first-child, td:first-child { text-align: left; min-width: 7em; padding-left: 0;
+  white-space: normal; overflow-wrap: anywhere; }
 figure { margin: 6px 0 0; }
+figcaption { color: var(--soft); font-size: 13px; margin: 2px 0 10px; }
+.narrow { display: none; }
+.export { display: inline; white-space: nowrap; }
+.export button { font: inherit; color: var(--blue); background: none; border: 0; padding: 0 4px;
+  text-decoration: underline; cursor: pointer; }
+button:focus-visible, summary:focus-visible, .scroll:focus-visible { outline: 2px solid var(--blue);
+  outline-offset: 2px; }
+.scroll { overflow-x: auto; }
 .tiles { display: flex; flex-wrap: wrap; gap: 12px; margin: 0 0 8px; }
 .tiles div { flex: 1 1 150px; border: 1px solid var(--line); border-radius: 8px;
   padding: 12px 16px; }
@@ -45,19 +59,43 @@ ul { margin: 6px 0 12px; padding-left: 1.3em; max-width: 46em; }
 .command { white-space: pre-wrap; border-left: 3px solid var(--blue); }
 details { margin: 12px 0; }
 summary { cursor: pointer; color: var(--soft); }
-pre { background: #f7f8f9; padding: 14px 18px; font-size: 13px; line-height: 1.45;
+pre { background: var(--around); padding: 14px 18px; font-size: 13px; line-height: 1.45;
   overflow-x: auto; }
 footer { margin-top: 48px; border-top: 1px solid var(--line); padding-top: 14px;
   color: var(--soft); font-size: 13px; }
 footer dl { display: grid; grid-template-columns: max-content 1fr; gap: 2px 18px; margin: 0; }
 footer dt { font-weight: 600; }
 footer dd { margin: 0; overflow-wrap: anywhere; }
-@media (max-width: 700px) { main { padding: 24px 18px; } }
+@media (max-width: 700px) { main { padding: 24px 16px; } .wide { display: none; }
+  .narrow { display: block; } h1 { font-size: 22px; } .verdict { font-size: 17px; }
+  footer dl { grid-template-columns: 1fr; } }
 @media print { body { background: none; } main { max-width: none; padding: 0; }
-  figure, table { break-inside: avoid; } .modebar, details { display: none !important; } }
+  figure, table { break-inside: avoid; } .export, details { display: none !important; } }
 """
 
-_CONFIG = {"displaylogo": False, "responsive": True, "displayModeBar": False}
+_WIDE_PX, _NARROW_PX = 908, 358
+
+#: Exports: a figure as SVG with its colours written out, its data as CSV, a table as LaTeX.
+_SCRIPT = r"""
+function save(name,type,text){const a=document.createElement('a');
+a.href=URL.createObjectURL(new Blob([text],{type}));a.download=name;a.click()}
+function svgOf(f){const o=f.querySelector('svg'),s=o.cloneNode(true);
+const from=[...o.querySelectorAll('*')],to=[...s.querySelectorAll('*')];
+from.forEach((e,i)=>{const c=getComputedStyle(e);for(const p of
+['fill','stroke','stroke-width','font-size','font-family'])to[i].style[p]=c[p]});
+s.setAttribute('xmlns','http://www.w3.org/2000/svg');return s.outerHTML}
+function csvOf(f){const d=JSON.parse(f.querySelector('script').textContent);
+return d.map(t=>['# '+t.name,'x,y',...t.x.map((x,i)=>x+','+t.y[i])].join('\n')).join('\n\n')}
+function texOf(t){const e=s=>s.replace(/\u2212/g,'-').replace(/([&%#_$])/g,'\$1');
+const r=[...t.rows].map(r=>[...r.cells].map(c=>e(c.textContent)).join(' & ')+' \\');
+return '\begin{tabular}{l'+'r'.repeat(t.rows[0].cells.length-1)+'}\n\hline\n'+r[0]+
+'\n\hline\n'+r.slice(1).join('\n')+'\n\hline\n\end{tabular}\n'}
+document.addEventListener('click',e=>{const b=e.target.closest('button[data-as]');if(!b)return;
+const f=b.closest('figure,.tabular'),n=f.id||'table';
+if(b.dataset.as==='svg')save(n+'.svg','image/svg+xml',svgOf(f));
+if(b.dataset.as==='csv')save(n+'.csv','text/csv',csvOf(f));
+if(b.dataset.as==='tex')save(n+'.tex','text/plain',texOf(f.querySelector('table')))});
+"""
 
 
 @dataclass(frozen=True)
@@ -86,11 +124,14 @@ def paragraph(text: str) -> str:
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table; the first column is text, the others are aligned as numbers."""
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
+    head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return (
+        f'<div class="tabular"><div class="scroll" tabindex="0"><table>'
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{_exports('tex')}</div>"
+    )
 
 
 def folded(summary: str, html: str) -> str:
@@ -121,25 +162,40 @@ def command(line: str) -> str:
     return f'<pre class="command">{escape(line)}</pre>'
 
 
-def figure(plot: go.Figure, name: str) -> str:
-    """Return a plot.
+def figure(plot: go.Figure, name: str, caption: str = "") -> str:
+    """Return a plot with its caption and its exports.
 
     Parameters
     ----------
     plot : plotly Figure
     name : str
         Unique on the page; letters, digits and hyphens.
+    caption : str, optional
+        By default what the axes and the curves say.
     """
-    drawn = plotly.io.to_html(
-        plot, include_plotlyjs=False, full_html=False, div_id=name, config=_CONFIG
+    text = caption or svg.describe(plot)
+    data = json.dumps(svg.data_of(plot), separators=(",", ":")).replace("</", r"<\/")
+    return (
+        f'<figure id="{name}"><div class="wide">{svg.draw(plot, _WIDE_PX, text)}</div>'
+        f'<div class="narrow">{svg.draw(plot, _NARROW_PX, text)}</div>'
+        f"<figcaption>{escape(text)} {_exports('svg', 'csv')}</figcaption>"
+        f'<script type="application/json">{data}</script></figure>'
     )
-    return f"<figure>{drawn}</figure>"
+
+
+def _exports(*kinds: str) -> str:
+    """Return the buttons that save a figure or a table."""
+    names = {"svg": "SVG", "csv": "CSV", "tex": "LaTeX"}
+    buttons = "".join(
+        f'<button type="button" data-as="{kind}">{names[kind]}</button>' for kind in kinds
+    )
+    return f'<span class="export">{buttons}</span>'
 
 
 def page(
     title: str, subtitle: str, verdict: str, sections: Sequence[Section], facts: Mapping[str, str]
 ) -> str:
-    """Return the whole HTML document, with the plotting library inside.
+    """Return the whole HTML document.
 
     Parameters
     ----------
@@ -156,11 +212,10 @@ def page(
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{_STYLE}</style>"
-        f"<script>{get_plotlyjs()}</script></head>\n<body><main>"
+        f"<title>{escape(title)}</title><style>{_STYLE}{svg.style()}</style></head>\n<body><main>"
         f'<h1>{escape(title)}</h1><p class="subtitle">{escape(subtitle)}</p>'
         f'<p class="verdict">{escape(verdict)}</p>{body}'
-        f"<footer><dl>{small_print}</dl></footer></main></body></html>\n"
+        f"<footer><dl>{small_print}</dl></footer></main><script>{_SCRIPT}</script></body></html>\n"
     )
 
 

@@ -181,6 +181,7 @@ def loops(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float) -> go.Figure:
     plot.update_xaxes(title_text="load angle (°)", row=rows)
     if alone and rows > 1:
         plot.update_xaxes(showticklabels=False, row=1)
+    plot.update_yaxes(matches="y")  # one scale for all laws: they are compared
     plot.update_yaxes(title_text="load torque (N m)", col=1)
     plot.update_layout(legend=legend_above(1.0 + 40 / (_ROW_PX * rows)), margin={"t": 80})
     return plot
