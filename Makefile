@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-diagnosis lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-diagnosis bench-calibration lock clean
 .PHONY: setup setup-firmware setup-baselines native
 
 help: ## list the targets
@@ -70,6 +70,9 @@ bench: firmware native ## measure; results in build/bench.json
 
 bench-diagnosis: setup-baselines ## hidden effects against `bowden diagnose` and its rivals (SEED=...); hours; build/diagnosis.*
 	$(BIN)/python -m hil_tests.benchmarks.diagnosis --seed $(SEED) $(BENCH_FLAGS)
+
+bench-calibration: setup ## are stated intervals true? (SEED=...); hours; build/calibration.json, docs/calibration-benchmark.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m hil_tests.benchmarks.calibration --seed $(SEED) --page docs/calibration-benchmark.md $(BENCH_FLAGS)
 
 lock: setup ## resolve requirements.lock and requirements-baselines.lock anew (needs uv)
 	$(COMPILE) --no-emit-package bowden --no-emit-package bowden-rig --no-emit-package bowden-bench \
