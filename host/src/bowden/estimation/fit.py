@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.estimation.covariance import Data, covariance, is_dear
+from bowden.estimation.covariance import Covariance, Data, covariance, is_dear
 from bowden.estimation.gap import Gap
 from bowden.estimation.nuisance import usual_nuisances
 from bowden.estimation.parameters import Parameters
 from bowden.estimation.posterior import Posterior, posterior
 from bowden.estimation.problem import Optimum, Problem
 from bowden.estimation.search import Progress, solve
-from bowden.model import Mode, Model
+from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.model.model_file import Numerics
 from bowden.recording.recording import Recording
@@ -104,8 +104,10 @@ def fit(
         nuisances = usual_nuisances(mode, every, [one.estimates for one in data], zeros)
         whole = Problem(data, parameters, nuisances, tuple(None for _ in data), pool)
         blocks, text = _split(data, len(recordings), every)
-        best = solve(replace(whole, blocks=blocks), progress=progress)
-        found = posterior(replace(whole, blocks=blocks), best)
+        part = _fitted_part(whole, blocks)
+        best = solve(part, progress=progress)
+        found = posterior(part, best)
+        best = _on_all(whole, part, best)
         start = whole.residuals(whole.start(), best.noises) or best.residuals
         best = _own_zeros(whole, best, blocks)
     inside = [_rows(one, blocks[k]) for k, one in enumerate(data)]
@@ -117,6 +119,30 @@ def fit(
         for rows in (inside, outside)
     )
     return Fit(found, whole, best, fitted, validated, text)
+
+
+def _fitted_part(problem: Problem, blocks: Sequence[tuple[int, ...] | None]) -> Problem:
+    """Return the problem without recordings of which no block is fitted."""
+    chosen = [k for k, one in enumerate(blocks) if one != ()]
+    data = tuple(problem.data[k] for k in chosen)
+    return replace(problem, data=data, blocks=tuple(blocks[k] for k in chosen))
+
+
+def _on_all(whole: Problem, part: Problem, best: Optimum) -> Optimum:
+    """Return an optimum with the residuals and noises of the held-out recordings, too."""
+    known = dict(zip([one.number for one in part.data], best.noises, strict=True))
+    model = whole.parameters.model_at(best.x[: whole.size])
+
+    def noise(one: Data) -> Covariance:
+        if one.number in known:
+            return known[one.number]
+        return covariance(one, model, whole.numbers(best.x, one.number))
+
+    noises = list(whole.pool.map(noise, whole.data))
+    residuals = whole.residuals(best.x, noises)
+    if residuals is None:
+        raise ModelError("found a held-out recording that the fitted model cannot run")
+    return replace(best, noises=noises, residuals=residuals)
 
 
 def channel_floor(model: Model, recording: Recording, mode: Mode, number: int = 0) -> float:
