@@ -22,7 +22,7 @@ from bowden.cli.tunnel_experiment import (
     render,
     tunnel_of,
 )
-from bowden.diagnosis.rendering import Tunnel
+from bowden.diagnosis.rendering import PrescribedTunnel
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
 from bowden.drive.connection import Connection
@@ -80,7 +80,7 @@ def main() -> None:
         print(f"{run.law}: {1e3 * run.figures.rms_error_nm:.1f} mN m RMS")  # noqa: T201
 
 
-def measured(laws: tuple[str, ...]) -> tuple[Tunnel, list[LawRun]]:
+def measured(laws: tuple[str, ...]) -> tuple[PrescribedTunnel, list[LawRun]]:
     """Run the tunnel with each law on the same rig, in virtual time."""
     rig = Rig()
     for setting in SETTINGS:
@@ -103,7 +103,7 @@ def measured(laws: tuple[str, ...]) -> tuple[Tunnel, list[LawRun]]:
         return tunnel, runs
 
 
-def picture(tunnel: Tunnel, naive: LawRun, law: LawRun) -> str:
+def picture(tunnel: PrescribedTunnel, naive: LawRun, law: LawRun) -> str:
     """Return the animated SVG."""
     loops = {run.law: _last_period(run) for run in (naive, law)}
     angle = np.degrees(np.concatenate([loop[0] for loop in loops.values()]))

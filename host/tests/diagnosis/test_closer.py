@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.closer import CLOSER_S, closely
-from bowden.diagnosis.decide import Rest
-from bowden.diagnosis.fit import Fit, solve
+from bowden.diagnosis.decide import HeldOutResidual
+from bowden.diagnosis.fit import HypothesisFit, solve
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.hypothesis import MOST_EFFECTS, Hypothesis
 from bowden.diagnosis.prepare import prepare
-from bowden.diagnosis.problem import Part, Problem
+from bowden.diagnosis.problem import WeighedRecording, WeighedRecordings
 from bowden.diagnosis.select import Selection, look_closer
 from bowden.model import Mode, Model, parse_model
 
 from ..rigs import TABLE_1, wiggle
 
 MODE = Mode.TORQUE_POSITION
-MISSING = Rest(before=20.0, after=20.0, samples=1e6)
-NOISE = Rest(before=20.0, after=1.0, samples=1e6)
+MISSING = HeldOutResidual(before=20.0, after=20.0, samples=1e6)
+NOISE = HeldOutResidual(before=20.0, after=1.0, samples=1e6)
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ NOISE = Rest(before=20.0, after=1.0, samples=1e6)
     ],
 )
 def test_nothing_is_simulated_where_no_effect_can_come_of_it(
-    effects: int, rest_of_the_fitted: float, rest: Rest
+    effects: int, rest_of_the_fitted: float, rest: HeldOutResidual
 ) -> None:
     selection: Any = SimpleNamespace(
         chosen=SimpleNamespace(effects=("an effect",) * effects, rest=rest_of_the_fitted)
@@ -52,12 +52,12 @@ def test_a_rotor_that_rings_is_found_beside_what_cannot_be_it() -> None:
     recording = wiggle(model.with_effect("motor_inertia", {"inertia_kg_m2": inertia}))
     with ThreadPoolExecutor(2) as pool:
 
-        def weigh(one: Model) -> list[Part]:
+        def weigh(one: Model) -> list[WeighedRecording]:
             return prepare(one, MODE, [recording], 0, pool, step_s=CLOSER_S)
 
-        problem = Problem(MODE, weigh(model), weigh).with_noise_of(model, anew=False)
+        problem = WeighedRecordings(MODE, weigh(model), weigh).with_noise_of(model, anew=False)
         moving = free_parameters(model)
-        fit = Fit(model, moving, problem, pool.map)
+        fit = HypothesisFit(model, moving, problem, pool.map)
         base = Hypothesis((), fit, solve(fit, np.zeros(len(moving))))
         bare = Selection(base, base, base, (), [], [], base.fitted, problem)
         few = candidates(["motor_inertia", "load_cell_drift", "motor_torque_offset"])

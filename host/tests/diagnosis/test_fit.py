@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from bowden.diagnosis.fit import Fit, solve
+from bowden.diagnosis.fit import HypothesisFit, solve
 from bowden.diagnosis.problem import Misfit
 from hypothesis import given
 from hypothesis import strategies as st
@@ -66,7 +66,9 @@ def test_held_out_data_count_as_a_forecast_with_its_own_covariance(
 ) -> None:
     """r' (1 + J C J')^-1 r / 2, where C is what the fitted data leave the numbers."""
     problem = Lines(seed, fitted, judged)
-    fit = Fit(cast(Any, Line()), [Number(f"x{i}") for i in range(NUMBERS)], cast(Any, problem))
+    fit = HypothesisFit(
+        cast(Any, Line()), [Number(f"x{i}") for i in range(NUMBERS)], cast(Any, problem)
+    )
     found = solve(fit, np.zeros(NUMBERS))
     near, far = problem.matrix[:fitted], problem.matrix[fitted:]
     covariance = np.linalg.inv(near.T @ near + np.eye(NUMBERS) / 25.0)
@@ -82,6 +84,8 @@ def test_held_out_data_count_as_a_forecast_with_its_own_covariance(
 def test_what_no_number_can_explain_is_not_forgiven() -> None:
     problem = Lines(1, 10, 30)
     problem.measured[10:] += 50.0 * np.random.default_rng(2).normal(size=30)
-    fit = Fit(cast(Any, Line()), [Number(f"x{i}") for i in range(NUMBERS)], cast(Any, problem))
+    fit = HypothesisFit(
+        cast(Any, Line()), [Number(f"x{i}") for i in range(NUMBERS)], cast(Any, problem)
+    )
     # 30 residuals of 50 sigmas, of which three numbers can take three.
     assert solve(fit, np.zeros(NUMBERS)).judged > 0.5 * 20 * 50.0**2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bowden.diagnosis.own_noise import AT_FLOOR
 from bowden.diagnosis.prepare import prepare
-from bowden.diagnosis.problem import BY_CHANCE, Problem, about_zero
+from bowden.diagnosis.problem import BY_CHANCE, WeighedRecordings, about_zero
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.recording import Recording
 
@@ -58,7 +58,7 @@ def test_encoders_that_round_down_do_not_make_a_right_model_wrong() -> None:
     )
     with ThreadPoolExecutor(2) as pool:
         parts = prepare(model, MODE, [recording], 1, pool)
-    problem = Problem(MODE, parts)
+    problem = WeighedRecordings(MODE, parts)
     gap = problem.gaps(model, parts[0])["motor_angle_rad"]
     channel = parts[0].channels["motor_angle_rad"]
     assert abs(float(np.mean(gap))) > 1.5 * float(np.median(channel.sigma))

@@ -7,10 +7,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import candidates
-from bowden.diagnosis.fit import Fit, solve
+from bowden.diagnosis.fit import HypothesisFit, solve
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.prepare import prepare
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.problem import WeighedRecordings
 from bowden.diagnosis.screening import screen
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.recording import Recording
@@ -38,8 +38,10 @@ def test_a_motor_that_rings_is_looked_at_near_its_true_inertia(inertia_kg_m2: fl
         load_torque_nm=run.load_torque_nm + 5e-4 * noise,
     )
     with ThreadPoolExecutor(2) as pool:
-        problem = Problem(MODE, prepare(model, MODE, [recording], 0, pool)).with_noise_of(model)
-    fit = Fit(model, free_parameters(model), problem)
+        problem = WeighedRecordings(MODE, prepare(model, MODE, [recording], 0, pool)).with_noise_of(
+            model
+        )
+    fit = HypothesisFit(model, free_parameters(model), problem)
     base = solve(fit, np.zeros(len(fit.parameters)))
     (candidate,) = candidates(["motor_inertia"])
     best = screen(fit, base, candidate)[0]

@@ -7,11 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import candidates, with_candidate
-from bowden.diagnosis.fit import Fit, solve
+from bowden.diagnosis.fit import HypothesisFit, solve
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.prepare import prepare
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.problem import WeighedRecordings
 from bowden.diagnosis.trials import first_looks, fit_from_usual
 from bowden.model import Mode, parse_model
 
@@ -28,8 +28,8 @@ def test_a_bearing_beside_a_late_cell_is_found_from_its_usual_strength() -> None
     recording = wiggle(model.with_effect("time_delay", late).with_effect("bearing_friction", dry))
     (cell,) = (one for one in candidates(["time_delay"]) if one.key[1] == "load cell")
     with ThreadPoolExecutor(2) as pool:
-        problem = Problem(MODE, prepare(model, MODE, [recording], 0, pool))
-        fit = Fit(
+        problem = WeighedRecordings(MODE, prepare(model, MODE, [recording], 0, pool))
+        fit = HypothesisFit(
             with_candidate(model, cell, late),
             [*free_parameters(model), *cell.numbers(0)],
             problem,

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bowden.cli.main import main
-from bowden.diagnosis.rendering import Tunnel, judge_rendering
+from bowden.diagnosis.rendering import PrescribedTunnel, judge_rendering
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
 from bowden.errors import BadInput
@@ -18,7 +18,9 @@ from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
 from bowden_rig.virtual_bus import VirtualBus
 
-TUNNEL = Tunnel(half_width_rad=0.05, stiffness_nm_per_rad=0.5, torque_limit_nm=0.2, ratio=5.2)
+TUNNEL = PrescribedTunnel(
+    half_width_rad=0.05, stiffness_nm_per_rad=0.5, torque_limit_nm=0.2, ratio=5.2
+)
 
 
 def recording(friction_nm: float, active: int = 5) -> Recording:

@@ -27,7 +27,7 @@ from bowden.cli.tunnel_experiment import (
     telling_the_law,
     tunnel_of,
 )
-from bowden.diagnosis.rendering import Tunnel
+from bowden.diagnosis.rendering import PrescribedTunnel
 from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
@@ -96,14 +96,14 @@ class Loop:
         Without compensation: what was diagnosed.
     before, after : tuple of LawRun
         Each of `LAWS` with the lab's model and with the diagnosed one.
-    tunnel : Tunnel
+    tunnel : PrescribedTunnel
     diagnosis : Diagnosis
     """
 
     none: LawRun
     before: tuple[LawRun, ...]
     after: tuple[LawRun, ...]
-    tunnel: Tunnel
+    tunnel: PrescribedTunnel
     diagnosis: Diagnosis
 
     @property

@@ -15,7 +15,7 @@ from bowden.cli.drive_arguments import connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console, print_json, say
 from bowden.cli.record import record_to
-from bowden.diagnosis.rendering import Tunnel, judge_rendering
+from bowden.diagnosis.rendering import PrescribedTunnel, judge_rendering
 from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
@@ -111,7 +111,7 @@ def _entries(args: argparse.Namespace, model: Model | None) -> dict[str, float]:
     return entries | ({"motor_torque_limit": TORQUE_LIMIT_NM} if args.start_rig else {})
 
 
-def tunnel_of(drive: Drive) -> Tunnel:
+def tunnel_of(drive: Drive) -> PrescribedTunnel:
     """Read the tunnel that the drive renders; it must look at the load's angle."""
     if drive.read_raw("tunnel_angle_source") != TunnelAngleSource.LOAD:
         raise BadInput(
@@ -119,7 +119,7 @@ def tunnel_of(drive: Drive) -> Tunnel:
             "the motor's angle",
             "the load's (bowden configure, --tunnel-angle)",
         )
-    return Tunnel(
+    return PrescribedTunnel(
         half_width_rad=drive.read("tunnel_half_width"),
         stiffness_nm_per_rad=drive.read("tunnel_stiffness"),
         torque_limit_nm=drive.read("tunnel_torque_limit"),
@@ -150,7 +150,7 @@ def _law_put_back(drive: Drive) -> Iterator[None]:
 
 
 def _run(
-    args: argparse.Namespace, drive: Drive, law: str, tunnel: Tunnel, directory: Path
+    args: argparse.Namespace, drive: Drive, law: str, tunnel: PrescribedTunnel, directory: Path
 ) -> LawRun:
     drive.write_raw("compensation_law", CompensationLaw.named(law, "--compensation"))
     if not args.start_rig:
@@ -158,13 +158,15 @@ def _run(
     return render(drive, tunnel, args.duration, directory / f"{law}.blf")
 
 
-def render(drive: Drive, tunnel: Tunnel, duration_s: float, path: Path, title: str = "") -> LawRun:
+def render(
+    drive: Drive, tunnel: PrescribedTunnel, duration_s: float, path: Path, title: str = ""
+) -> LawRun:
     """Record the tunnel with the law that the drive has, and judge it.
 
     Parameters
     ----------
     drive : Drive
-    tunnel : Tunnel
+    tunnel : PrescribedTunnel
     duration_s : float, s
     path : Path
         Of the recording.

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.decide import Rest
+from bowden.diagnosis.decide import HeldOutResidual
 from bowden.diagnosis.figures import rest_of
 from bowden.diagnosis.hypothesis import MOST_EFFECTS
 from bowden.diagnosis.own_noise import AT_FLOOR
 from bowden.diagnosis.prepare import prepare
-from bowden.diagnosis.problem import Part, Problem
+from bowden.diagnosis.problem import WeighedRecording, WeighedRecordings
 from bowden.diagnosis.select import Selection, look_closer
 from bowden.model import Mode, Model, ModelError
 from bowden.recording.recording import Recording
@@ -26,14 +26,14 @@ CLOSER_S = 2e-3
 
 def closely(
     selection: Selection,
-    rest: Rest,
+    rest: HeldOutResidual,
     mode: Mode,
     recordings: Sequence[Recording],
     candidates: Sequence[Candidate],
     *,
     seed: int,
     pool: ThreadPoolExecutor,
-) -> tuple[Selection, Rest]:
+) -> tuple[Selection, HeldOutResidual]:
     """Return a selection with one more effect, and what it leaves of all samples.
 
     Both as they were given where that is noise already, where the fitted samples show as well that
@@ -42,7 +42,7 @@ def closely(
     Parameters
     ----------
     selection : Selection
-    rest : Rest
+    rest : HeldOutResidual
         What it leaves of all samples.
     mode : Mode
     recordings : sequence of Recording
@@ -56,15 +56,15 @@ def closely(
     if rest.is_noise_after(enough) or chosen.rest >= AT_FLOOR or enough == MOST_EFFECTS:
         return selection, rest
 
-    def weigh(model: Model) -> list[Part]:
+    def weigh(model: Model) -> list[WeighedRecording]:
         return prepare(model, mode, recordings, seed, pool, step_s=CLOSER_S)
 
     try:
         model = chosen.fitted.model
-        problem = Problem(mode, weigh(model), weigh).with_noise_of(model, anew=False)
+        problem = WeighedRecordings(mode, weigh(model), weigh).with_noise_of(model, anew=False)
         found = look_closer(selection, candidates, problem, pool=pool)
         ready = prepare(found.chosen.fitted.model, mode, recordings, seed, pool, step_s=0.0)
-        left = rest_of(found, Problem(mode, ready), pool)
+        left = rest_of(found, WeighedRecordings(mode, ready), pool)
     except ModelError:  # it runs what was measured, but not every path beside it
         return selection, rest
     return (found, left) if left.is_noise_after(len(found.chosen.effects)) else (selection, rest)

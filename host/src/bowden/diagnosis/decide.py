@@ -83,7 +83,7 @@ class Decision:
 
 
 @dataclass(frozen=True)
-class Rest:
+class HeldOutResidual:
     """What models leave on held-out data, in units of the local noise.
 
     Parameters
@@ -131,7 +131,7 @@ class Rest:
         return math.sqrt(max(self.before**2 - self.after**2, 0.0))
 
 
-def heard(selection: Selection, rest: Rest) -> tuple[Selection, Rest]:
+def heard(selection: Selection, rest: HeldOutResidual) -> tuple[Selection, HeldOutResidual]:
     """Return the selection without effects that the held-out samples speak against, and the rest.
 
     Fits see a part of the samples; what they gain there must not be lost in all of those held back.
@@ -139,7 +139,7 @@ def heard(selection: Selection, rest: Rest) -> tuple[Selection, Rest]:
     Parameters
     ----------
     selection : Selection
-    rest : Rest
+    rest : HeldOutResidual
     """
     if not selection.chosen.effects or rest.gained > 0.0:
         return selection, rest
@@ -148,13 +148,13 @@ def heard(selection: Selection, rest: Rest) -> tuple[Selection, Rest]:
     return bare, replace(rest, after=rest.before)
 
 
-def decide(selection: Selection, rest: Rest) -> Decision:
+def decide(selection: Selection, rest: HeldOutResidual) -> Decision:
     """Word the verdict.
 
     Parameters
     ----------
     selection : Selection
-    rest : Rest
+    rest : HeldOutResidual
     """
     chosen, reported = selection.chosen, selection.reported
     if not rest.is_noise_after(len(chosen.effects)):
@@ -238,7 +238,8 @@ def intervals(hypothesis: Hypothesis, astray: float) -> list[dict[str, Value]]:
     ----------
     hypothesis : Hypothesis
     astray : float
-        `Rest.astray`: numbers of a law that the rig does not quite follow are not known better.
+        `HeldOutResidual.astray`: numbers of a law that the rig does not quite follow are
+        not known better.
     """
     fit, at = hypothesis.fit, hypothesis.fitted.joint.at
     sigma = standard_errors(hypothesis.fitted)

@@ -29,14 +29,14 @@ from bowden.diagnosis.decide import (
 )
 from bowden.diagnosis.excitation import Excitation, excitation
 from bowden.diagnosis.figures import Series, gap_in, rest_of, series_of
-from bowden.diagnosis.fit import Fit, solve, solve_widely
+from bowden.diagnosis.fit import HypothesisFit, solve, solve_widely
 from bowden.diagnosis.free_parameters import free_parameters
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.leeway import leniently
 from bowden.diagnosis.localise import Place, ResidualMap, Where, localise
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.prepare import prepare
-from bowden.diagnosis.problem import Part, Problem
+from bowden.diagnosis.problem import WeighedRecording, WeighedRecordings
 from bowden.diagnosis.quality import Finding, check_quality
 from bowden.diagnosis.select import Progress, Selection, select, silent
 from bowden.estimation.gap import Gap
@@ -185,13 +185,13 @@ def diagnose(
         coarse = _coarse(model)
         moving = free_parameters(model) if model.free_parameters() else []
 
-        def weigh(one: Model) -> list[Part]:
+        def weigh(one: Model) -> list[WeighedRecording]:
             return prepare(one, mode, recordings, seed, pool)
 
         # Noise depends on the numbers that are calibrated: first roughly, then with what came out.
-        rough = Fit(coarse, moving, Problem(mode, weigh(coarse)), pool.map)
+        rough = HypothesisFit(coarse, moving, WeighedRecordings(mode, weigh(coarse)), pool.map)
         about = solve_widely(rough, solve(rough, np.zeros(len(moving)))).model
-        problem = Problem(mode, weigh(about), weigh).with_noise_of(about)
+        problem = WeighedRecordings(mode, weigh(about), weigh).with_noise_of(about)
         every = candidates(names)
         selection = select(coarse, moving, every, problem, pool=pool, progress=progress)
         progress("judging", 0.9)
@@ -200,7 +200,7 @@ def diagnose(
             ready = prepare(final, mode, recordings, seed, pool, step_s=0.0)
         except ModelError:  # it runs what was measured, but not every path beside it
             ready = prepare(about, mode, recordings, seed, pool, step_s=0.0)
-        selection, rest = heard(selection, rest_of(selection, Problem(mode, ready), pool))
+        selection, rest = heard(selection, rest_of(selection, WeighedRecordings(mode, ready), pool))
         selection, rest = leniently(selection, rest, mode, recordings, seed=seed, pool=pool)
         selection, rest = closely(selection, rest, mode, recordings, every, seed=seed, pool=pool)
         series = series_of(selection, mode, ready, pool)
@@ -317,7 +317,7 @@ def _title(one: NamedEffect) -> str:
 def _where(
     selection: Selection,
     mode: Mode,
-    ready: Sequence[Part],
+    ready: Sequence[WeighedRecording],
     series: Sequence[Series],
     seed: int,
 ) -> Where:

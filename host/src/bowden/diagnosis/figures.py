@@ -1,7 +1,7 @@
 """Before and after, sample by sample, and the figures that are made of it.
 
-A `Selection` and parts with all their samples in; `Series` for plots, `Gap` and `Rest` for words
-out. Simulates the calibrated and the chosen model once a recording; touches no file.
+A `Selection` and parts with all their samples in; `Series` for plots, `Gap` and `HeldOutResidual`
+for words out. Simulates the calibrated and the chosen model once a recording; touches no file.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.decide import Rest
-from bowden.diagnosis.problem import Part, Problem, about_zero
+from bowden.diagnosis.decide import HeldOutResidual
+from bowden.diagnosis.problem import WeighedRecording, WeighedRecordings, about_zero
 from bowden.diagnosis.select import Selection
 from bowden.estimation.gap import Gap
 from bowden.model import Mode, Model
@@ -47,11 +47,11 @@ class Series:
 
 
 def series_of(
-    selection: Selection, mode: Mode, ready: Sequence[Part], pool: ThreadPoolExecutor
+    selection: Selection, mode: Mode, ready: Sequence[WeighedRecording], pool: ThreadPoolExecutor
 ) -> tuple[Series, ...]:
     """Simulate the calibrated and the chosen model on all samples."""
     models = (selection.base.fitted.model, selection.reported.fitted.model)
-    problem = Problem(mode, ready)
+    problem = WeighedRecordings(mode, ready)
     jobs = [(model, part) for part in problem.parts for model in models]
     gaps = list(pool.map(lambda job: problem.gaps(*job), jobs))
     found = []
@@ -88,7 +88,9 @@ def gap_in(name: str, series: Sequence[Series]) -> Gap:
     )
 
 
-def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> Rest:
+def rest_of(
+    selection: Selection, ready: WeighedRecordings, pool: ThreadPoolExecutor
+) -> HeldOutResidual:
     """Return what the models leave on held-out data, in the channel where the chosen leaves more.
 
     Each sample counts by what it is worth. The numbers have moved on within what the fitted data
@@ -115,6 +117,6 @@ def rest_of(selection: Selection, ready: Problem, pool: ThreadPoolExecutor) -> R
 
         common = min(part.channels[name].common for part in selection.problem.parts)
         first, then = rms(models[0], before, name, share), rms(models[1], after, name, share)
-        found.append(Rest(first, then, max(1.0, common * float(share.sum()))))
+        found.append(HeldOutResidual(first, then, max(1.0, common * float(share.sum()))))
     gained = sum(0.5 * one.samples * (one.before**2 - one.after**2) for one in found)
     return replace(max(found, key=lambda one: one.after), gained=gained)

@@ -1,4 +1,4 @@
-"""Bounded least squares with the simulator inside: a `Problem` and what may move go in.
+"""Bounded least squares with the simulator inside: a `WeighedRecordings` and what may move go in.
 
 Gauss-Newton on the weighted residuals and the tolerances together. Derivatives are finite
 differences at first and are then corrected from what each step really brought (Broyden), since a
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.problem import WeighedRecordings
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Movable(Protocol):
 
 
 class Point(NamedTuple):
-    """Where a search is: `Fit.residual` there, its derivatives, and whether those are of there."""
+    """Where a search is: the residual there, its derivatives, and whether those are of there."""
 
     at: _Floats
     every: _Floats
@@ -130,7 +130,7 @@ class Fitted:
         return self.misfit + self.prior
 
 
-class Fit:
+class HypothesisFit:
     """Residuals and derivatives of one set of movable numbers.
 
     Parameters
@@ -138,13 +138,17 @@ class Fit:
     model : Model
         Holds every path of `parameters`.
     parameters : sequence of Movable
-    problem : Problem
+    problem : WeighedRecordings
     spread : callable, default map
         A pool's map to simulate side by side.
     """
 
     def __init__(
-        self, model: Model, parameters: Sequence[Movable], problem: Problem, spread: Spread = map
+        self,
+        model: Model,
+        parameters: Sequence[Movable],
+        problem: WeighedRecordings,
+        spread: Spread = map,
     ) -> None:
         self.model, self.parameters, self.problem = model, tuple(parameters), problem
         self.low = np.array([one.low for one in parameters], dtype=np.float64)
@@ -224,7 +228,7 @@ class Fit:
 
 
 def solve(
-    fit: Fit,
+    fit: HypothesisFit,
     start: _Floats,
     known: _Floats | None = None,
     joint_at: _Floats | None = None,
@@ -235,7 +239,7 @@ def solve(
 
     Parameters
     ----------
-    fit : Fit
+    fit : HypothesisFit
     start : ndarray of shape (p,)
     known : ndarray of shape (k, q), optional
         A guess of the derivatives by the first q numbers; the others' are taken at `start`.
@@ -253,7 +257,7 @@ def solve(
     return fit.fitted_at(found, FEW, joint_at)
 
 
-def _begin(fit: Fit, start: _Floats, known: _Floats | None = None) -> Point:
+def _begin(fit: HypothesisFit, start: _Floats, known: _Floats | None = None) -> Point:
     at = np.clip(start, fit.low, fit.high)
     every = fit.residual(at)
     if every is None:
@@ -262,7 +266,7 @@ def _begin(fit: Fit, start: _Floats, known: _Floats | None = None) -> Point:
     return Point(at, every, _completed(fit, at, every, known), fresh=known is None)
 
 
-def _descend(fit: Fit, begin: Point, rows: int, rounds: int, *, polish: bool) -> Point:
+def _descend(fit: HypothesisFit, begin: Point, rows: int, rounds: int, *, polish: bool) -> Point:
     """Make the first rows small, from a point on."""
     at, every, matrix, fresh = begin
     damping = 1e-3
@@ -302,7 +306,7 @@ def _half_square(values: _Floats) -> float:
     return 0.5 * float(values @ values)
 
 
-def solve_widely(fit: Fit, fitted: Fitted, spread: Spread = map) -> Fitted:
+def solve_widely(fit: HypothesisFit, fitted: Fitted, spread: Spread = map) -> Fitted:
     """Search on from where a search ended, along the valley that it may have ended too early in.
 
     Friction and pretension trade against each other: what they do to the data is nearly the same
@@ -311,7 +315,7 @@ def solve_widely(fit: Fit, fitted: Fitted, spread: Spread = map) -> Fitted:
 
     Parameters
     ----------
-    fit : Fit
+    fit : HypothesisFit
     fitted : Fitted
         An optimum of it.
     spread : callable, default map
@@ -345,7 +349,9 @@ def solve_widely(fit: Fit, fitted: Fitted, spread: Spread = map) -> Fitted:
     return solve(fit, at) if cost < fitted.cost - ENOUGH else fitted
 
 
-def _completed(fit: Fit, at: _Floats, residual: _Floats, known: _Floats | None) -> _Floats:
+def _completed(
+    fit: HypothesisFit, at: _Floats, residual: _Floats, known: _Floats | None
+) -> _Floats:
     """Return the derivatives, with those that are known already as they are."""
     if known is None:
         return fit.jacobian(at, residual)
@@ -355,7 +361,7 @@ def _completed(fit: Fit, at: _Floats, residual: _Floats, known: _Floats | None) 
 
 
 def _step(
-    fit: Fit, at: _Floats, residual: _Floats, matrix: _Floats, damping: float
+    fit: HypothesisFit, at: _Floats, residual: _Floats, matrix: _Floats, damping: float
 ) -> tuple[_Floats, float]:
     """Return the damped Gauss-Newton step within the bounds, and the gain that it promises."""
     # R of the QR decomposition stands for the thousands of rows.

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.fit import Fit, Fitted, Point, solve
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.fit import Fitted, HypothesisFit, Point, solve
+from bowden.diagnosis.problem import WeighedRecordings
 from bowden.model.effects.effect import EXACT
 
 MOST_EFFECTS = 3
@@ -23,12 +23,12 @@ class Hypothesis:
     Parameters
     ----------
     effects : tuple of Candidate
-    fit : Fit
+    fit : HypothesisFit
     fitted : Fitted
     """
 
     effects: tuple[Candidate, ...]
-    fit: Fit
+    fit: HypothesisFit
     fitted: Fitted
 
     @property
@@ -68,15 +68,15 @@ class Hypothesis:
         return -(self.fitted.cost + self.fitted.judged + price * self.numbers)
 
 
-def again(one: Hypothesis, problem: Problem) -> Hypothesis:
+def again(one: Hypothesis, problem: WeighedRecordings) -> Hypothesis:
     """Fit a hypothesis once more, from where it is, under another noise model."""
-    fit = Fit(one.fit.model, one.fit.parameters, problem)
+    fit = HypothesisFit(one.fit.model, one.fit.parameters, problem)
     return replace(one, fit=fit, fitted=solve(fit, one.fitted.at, joint_at=one.fitted.joint.at))
 
 
-def weighed(one: Hypothesis, problem: Problem) -> Hypothesis:
+def weighed(one: Hypothesis, problem: WeighedRecordings) -> Hypothesis:
     """Weigh a hypothesis as it is under another noise model."""
-    fit = Fit(one.fit.model, one.fit.parameters, problem)
+    fit = HypothesisFit(one.fit.model, one.fit.parameters, problem)
     every = fit.residual(one.fitted.at)
     assert every is not None  # it ran before
     found = Point(one.fitted.at, every, one.fitted.matrix)

@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-from bowden.diagnosis.decide import Rest
+from bowden.diagnosis.decide import HeldOutResidual
 from bowden.diagnosis.figures import rest_of
 from bowden.diagnosis.hypothesis import again
 from bowden.diagnosis.prepare import prepare
-from bowden.diagnosis.problem import Part, Problem
+from bowden.diagnosis.problem import WeighedRecording, WeighedRecordings
 from bowden.diagnosis.select import Selection
 from bowden.model import Mode, Model, ModelError
 from bowden.model.effects.effect import EXACT
@@ -29,13 +29,13 @@ ROUNDS = 2  # what an effect does depends on the numbers that are fitted
 
 def leniently(
     selection: Selection,
-    rest: Rest,
+    rest: HeldOutResidual,
     mode: Mode,
     recordings: Sequence[Recording],
     *,
     seed: int,
     pool: ThreadPoolExecutor,
-) -> tuple[Selection, Rest]:
+) -> tuple[Selection, HeldOutResidual]:
     """Return the selection with other `reported` numbers, and what they leave.
 
     Both as they were given, where that is noise already, where the law is the only one of its name,
@@ -44,7 +44,7 @@ def leniently(
     Parameters
     ----------
     selection : Selection
-    rest : Rest
+    rest : HeldOutResidual
         What it leaves.
     mode : Mode
     recordings : sequence of Recording
@@ -67,21 +67,21 @@ def _judged_again(
     recordings: Sequence[Recording],
     seed: int,
     pool: ThreadPoolExecutor,
-) -> tuple[Selection, Rest]:
+) -> tuple[Selection, HeldOutResidual]:
 
-    def weigh(model: Model) -> list[Part]:
+    def weigh(model: Model) -> list[WeighedRecording]:
         return prepare(model, mode, recordings, seed, pool, or_else=_without(model, selection))
 
     one = selection.chosen
     for _ in range(ROUNDS):
         model = one.fitted.model
-        problem = Problem(mode, weigh(model), weigh).with_noise_of(model, anew=False)
+        problem = WeighedRecordings(mode, weigh(model), weigh).with_noise_of(model, anew=False)
         one = again(one, problem)
     model = one.fitted.model
     or_else = _without(model, selection)
     ready = prepare(model, mode, recordings, seed, pool, step_s=0.0, or_else=or_else)
     found = replace(selection, reported=one)
-    return found, rest_of(found, Problem(mode, ready), pool)
+    return found, rest_of(found, WeighedRecordings(mode, ready), pool)
 
 
 def _without(model: Model, selection: Selection) -> list[tuple[Model, float]]:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from bowden.diagnosis.fit import solve_widely
 from bowden.diagnosis.hypothesis import Hypothesis, again, weighed
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.problem import WeighedRecordings
 
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 WITHIN = 50.0  # of cost: hypotheses that are fitted again under a better noise model
@@ -23,8 +23,11 @@ NEARER = 0.9  # of the rest: less than that is worth another round
 
 
 def under_their_noise(
-    problem: Problem, tried: Sequence[Hypothesis], favourites: int, pool: ThreadPoolExecutor
-) -> tuple[Problem, list[Hypothesis], Hypothesis]:
+    problem: WeighedRecordings,
+    tried: Sequence[Hypothesis],
+    favourites: int,
+    pool: ThreadPoolExecutor,
+) -> tuple[WeighedRecordings, list[Hypothesis], Hypothesis]:
     """Judge by the noise that the best leaves.
 
     Each of the favourites is fitted under its own, until one leaves noise. Where none does, those
@@ -32,7 +35,7 @@ def under_their_noise(
 
     Parameters
     ----------
-    problem : Problem
+    problem : WeighedRecordings
         That most were fitted under.
     tried : sequence of Hypothesis
     favourites : int
@@ -41,7 +44,7 @@ def under_their_noise(
 
     Returns
     -------
-    Problem, list of Hypothesis, Hypothesis
+    WeighedRecordings, list of Hypothesis, Hypothesis
         The nearer problem; all under it, best first; the one whose noise it is.
     """
     rings = [one for one in tried if one.fit.problem is not problem and one.rest < AT_FLOOR]
@@ -85,7 +88,7 @@ def _under_its_own(one: Hypothesis, pool: ThreadPoolExecutor) -> Hypothesis:
 
 
 def judged_again(
-    tried: Sequence[Hypothesis], problem: Problem, pool: ThreadPoolExecutor
+    tried: Sequence[Hypothesis], problem: WeighedRecordings, pool: ThreadPoolExecutor
 ) -> list[Hypothesis]:
     """Fit the best once more under another noise model; weigh the others by it as they are.
 
@@ -98,7 +101,7 @@ def judged_again(
     return distinct([*pool.map(lambda one: again(one, problem), near), *far])
 
 
-def cost_under(one: Hypothesis, problem: Problem) -> float:
+def cost_under(one: Hypothesis, problem: WeighedRecordings) -> float:
     """Return what a hypothesis costs as it is, under another noise model."""
     return weighed(one, problem).fitted.cost
 

@@ -1,7 +1,7 @@
 """Recordings made ready for fits: true paths from counts, weighed sample by sample, part held back.
 
-`Recording`s in, `problem.Part`s out: thinned for the search, whole for the figures. Runs two dozen
-simulations a recording; touches no file.
+`Recording`s in, `problem.WeighedRecording`s out: thinned for the search, whole for the figures.
+Runs two dozen simulations a recording; touches no file.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.problem import Channel, Part
+from bowden.diagnosis.problem import WeighedChannel, WeighedRecording
 from bowden.model import Mode, Model
 from bowden.recording.channels import MAIN_CHANNELS
 from bowden.recording.recording import Recording
@@ -37,7 +37,7 @@ def prepare(
     *,
     step_s: float = STEP_S,
     or_else: Sequence[tuple[Model, float]] = (),
-) -> list[Part]:
+) -> list[WeighedRecording]:
     """Make recordings ready.
 
     Parameters
@@ -75,16 +75,16 @@ def prepare(
     return ready
 
 
-def _part(noise: LocalNoise, counts: _Flags, model: Model) -> Part:
+def _part(noise: LocalNoise, counts: _Flags, model: Model) -> WeighedRecording:
     channels = {}
     for name, sigma in noise.sigma.items():
-        channels[name] = Channel(
+        channels[name] = WeighedChannel(
             measured=getattr(noise.recording, name),
             sigma=sigma,
             share=noise.share(name),
             zero_sigma=_zero_sigma(name, noise, model),
         )
-    return Part(noise.recording, channels, counts)
+    return WeighedRecording(noise.recording, channels, counts)
 
 
 def _zero_sigma(name: str, noise: LocalNoise, model: Model) -> float:

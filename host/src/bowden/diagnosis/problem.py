@@ -1,7 +1,8 @@
 """The question that every fit answers: how far from these recordings a model is, in sigmas.
 
-`Part`s (recordings made ready, each channel with its weights) in; weighted residuals and costs of
-any model out. `fit` moves parameters to make the cost small, `select` compares models by it.
+`WeighedRecording`s (recordings made ready, each channel with its weights) in; weighted residuals
+and costs of any model out. `fit` moves parameters to make the cost small, `select` compares models
+by it.
 Runs simulations; touches no file.
 """
 
@@ -29,7 +30,7 @@ WHITE = 0.5  # effective samples a sample that white noise is given at least: th
 
 
 @dataclass(frozen=True)
-class Channel:
+class WeighedChannel:
     """One measured channel that the mode predicts, and how much each sample of it weighs.
 
     Parameters
@@ -67,20 +68,20 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Part:
+class WeighedRecording:
     """A recording ready for fits.
 
     Parameters
     ----------
     recording : Recording
         What the simulator is given; thinned.
-    channels : dict of str to Channel
+    channels : dict of str to WeighedChannel
     counts : ndarray of shape (n,), bool
         Samples that are fitted; the others judge.
     """
 
     recording: Recording
-    channels: Mapping[str, Channel]
+    channels: Mapping[str, WeighedChannel]
     counts: _Flags
 
 
@@ -103,22 +104,24 @@ class Misfit:
     judged_gap: float
 
 
-Weigh = Callable[[Model], Sequence[Part]]
+Weigh = Callable[[Model], Sequence[WeighedRecording]]
 
 
-class Problem:
+class WeighedRecordings:
     """A mode and parts, against which models are measured.
 
     Parameters
     ----------
     mode : Mode
-    parts : sequence of Part
-    weigh : callable (model) -> sequence of Part, optional
+    parts : sequence of WeighedRecording
+    weigh : callable (model) -> sequence of WeighedRecording, optional
         The same parts, weighed for another model: where noise is large depends on where fronts
         meet, so on the model.
     """
 
-    def __init__(self, mode: Mode, parts: Sequence[Part], weigh: Weigh | None = None) -> None:
+    def __init__(
+        self, mode: Mode, parts: Sequence[WeighedRecording], weigh: Weigh | None = None
+    ) -> None:
         self.mode, self.parts, self._weigh = mode, tuple(parts), weigh
 
     def misfit(self, model: Model) -> Misfit:
@@ -160,7 +163,7 @@ class Problem:
                 zeros += channel.zero_sigma > 0.0
         return np.concatenate([*found, np.ones(zeros)])
 
-    def gaps(self, model: Model, part: Part) -> dict[str, _Floats]:
+    def gaps(self, model: Model, part: WeighedRecording) -> dict[str, _Floats]:
         """Return measured minus simulated for each channel of a part, in its own unit."""
         trajectory = simulate_recording(model, self.mode, part.recording)
         found = {}
@@ -203,7 +206,7 @@ class Problem:
                 worst = max(worst, float(np.sqrt(np.sum(share * z**2) / np.sum(share))))
         return worst
 
-    def _in_sigmas(self, model: Model, part: Part) -> dict[str, _Floats]:
+    def _in_sigmas(self, model: Model, part: WeighedRecording) -> dict[str, _Floats]:
         """Return each channel's gap over its stated sigma, its zero where it may be."""
         found = {}
         for name, gap in self.gaps(model, part).items():
@@ -230,7 +233,7 @@ class Problem:
             )
         )
 
-    def with_noise_of(self, model: Model, *, anew: bool = True) -> Problem:
+    def with_noise_of(self, model: Model, *, anew: bool = True) -> WeighedRecordings:
         """Return the problem with each channel's noise read off what this model leaves.
 
         `anew`: also where it is large is found out anew, for which two dozen simulations are made.
@@ -267,10 +270,10 @@ class Problem:
                     inflation=max(1.0, float(np.sqrt(np.sum(w**2) / np.sum(share)))),
                 )
             parts.append(replace(part, channels=channels))
-        return Problem(self.mode, parts, self._weigh)
+        return WeighedRecordings(self.mode, parts, self._weigh)
 
 
-def zero_sigma_in(model: Model, name: str, channel: Channel) -> float:
+def zero_sigma_in(model: Model, name: str, channel: WeighedChannel) -> float:
     """Return how well the zero of one of a recording's channels is known, in the channel's unit.
 
     An encoder that sits off centre counts from where it stood when it was switched on, or from the
@@ -284,7 +287,7 @@ def zero_sigma_in(model: Model, name: str, channel: Channel) -> float:
 
 
 def about_zero(
-    model: Model, name: str, channel: Channel, gap: _Floats, counts: _Flags | None = None
+    model: Model, name: str, channel: WeighedChannel, gap: _Floats, counts: _Flags | None = None
 ) -> _Floats:
     """Return what a model leaves of a channel, its zero moved within what is known of it.
 

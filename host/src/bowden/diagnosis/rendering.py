@@ -20,7 +20,7 @@ _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Tunnel:
+class PrescribedTunnel:
     """The tunnel of eq. (7) as the load feels it through a perfect transmission.
 
     Parameters
@@ -87,7 +87,7 @@ class Stretch:
     law: _Floats | None
 
 
-def stretch_of(recording: Recording, tunnel: Tunnel, settle_s: float) -> Stretch:
+def stretch_of(recording: Recording, tunnel: PrescribedTunnel, settle_s: float) -> Stretch:
     """Take what counts of a recording: from `settle_s` on, while the drive was enabled.
 
     Raises
@@ -115,14 +115,16 @@ def stretch_of(recording: Recording, tunnel: Tunnel, settle_s: float) -> Stretch
     )
 
 
-def judge_rendering(recording: Recording, tunnel: Tunnel, law: int, settle_s: float) -> Rendering:
+def judge_rendering(
+    recording: Recording, tunnel: PrescribedTunnel, law: int, settle_s: float
+) -> Rendering:
     """Judge one run.
 
     Parameters
     ----------
     recording : Recording
         At an even rate; with a column ``compensation_active_law`` where the drive told it.
-    tunnel : Tunnel
+    tunnel : PrescribedTunnel
     law : int
         The law that was asked for.
     settle_s : float, s

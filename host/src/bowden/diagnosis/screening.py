@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from bowden.diagnosis.candidates import BELOW, Candidate, with_candidate
-from bowden.diagnosis.fit import Fit, Fitted
+from bowden.diagnosis.fit import Fitted, HypothesisFit
 from bowden.model import ModelError
 from bowden.model.effects.effect import Parameter
 
@@ -77,12 +77,12 @@ class _Probe:
     signed: bool
 
 
-def screen(fit: Fit, base: Fitted, candidate: Candidate) -> list[Screened]:
+def screen(fit: HypothesisFit, base: Fitted, candidate: Candidate) -> list[Screened]:
     """Return what a candidate promises, best starting shape first; empty when nothing.
 
     Parameters
     ----------
-    fit : Fit
+    fit : HypothesisFit
         Of the model without the candidate.
     base : Fitted
         Its optimum.
@@ -97,7 +97,7 @@ def screen(fit: Fit, base: Fitted, candidate: Candidate) -> list[Screened]:
 
 
 def _screen_strengths(
-    fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float]
+    fit: HypothesisFit, base: Fitted, candidate: Candidate, shape: Mapping[str, float]
 ) -> list[Screened | None]:
     """Look at an effect at a few strengths, and at more between two that do unlike things.
 
@@ -125,7 +125,7 @@ def _unlike(one: Screened | None, other: Screened | None) -> bool:
     return bool(np.any(along < UNLIKE * across))
 
 
-def look_again(fit: Fit, base: Fitted, look: Screened, reweighed: _Floats) -> Screened:
+def look_again(fit: HypothesisFit, base: Fitted, look: Screened, reweighed: _Floats) -> Screened:
     """Return what a candidate promises on top of other effects, without simulating it again.
 
     What it does to the simulation is taken to be what it did without them: good enough to choose
@@ -133,7 +133,7 @@ def look_again(fit: Fit, base: Fitted, look: Screened, reweighed: _Floats) -> Sc
 
     Parameters
     ----------
-    fit : Fit
+    fit : HypothesisFit
         Of the model with the other effects.
     base : Fitted
         Its optimum.
@@ -160,7 +160,11 @@ def under_other_weights(columns: _Floats, reweighed: _Floats) -> _Floats:
 
 
 def _screen_shape(
-    fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float], factor: float
+    fit: HypothesisFit,
+    base: Fitted,
+    candidate: Candidate,
+    shape: Mapping[str, float],
+    factor: float,
 ) -> Screened | None:
     off = _switched_off(candidate, shape)
     probes = _probes(candidate, off, factor)
@@ -186,7 +190,11 @@ def _screen_shape(
 
 
 def _screen_as_it_is(
-    fit: Fit, base: Fitted, candidate: Candidate, shape: Mapping[str, float], factor: float
+    fit: HypothesisFit,
+    base: Fitted,
+    candidate: Candidate,
+    shape: Mapping[str, float],
+    factor: float,
 ) -> Screened | None:
     """Look at a candidate without a guess of what it would do at another strength."""
     off = _switched_off(candidate, shape)
@@ -212,7 +220,7 @@ def _probes(candidate: Candidate, off: Mapping[str, float], factor: float) -> li
 
 
 def _amounts(
-    fit: Fit, base: Fitted, probes: Sequence[_Probe], usual: _Floats
+    fit: HypothesisFit, base: Fitted, probes: Sequence[_Probe], usual: _Floats
 ) -> tuple[_Floats, _Floats, float]:
     """Return steps of the moving numbers, the strengths, and the gain of both together."""
     sizes = np.array([one.size for one in probes])
@@ -235,7 +243,7 @@ def _start(candidate: Candidate, off: Mapping[str, float], amounts: _Floats) -> 
 
 
 def _change(
-    fit: Fit, base: Fitted, candidate: Candidate, values: Mapping[str, float]
+    fit: HypothesisFit, base: Fitted, candidate: Candidate, values: Mapping[str, float]
 ) -> _Floats | None:
     """Simulate the candidate and return what it does to the weighted residual."""
     try:
@@ -249,7 +257,7 @@ def _change(
 
 
 def _project(
-    fit: Fit, base: Fitted, columns: _Floats, low: _Floats, high: float = np.inf
+    fit: HypothesisFit, base: Fitted, columns: _Floats, low: _Floats, high: float = np.inf
 ) -> tuple[_Floats, _Floats, float]:
     """Return steps of the moving numbers, amounts of the columns, and the gain of both together.
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate, with_candidate
-from bowden.diagnosis.fit import Fit, Fitted, Movable, solve, solve_widely
+from bowden.diagnosis.fit import Fitted, HypothesisFit, Movable, solve, solve_widely
 from bowden.diagnosis.hypothesis import (
     MOST_EFFECTS,
     WORTH,
@@ -33,7 +33,7 @@ from bowden.diagnosis.own_noise import (
     judged_again,
     under_their_noise,
 )
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.problem import WeighedRecordings
 from bowden.diagnosis.screening import Screened, under_other_weights
 from bowden.diagnosis.trials import first_looks, fit_all, fit_from_usual, looks_on_top
 from bowden.model import Model, ModelError
@@ -68,7 +68,7 @@ class Selection:
         First look at every candidate on top of the calibrated model, best first.
     looked_from : Fitted
         The calibrated model of that first look; both under the final noise model.
-    problem : Problem
+    problem : WeighedRecordings
         With the final noise model.
     """
 
@@ -79,7 +79,7 @@ class Selection:
     rivals: list[Hypothesis]
     looks: list[Screened]
     looked_from: Fitted
-    problem: Problem
+    problem: WeighedRecordings
 
 
 Progress = Callable[[str, float], None]
@@ -93,7 +93,7 @@ def select(
     model: Model,
     calibration: Sequence[Movable],
     candidates: Sequence[Candidate],
-    problem: Problem,
+    problem: WeighedRecordings,
     *,
     pool: ThreadPoolExecutor,
     progress: Progress = silent,
@@ -106,11 +106,11 @@ def select(
     calibration : sequence of Movable
         Numbers of the model that may move within their tolerances.
     candidates : sequence of Candidate
-    problem : Problem
+    problem : WeighedRecordings
     pool : ThreadPoolExecutor
     progress : callable (stage, share of the whole)
     """
-    fit = Fit(model, calibration, problem, pool.map)
+    fit = HypothesisFit(model, calibration, problem, pool.map)
     stated = solve(fit, np.zeros(len(calibration)))
     base = Hypothesis((), fit, solve_widely(fit, stated))
     course, frontier, left = _Course.at(base, base), [base], math.inf
@@ -152,7 +152,7 @@ def select(
 def look_closer(
     selection: Selection,
     candidates: Sequence[Candidate],
-    problem: Problem,
+    problem: WeighedRecordings,
     *,
     pool: ThreadPoolExecutor,
 ) -> Selection:
@@ -163,7 +163,7 @@ def look_closer(
     selection : Selection
         That explains the samples which it was made on.
     candidates : sequence of Candidate
-    problem : Problem
+    problem : WeighedRecordings
         Of the closer samples, under the noise of the chosen model.
     pool : ThreadPoolExecutor
     """
@@ -185,7 +185,7 @@ class _Course:
     chosen: Hypothesis
     rivals: list[Hypothesis]
     known: dict[frozenset[tuple[str, str]], Hypothesis]
-    problem: Problem
+    problem: WeighedRecordings
     lacking: bool
 
     @classmethod
@@ -346,7 +346,7 @@ def _without_each(one: Hypothesis, base: Hypothesis, pool: ThreadPoolExecutor) -
             parameters += numbers
             at += [number.at(values[number.parameter.name]) for number in numbers]
             kept.append(effect)
-        fit = Fit(model, parameters, one.fit.problem)
+        fit = HypothesisFit(model, parameters, one.fit.problem)
         try:
             return Hypothesis(tuple(kept), fit, solve(fit, np.array(at)))
         except ModelError:

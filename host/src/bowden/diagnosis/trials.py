@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate, with_candidate
-from bowden.diagnosis.fit import Fit, solve
+from bowden.diagnosis.fit import HypothesisFit, solve
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.problem import Problem
+from bowden.diagnosis.problem import WeighedRecordings
 from bowden.diagnosis.screening import Screened, look_again, screen
 from bowden.model import ModelError
 
@@ -99,7 +99,7 @@ def fit_from_usual(
     return [one for one in pool.map(fitted, others) if one is not None]
 
 
-def _problem_of(parent: Hypothesis, look: Screened) -> Problem:
+def _problem_of(parent: Hypothesis, look: Screened) -> WeighedRecordings:
     """Return what a candidate is fitted under: where it rings, under its own noise at once."""
     problem = parent.fit.problem
     if not look.rings or parent.effects:
@@ -111,7 +111,7 @@ def _problem_of(parent: Hypothesis, look: Screened) -> Problem:
         return problem
 
 
-def _fit_one(parent: Hypothesis, look: Screened, problem: Problem) -> Hypothesis | None:
+def _fit_one(parent: Hypothesis, look: Screened, problem: WeighedRecordings) -> Hypothesis | None:
     start = parent.fitted.at + look.step
     known = parent.fitted.matrix if problem is parent.fit.problem else None
     return _fitted_on_top(parent, look.candidate, look.values, start, problem, known)
@@ -122,7 +122,7 @@ def _fitted_on_top(  # noqa: PLR0917
     candidate: Candidate,
     values: Mapping[str, float],
     start: _Floats,
-    problem: Problem,
+    problem: WeighedRecordings,
     known: _Floats | None = None,
 ) -> Hypothesis | None:
     """Fit the parent with a candidate from its values, what moves already from `start`.
@@ -131,7 +131,7 @@ def _fitted_on_top(  # noqa: PLR0917
     """
     model = with_candidate(parent.fitted.model, candidate, values)
     numbers = candidate.numbers(len(model.document.effects) - 1)
-    fit = Fit(model, [*parent.fit.parameters, *numbers], problem)
+    fit = HypothesisFit(model, [*parent.fit.parameters, *numbers], problem)
     own = np.array([one.at(values[one.parameter.name]) for one in numbers])
     try:
         fitted = solve(fit, np.concatenate([start, own]), known, polish=False)

@@ -26,7 +26,7 @@ _EFFECT = re.compile(r"effects\[(\d+)\]\.(\w+)")
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FreeParameter:
     """One number that may move.
 
     Parameters
@@ -75,13 +75,13 @@ class Parameters:
     ----------
     model : Model
         What the others stay at.
-    each : tuple of Parameter
+    each : tuple of FreeParameter
     precision : ndarray of shape (k, k)
         Of the Gaussian prior on the values about `before`; rows of flat priors are zero.
     """
 
     model: Model
-    each: tuple[Parameter, ...]
+    each: tuple[FreeParameter, ...]
     precision: _Floats
 
     @cached_property
@@ -213,7 +213,7 @@ def parameters_of(
     return Parameters(model, each, precision)
 
 
-def _parameter(model: Model, path: str, sigma: float | None) -> Parameter:
+def _parameter(model: Model, path: str, sigma: float | None) -> FreeParameter:
     value = model.value(path)
     reach = None if sigma is None else BOUND_SIGMAS * sigma
     if (match := _EFFECT.fullmatch(path)) is not None:
@@ -227,7 +227,7 @@ def _parameter(model: Model, path: str, sigma: float | None) -> Parameter:
                 if not math.isfinite(high):
                     high = WIDE_FACTOR * known.high
                 is_log = low > 0.0 and value > 0.0
-                return Parameter(path, value, sigma, low, high, is_log)
+                return FreeParameter(path, value, sigma, low, high, is_log)
     if sigma == 0.0:
         raise ModelError(
             f"{path}: found a tolerance of 0, accepted: one above 0, or a positive value",
@@ -237,11 +237,11 @@ def _parameter(model: Model, path: str, sigma: float | None) -> Parameter:
         low, high = value / WIDE_FACTOR, value * WIDE_FACTOR
         if reach is not None:
             low, high = max(value - reach, 1e-3 * value), value + reach
-        return Parameter(path, value, sigma, low, high, is_log=True)
+        return FreeParameter(path, value, sigma, low, high, is_log=True)
     if reach is None:
         raise ModelError(
             f"{path}: found {value:g} without a tolerance, accepted: a positive value, a number of "
             "an effect, or one with a tolerance",
             model.source,
         )
-    return Parameter(path, value, sigma, value - reach, value + reach, is_log=False)
+    return FreeParameter(path, value, sigma, value - reach, value + reach, is_log=False)

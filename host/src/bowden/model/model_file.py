@@ -186,7 +186,7 @@ def _check_profile(points: tuple[TensionPoint, ...], length_m: float) -> None:
         )
 
 
-class Rig(Part):
+class RigSection(Part):
     """What is built: cables, pulleys, sensors."""
 
     cable: Cable
@@ -363,7 +363,7 @@ class PosteriorSection(Part):
 class ModelFile(Part):
     """A whole model file."""
 
-    rig: Rig
+    rig: RigSection
     friction: Friction
     effects: tuple[dict[str, Any], ...] = ()
     numerics: Numerics = Numerics()

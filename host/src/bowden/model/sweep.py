@@ -38,7 +38,7 @@ MEASURES = (
 
 
 @dataclass(frozen=True)
-class Axis:
+class SweepAxis:
     """A number of the model file and the values that it takes.
 
     Parameters
@@ -65,14 +65,14 @@ class Sweep:
     model : Model
     experiment : str
         ``1`` (load locked), ``2`` (tunnel) or ``3`` (ideal follower).
-    axes : tuple of Axis
+    axes : tuple of SweepAxis
     points : tuple of tuple of float
         One value an axis; made by `grid` or `random_draws`.
     """
 
     model: Model
     experiment: str
-    axes: tuple[Axis, ...]
+    axes: tuple[SweepAxis, ...]
     points: tuple[tuple[float, ...], ...]
 
     @property
@@ -101,7 +101,7 @@ class Sweep:
         return dict(zip(paths, self.points[index], strict=True))
 
 
-def parse_axis(text: str) -> Axis:
+def parse_axis(text: str) -> SweepAxis:
     """Read ``path=low:high:count``, ``path=a,b,c`` or (for random draws) ``path=low:high``.
 
     Raises
@@ -113,18 +113,18 @@ def parse_axis(text: str) -> Axis:
     accepted = f"{path or 'PATH'}=low:high:count, or low:high with --random, or a,b,c"
     try:
         if ":" not in given:
-            return Axis(path, tuple(float(part) for part in given.split(",")))
+            return SweepAxis(path, tuple(float(part) for part in given.split(",")))
         low, high, *count = given.split(":")
         if not count:
-            return Axis(path, (float(low), float(high)), is_range=True)
+            return SweepAxis(path, (float(low), float(high)), is_range=True)
         if len(count) > 1 or int(count[0]) < 1:
             raise ValueError(given)
-        return Axis(path, tuple(np.linspace(float(low), float(high), int(count[0])).tolist()))
+        return SweepAxis(path, tuple(np.linspace(float(low), float(high), int(count[0])).tolist()))
     except ValueError:
         raise ModelError(f"--vary: found {text!r}, accepted: {accepted}") from None
 
 
-def grid(model: Model, experiment: str, axes: Sequence[Axis]) -> Sweep:
+def grid(model: Model, experiment: str, axes: Sequence[SweepAxis]) -> Sweep:
     """Make a sweep of every combination; the last axis moves fastest.
 
     Raises
@@ -143,7 +143,7 @@ def grid(model: Model, experiment: str, axes: Sequence[Axis]) -> Sweep:
 
 
 def random_draws(
-    model: Model, experiment: str, axes: Sequence[Axis], count: int, seed: int
+    model: Model, experiment: str, axes: Sequence[SweepAxis], count: int, seed: int
 ) -> Sweep:
     """Make a sweep of `count` random points: uniform in ranges, or one of the listed values.
 
@@ -201,7 +201,7 @@ def _figures(cycle: str, measures: CycleMeasures) -> Row:
     return {f"{cycle}_{name}": figures[name] for name in MEASURES}
 
 
-def _check(model: Model, axes: Sequence[Axis]) -> None:
+def _check(model: Model, axes: Sequence[SweepAxis]) -> None:
     """Try every axis alone: what fails there would fail in every row."""
     if not axes:
         raise ModelError("--vary: found none, accepted: at least one")

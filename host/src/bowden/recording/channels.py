@@ -42,7 +42,7 @@ _KIND_OF_UNIT: dict[str, Kind] = {
 
 
 @dataclass(frozen=True)
-class Channel:
+class NamedChannel:
     """What is known of one signal.
 
     Parameters
@@ -74,22 +74,28 @@ class Channel:
 
 
 _LISTED = (
-    Channel(TIME, "s", "time", "none", "time of the sample, strictly increasing"),
-    Channel("motor_angle_rad", "rad", "angle", "motor", "encoder; positive winds cable a"),
-    Channel("load_angle_rad", "rad", "angle", "load", "encoder; positive is what cable a pulls"),
-    Channel("motor_torque_nm", "N m", "torque", "motor", "applied by the motor on its pulley"),
-    Channel("load_torque_nm", "N m", "torque", "load", "applied by the cables, by the load cell"),
-    Channel("motor_current_a", "A", "current", "motor", "through the motor's winding"),
-    Channel("bus_voltage_v", "V", "voltage", "none", "supply of the drive's bridge"),
-    Channel("conduit_temperature_c", "degC", "temperature", "none", "for thermal friction"),
-    Channel("status", "", "state", "none", "CiA 402 statusword; tells when the drive is enabled"),
-    Channel("compensation_active_law", "", "state", "none", "compensation law that runs"),
-    Channel("wanted_load_torque_nm", "N m", "torque", "load", "what the drive is to render"),
-    Channel("motor_tension_a_n", "N", "force", "motor", "simulated, cable a"),
-    Channel("load_tension_a_n", "N", "force", "load", "simulated, cable a"),
-    Channel("motor_tension_b_n", "N", "force", "motor", "simulated, cable b"),
-    Channel("load_tension_b_n", "N", "force", "load", "simulated, cable b"),
-    Channel(
+    NamedChannel(TIME, "s", "time", "none", "time of the sample, strictly increasing"),
+    NamedChannel("motor_angle_rad", "rad", "angle", "motor", "encoder; positive winds cable a"),
+    NamedChannel(
+        "load_angle_rad", "rad", "angle", "load", "encoder; positive is what cable a pulls"
+    ),
+    NamedChannel("motor_torque_nm", "N m", "torque", "motor", "applied by the motor on its pulley"),
+    NamedChannel(
+        "load_torque_nm", "N m", "torque", "load", "applied by the cables, by the load cell"
+    ),
+    NamedChannel("motor_current_a", "A", "current", "motor", "through the motor's winding"),
+    NamedChannel("bus_voltage_v", "V", "voltage", "none", "supply of the drive's bridge"),
+    NamedChannel("conduit_temperature_c", "degC", "temperature", "none", "for thermal friction"),
+    NamedChannel(
+        "status", "", "state", "none", "CiA 402 statusword; tells when the drive is enabled"
+    ),
+    NamedChannel("compensation_active_law", "", "state", "none", "compensation law that runs"),
+    NamedChannel("wanted_load_torque_nm", "N m", "torque", "load", "what the drive is to render"),
+    NamedChannel("motor_tension_a_n", "N", "force", "motor", "simulated, cable a"),
+    NamedChannel("load_tension_a_n", "N", "force", "load", "simulated, cable a"),
+    NamedChannel("motor_tension_b_n", "N", "force", "motor", "simulated, cable b"),
+    NamedChannel("load_tension_b_n", "N", "force", "load", "simulated, cable b"),
+    NamedChannel(
         "slack", "", "state", "none", "simulated; bit 0 cable a, bit 1 cable b, bit 2 overload"
     ),
 )
@@ -101,7 +107,7 @@ CHANNELS = {one.name: one for one in _LISTED}
 MAIN_CHANNELS = ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm")
 
 
-def channel(name: str) -> Channel:
+def channel(name: str) -> NamedChannel:
     """Return what is known of a channel; for one that is not listed, what its name tells.
 
     Parameters
@@ -119,4 +125,4 @@ def channel(name: str) -> Channel:
     first, _, rest = name.partition("_")
     unit = UNIT_OF_SUFFIX.get(rest.rpartition("_")[2], "")
     end: End = "motor" if first == "motor" else "load" if first == "load" else "none"
-    return Channel(name, unit, _KIND_OF_UNIT.get(unit, "other"), end)
+    return NamedChannel(name, unit, _KIND_OF_UNIT.get(unit, "other"), end)

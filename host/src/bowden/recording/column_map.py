@@ -21,7 +21,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from bowden.recording.channels import TIME, channel
 from bowden.recording.tables import Form, TextForm
-from bowden.recording.yaml_file import Part, read_yaml
+from bowden.recording.yaml_file import FilePart, read_yaml
 
 #: Factor to the channel's unit, by channel's unit and unit of the column.
 FACTORS: dict[str, dict[str, float]] = {
@@ -52,7 +52,7 @@ def _no_bool(value: object) -> object:
 Column = Annotated[str | int, BeforeValidator(_no_bool)]
 
 
-class TimeColumn(Part):
+class TimeColumn(FilePart):
     """Where time comes from: a column, or the sample rate."""
 
     column: Column | None = None
@@ -79,7 +79,7 @@ class TimeColumn(Part):
         return FACTORS["s"][self.unit]
 
 
-class ChannelColumn(Part):
+class ChannelColumn(FilePart):
     """Where one channel comes from."""
 
     column: Column
@@ -127,14 +127,14 @@ class ChannelColumn(Part):
         return FACTORS[own][unit]
 
 
-class Gaps(Part):
+class Gaps(FilePart):
     """What to do with rows that lack something: refuse the file, or drop them and leave a gap."""
 
     missing_values: Literal["refuse", "drop"] = "refuse"
     repeated_times: Literal["refuse", "drop"] = "refuse"
 
 
-class ColumnMap(Part):
+class ColumnMap(FilePart):
     """The whole mapping file."""
 
     format: Form | None = Field(default=None, description="by the file's name, if not set")

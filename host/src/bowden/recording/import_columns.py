@@ -16,7 +16,7 @@ from bowden.errors import BadInput
 from bowden.recording.column_map import ChannelColumn, ColumnMap
 from bowden.recording.recording import Recording
 from bowden.recording.source_bytes import stem
-from bowden.recording.tables import Table, read_table
+from bowden.recording.tables import ColumnTable, read_table
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
@@ -76,7 +76,7 @@ def import_columns(path: str | Path, columns: ColumnMap) -> Recording:
     return Recording(time_s, channels, metadata=metadata, source=str(path))
 
 
-def _present(table: Table, column: str | int, values: _Floats, columns: ColumnMap) -> _Flags:
+def _present(table: ColumnTable, column: str | int, values: _Floats, columns: ColumnMap) -> _Flags:
     """Flag rows with a value; refuse infinity, and a missing value unless it may be dropped."""
     bad = np.isinf(values) if columns.gaps.missing_values == "drop" else ~np.isfinite(values)
     if bad.any():
@@ -91,7 +91,7 @@ def _present(table: Table, column: str | int, values: _Floats, columns: ColumnMa
     return ~np.isnan(values)
 
 
-def _time(table: Table, columns: ColumnMap, keep: _Flags) -> tuple[_Floats, _Flags]:
+def _time(table: ColumnTable, columns: ColumnMap, keep: _Flags) -> tuple[_Floats, _Flags]:
     """Return seconds from the first kept row, and the rows to keep."""
     time = columns.time
     if time.column is None:

@@ -23,7 +23,7 @@ from pydantic import Field
 from bowden.errors import BadInput
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
-from bowden.recording.yaml_file import Part, read_yaml, write_yaml
+from bowden.recording.yaml_file import FilePart, read_yaml, write_yaml
 
 #: What recordings of a session can share.
 Shared = Literal["zeros", "path", "tool"]
@@ -33,7 +33,7 @@ SHARED: tuple[Shared, ...] = get_args(Shared)
 SESSION_ENDINGS = (".yaml", ".yml")
 
 
-class Groups(Part):
+class Groups(FilePart):
     """Group labels; recordings with the same label share that thing."""
 
     zeros: str | None = Field(default=None, min_length=1)
@@ -48,7 +48,7 @@ class SessionEntry(Groups):
     notes: str | None = None
 
 
-class SessionFile(Part):
+class SessionFile(FilePart):
     """The whole file; `shared` holds for every recording that does not say otherwise."""
 
     rig: str = Field(min_length=1)

@@ -21,7 +21,7 @@ from pydantic import Field
 
 from bowden.errors import BadInput
 from bowden.recording.source_bytes import ending, read_source, read_text
-from bowden.recording.yaml_file import Part, nearest
+from bowden.recording.yaml_file import FilePart, nearest
 
 _Floats = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _DELIMITERS = "\t;,"
 ACCEPTED = "a table: text (CSV), Parquet or MATLAB (up to version 7)"
 
 
-class TextForm(Part):
+class TextForm(FilePart):
     """How a text table is written."""
 
     delimiter: Literal[",", ";", "\t", "tab", "space", "auto"] = "auto"
@@ -43,7 +43,7 @@ class TextForm(Part):
 
 
 @dataclass(frozen=True)
-class Table:
+class ColumnTable:
     """Columns by name, in the file's order; numbers, or text that may be numbers.
 
     Parameters
@@ -116,7 +116,7 @@ class Table:
             ) from None
 
 
-def read_table(path: Path, form: Form | None = None, text: TextForm | None = None) -> Table:
+def read_table(path: Path, form: Form | None = None, text: TextForm | None = None) -> ColumnTable:
     """Read a table; ``.gz`` is unpacked.
 
     Parameters
@@ -144,7 +144,7 @@ def read_table(path: Path, form: Form | None = None, text: TextForm | None = Non
     return table
 
 
-def _read_text(path: Path, form: TextForm) -> Table:
+def _read_text(path: Path, form: TextForm) -> ColumnTable:
     source = str(path)
     rows = [
         (number, line)
@@ -156,7 +156,7 @@ def _read_text(path: Path, form: TextForm) -> Table:
     delimiter = _delimiter(rows[0][1], form)
     first = _cells(rows[0][1], delimiter)
     lines = [number for number, _ in rows]
-    table = Table(source, {}, lines, form.decimal)
+    table = ColumnTable(source, {}, lines, form.decimal)
     has_header = form.header if form.header is not None else not _all_numbers(table, first)
     names = first if has_header else [str(number) for number in range(1, len(first) + 1)]
     names = [name.strip() or str(number) for number, name in enumerate(names, 1)]
@@ -165,7 +165,7 @@ def _read_text(path: Path, form: TextForm) -> Table:
             raise BadInput(f"{source}, line {lines[0]}", f"column {name!r} twice", "each name once")
     body = rows[1:] if has_header else rows
     columns = _columns(source, names, body, delimiter, form.decimal)
-    return Table(source, columns, [number for number, _ in body], form.decimal)
+    return ColumnTable(source, columns, [number for number, _ in body], form.decimal)
 
 
 def _delimiter(line: str, form: TextForm) -> str | None:
@@ -184,8 +184,8 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
     return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
 
 
-def _all_numbers(table: Table, cells: list[str]) -> bool:
-    probe = Table(table.source, {}, (), table.decimal)
+def _all_numbers(table: ColumnTable, cells: list[str]) -> bool:
+    probe = ColumnTable(table.source, {}, (), table.decimal)
     try:
         for cell in cells:
             probe._number("", 0, cell.strip())
@@ -224,7 +224,7 @@ def _columns(
     return columns
 
 
-def _read_parquet(path: Path) -> Table:
+def _read_parquet(path: Path) -> ColumnTable:
     data = read_source(path, ACCEPTED)
     try:
         pyarrow = importlib.import_module("pyarrow")
@@ -245,7 +245,7 @@ def _read_parquet(path: Path) -> Table:
         raise BadInput(
             str(path), f"no Parquet file ({_one_line(error)})", "a Parquet file"
         ) from error
-    return Table(str(path), columns)
+    return ColumnTable(str(path), columns)
 
 
 def _arrow_column(pyarrow: Any, column: Any) -> _Floats | list[str]:  # noqa: ANN401  (untyped library)
@@ -261,7 +261,7 @@ def _arrow_column(pyarrow: Any, column: Any) -> _Floats | list[str]:  # noqa: AN
     return ["" if value is None else str(value) for value in column.to_pylist()]
 
 
-def _read_mat(path: Path) -> Table:
+def _read_mat(path: Path) -> ColumnTable:
     import scipy.io  # noqa: PLC0415  (only for this form)
 
     data = read_source(path, ACCEPTED)
@@ -273,7 +273,7 @@ def _read_mat(path: Path) -> Table:
         ) from error
     except Exception as error:
         raise BadInput(str(path), f"no MATLAB file ({_one_line(error)})", ACCEPTED) from error
-    return Table(str(path), dict(_variables("", content)))
+    return ColumnTable(str(path), dict(_variables("", content)))
 
 
 def _variables(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, _Floats]]:

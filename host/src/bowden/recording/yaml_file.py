@@ -22,13 +22,13 @@ from bowden.recording.atomic import replace_whole
 from bowden.recording.source_bytes import read_text
 
 
-class Part(BaseModel):
+class FilePart(BaseModel):
     """A piece of such a file: no unknown key, never changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-_File = TypeVar("_File", bound=Part)
+_File = TypeVar("_File", bound=FilePart)
 
 
 def read_yaml(path: Path, schema: type[_File], what: str) -> _File:
@@ -37,7 +37,7 @@ def read_yaml(path: Path, schema: type[_File], what: str) -> _File:
     Parameters
     ----------
     path : Path
-    schema : type of Part
+    schema : type of FilePart
         What it must hold.
     what : str
         What such a file is called, for messages: ``"a session file (YAML)"``.
@@ -63,7 +63,7 @@ def read_yaml(path: Path, schema: type[_File], what: str) -> _File:
         raise BadInput(str(path), problems, what) from error
 
 
-def write_yaml(path: Path, content: Part) -> None:
+def write_yaml(path: Path, content: FilePart) -> None:
     """Write a file of a schema, whole or not at all; what is not set is left out."""
     text = io.StringIO()
     yaml = YAML()

@@ -14,7 +14,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from bowden.diagnosis.rendering import Rendering, Tunnel, stretch_of
+from bowden.diagnosis.rendering import PrescribedTunnel, Rendering, stretch_of
 from bowden.recording.recording import Recording
 from bowden.report.canvas import PRESCRIBED, SIMULATED, draw, dress, legend_above
 from bowden.report.page import Section, figure, page, paragraph, table
@@ -48,14 +48,16 @@ class LawRun:
     title: str
 
 
-def rendering_report(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float, rig: str) -> str:
+def rendering_report(
+    runs: Sequence[LawRun], tunnel: PrescribedTunnel, settle_s: float, rig: str
+) -> str:
     """Make the page.
 
     Parameters
     ----------
     runs : sequence of LawRun
         The one without compensation first.
-    tunnel : Tunnel
+    tunnel : PrescribedTunnel
     settle_s : float, s
         Left out of figures and plots at the start of each run.
     rig : str
@@ -138,7 +140,7 @@ def finding(runs: Sequence[LawRun]) -> str:
     )
 
 
-def loops(runs: Sequence[LawRun], tunnel: Tunnel, settle_s: float) -> go.Figure:
+def loops(runs: Sequence[LawRun], tunnel: PrescribedTunnel, settle_s: float) -> go.Figure:
     """Draw wanted and felt torque over the load angle, a panel a law (Fig. 6)."""
     columns = min(_COLUMNS, len(runs))
     alone = len(runs) % columns  # an odd one takes the whole first row: pairs stay side by side

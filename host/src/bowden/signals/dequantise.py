@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
 from bowden.signals.noise import noise_sigma
-from bowden.signals.runs import Rest, Runs, one_way
+from bowden.signals.runs import Runs, Standstill, one_way
 from bowden.signals.smooth_path import SmoothPath, path_through_boxes, path_through_noise
 
 _Floats = NDArray[np.float64]
@@ -81,7 +81,7 @@ class _Path:
     high: _Floats
     zero: float
     unit: float
-    rests: tuple[Rest, ...] = ()
+    rests: tuple[Standstill, ...] = ()
     turns: tuple[tuple[int, int, float], ...] = ()
 
     def estimate(self) -> tuple[_Floats, _Floats]:

@@ -26,7 +26,7 @@ BRAKING = (0.5, 3.0)  # as far as draws go: hands start and stop more or less ge
 
 
 @dataclass(frozen=True)
-class Rest:
+class Standstill:
     """A stretch at rest within one count: first and last sample, samples a count before and after.
 
     What rests stands still: the least movement back would count as a reversal. Nobody knows where
@@ -190,11 +190,11 @@ class Runs:
             (count.size - 1, count.size - 1, float(way[-1])),
         )
 
-    def rests(self, count: _Floats, felt: _Floats | None = None) -> tuple[Rest, ...]:
+    def rests(self, count: _Floats, felt: _Floats | None = None) -> tuple[Standstill, ...]:
         """List the rests; `felt`: the torques at that end and the other over their noise."""
         length = np.concatenate([[0.0], self.last - self.first + 1.0, [0.0]])
         return tuple(
-            Rest(
+            Standstill(
                 int(self.first[k]),
                 int(self.last[k]),
                 float(count[self.first[k]]),
