@@ -30,12 +30,13 @@ enum {
 
 /* of the last store_parameters or restore_defaults */
 typedef enum {
-    STORAGE_STATE_NONE = 0,      /* none since power-on */
-    STORAGE_STATE_UNDER_WAY = 1, /* under way */
-    STORAGE_STATE_DONE = 2,      /* done */
-    STORAGE_STATE_FAILED = 3,    /* failed */
+    STORAGE_STATE_NONE = 0,       /* none since power-on */
+    STORAGE_STATE_UNDER_WAY = 1,  /* under way */
+    STORAGE_STATE_DONE = 2,       /* done */
+    STORAGE_STATE_FAILED = 3,     /* failed */
+    STORAGE_STATE_MAKES_ROOM = 4, /* there was no room; the flash is erased, then ask again */
 } storage_state_t;
-enum { STORAGE_STATE_COUNT = 4 };
+enum { STORAGE_STATE_COUNT = 5 };
 
 /* why this program started */
 typedef enum {
@@ -49,6 +50,21 @@ typedef enum {
     RESET_CAUSE_LOW_POWER = 7,       /* low-power management */
 } reset_cause_t;
 enum { RESET_CAUSE_COUNT = 8 };
+
+/* what became of the configuration that was kept */
+typedef enum {
+    CONFIGURATION_ORIGIN_OUTCOME_DEFAULTS = 0, /* nothing was kept: the defaults */
+    CONFIGURATION_ORIGIN_OUTCOME_COMPLETE = 1, /* what this firmware has saved, all of it */
+    CONFIGURATION_ORIGIN_OUTCOME_MIGRATED =
+        2, /* what a firmware with another dictionary has saved, all of it */
+    CONFIGURATION_ORIGIN_OUTCOME_PARTIAL =
+        3, /* some saved entries were not taken: unknown or out of range */
+    CONFIGURATION_ORIGIN_OUTCOME_OLDER =
+        4, /* the last save is damaged or was cut short: the one before it */
+    CONFIGURATION_ORIGIN_OUTCOME_LOST =
+        5, /* what was saved is damaged or of an unknown format: the defaults */
+} configuration_origin_outcome_t;
+enum { CONFIGURATION_ORIGIN_OUTCOME_COUNT = 6 };
 
 /* of the cable pair, from the model */
 typedef enum {

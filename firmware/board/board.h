@@ -49,6 +49,7 @@ typedef enum {
     BOARD_STORE_BUSY,
     BOARD_STORE_DONE,
     BOARD_STORE_FAILED,
+    BOARD_STORE_FULL, /* no room: the board makes some, silent for up to 2 s; then ask again */
 } board_store_t;
 
 /* Does the bus take the frames that the drive gives? */
@@ -94,6 +95,12 @@ typedef struct {
     uint32_t tick; /* control ticks from that program's start to its end */
 } board_crash_t;
 
+/* How what was kept came through. */
+typedef enum {
+    BOARD_SAVED_FINE,
+    BOARD_SAVED_DAMAGED, /* what was kept last is spoiled: `saved` is older, or nothing */
+} board_saved_t;
+
 /* Who this board is and how it came here; fixed from power-on. */
 typedef struct {
     uint8_t node_id;        /* CANopen node id, 1 .. 127 */
@@ -102,6 +109,7 @@ typedef struct {
     board_crash_t crash;
     const uint32_t *saved; /* what was kept last; read in drive_init() only */
     uint32_t saved_words;  /* 0: nothing */
+    board_saved_t saved_state;
 } board_identity_t;
 
 #endif

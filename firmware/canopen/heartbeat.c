@@ -36,8 +36,12 @@ void heartbeat_tick(heartbeat_t *heartbeat, uint8_t node_id, uint8_t state, uint
     }
 }
 
-void heartbeat_send(uint8_t node_id, uint8_t state, frame_queue_t *tx) {
-    const can_frame_t frame = {
+can_frame_t heartbeat_frame(uint8_t node_id, uint8_t state) {
+    return (can_frame_t){
         .cob_id = (uint16_t)(HEARTBEAT_COB_ID + node_id), .length = 1, .data = {state}};
+}
+
+void heartbeat_send(uint8_t node_id, uint8_t state, frame_queue_t *tx) {
+    const can_frame_t frame = heartbeat_frame(node_id, state);
     frame_queue_push(tx, &frame);
 }

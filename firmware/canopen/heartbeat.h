@@ -31,6 +31,9 @@ void heartbeat_receive(heartbeat_t *heartbeat, const can_frame_t *frame, uint32_
 void heartbeat_tick(heartbeat_t *heartbeat, uint8_t node_id, uint8_t state, uint32_t now_us,
                     frame_queue_t *tx);
 
+/* One heartbeat as a frame. */
+can_frame_t heartbeat_frame(uint8_t node_id, uint8_t state);
+
 /* Queues one heartbeat; with state NMT_INITIALISING it is the boot-up message. */
 void heartbeat_send(uint8_t node_id, uint8_t state, frame_queue_t *tx);
 

@@ -15,10 +15,15 @@
  * a board waits for an acknowledge. */
 #define ANNOUNCED_US UINT32_C(50000)
 
-static void boot_up(node_t *node) {
+/* Lets the parts take their parameters from the dictionary. */
+static void configure_parts(node_t *node) {
     heartbeat_configure(&node->heartbeat, &node->od, node->now_us);
     emcy_configure(&node->emcy, &node->od);
     pdo_configure(&node->pdo, &node->od);
+}
+
+static void boot_up(node_t *node) {
+    configure_parts(node);
     node->sdo.transfer = SDO_IDLE;
     node->nmt.state = NMT_PRE_OPERATIONAL;
     heartbeat_send(node->od.node_id, NMT_INITIALISING, &node->tx);
@@ -36,6 +41,21 @@ void node_init(node_t *node, const od_entry_t *entries, uint16_t count, void *va
     boot_up(node);
 }
 
+storage_report_t node_take_image(node_t *node, const uint32_t *image, uint32_t words) {
+    node->image = image;
+    node->image_words = words;
+    const storage_report_t report = storage_take(&node->od, image, words, false);
+    configure_parts(node);
+    return report;
+}
+
+void node_storage_done(node_t *node, od_abort_t abort) {
+    if (node->sdo.transfer == SDO_WAITING) { /* else a reset communication has ended it */
+        node->sdo.transfer = SDO_IDLE;
+        sdo_answer_write(&node->sdo, abort, node->od.node_id, &node->tx);
+    }
+}
+
 static void receive_nmt(node_t *node, const can_frame_t *frame) {
     switch (nmt_receive(&node->nmt, frame, node->od.node_id)) {
     case NMT_CHANGED:
@@ -47,6 +67,7 @@ static void receive_nmt(node_t *node, const can_frame_t *frame) {
         break;
     case NMT_RESET_COMMUNICATION:
         od_reset_communication(&node->od);
+        (void)storage_take(&node->od, node->image, node->image_words, true);
         boot_up(node);
         break;
     case NMT_RESET_NODE: /* node_reset_requested() tells the drive */
@@ -107,10 +128,13 @@ static od_abort_t write_object(node_t *node) {
     }
     if ((entry->flags & OD_WRITE) != 0 && sdo->size == od_size(entry)) {
         const uint32_t value = od_decode(entry, sdo->buffer);
-        const storage_request_t request = storage_request(sdo->index);
-        if (request != STORAGE_NOTHING) { /* the signature is no value: a read stays what it is */
+        const storage_request_t request = storage_request(sdo->index, sdo->sub);
+        if (request.asked) { /* the signature is no value: a read stays what it is */
             abort = storage_check(&node->od, sdo->index, value);
-            node->storage = abort == OD_DONE ? request : node->storage;
+            if (abort == OD_DONE) {
+                node->storage = request;
+                sdo->transfer = SDO_WAITING;
+            }
             return abort;
         }
         abort = pdo_check(&node->od, sdo->index, sdo->sub, value,
@@ -125,6 +149,13 @@ static od_abort_t write_object(node_t *node) {
     return abort;
 }
 
+/* Answers a write, unless the drive will. */
+static void finish_write(node_t *node, od_abort_t abort) {
+    if (node->sdo.transfer != SDO_WAITING) {
+        sdo_answer_write(&node->sdo, abort, node->od.node_id, &node->tx);
+    }
+}
+
 static void receive_sdo(node_t *node, const can_frame_t *frame) {
     const uint8_t node_id = node->od.node_id;
     switch (sdo_receive(&node->sdo, frame, node_id, node->now_us, &node->tx)) {
@@ -135,7 +166,7 @@ static void receive_sdo(node_t *node, const can_frame_t *frame) {
         sdo_answer_write(&node->sdo, check_begin(node), node_id, &node->tx);
         break;
     case SDO_WRITE:
-        sdo_answer_write(&node->sdo, write_object(node), node_id, &node->tx);
+        finish_write(node, write_object(node));
         break;
     case SDO_NOTHING:
     default:
@@ -250,6 +281,10 @@ bool node_reset_requested(const node_t *node) {
 
 bool node_host_lost(const node_t *node) {
     return node->heartbeat.lost;
+}
+
+can_frame_t node_heartbeat(const node_t *node) {
+    return heartbeat_frame(node->od.node_id, node->nmt.state);
 }
 
 void node_error_set(node_t *node, uint16_t code, uint8_t register_bits, uint32_t detail) {

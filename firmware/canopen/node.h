@@ -33,11 +33,13 @@ typedef struct {
     pdo_t pdo;
     emcy_t emcy;
     frame_queue_t tx;
-    storage_request_t storage; /* the drive carries it out and sets it back */
-    uint32_t now_us;           /* time of the last tick */
-    board_bus_t bus;           /* as node_follow_bus() was told */
-    bool announced;            /* the boot-up message has gone out for all that is known */
-    uint32_t booted_us;        /* its time in the queue, or when the bus was last lost since */
+    storage_request_t storage; /* the drive carries it out, sets it back, node_storage_done() */
+    const uint32_t *image;     /* what is kept across power-off; not owned */
+    uint32_t image_words;
+    uint32_t now_us;    /* time of the last tick */
+    board_bus_t bus;    /* as node_follow_bus() was told */
+    bool announced;     /* the boot-up message has gone out for all that is known */
+    uint32_t booted_us; /* its time in the queue, or when the bus was last lost since */
 } node_t;
 
 /* Starts a node: sets every value to its initial one (so set the serial number after it), queues
@@ -45,6 +47,13 @@ typedef struct {
  * node_id 1 .. 127. */
 void node_init(node_t *node, const od_entry_t *entries, uint16_t count, void *values,
                uint8_t node_id, uint32_t now_us);
+
+/* Takes the configuration from an image (storage.h), which must outlive the node: the entries of
+ * communication come from it again at each reset communication. */
+storage_report_t node_take_image(node_t *node, const uint32_t *image, uint32_t words);
+
+/* Answers the write to 0x1010 or 0x1011 that node_t.storage came from. */
+void node_storage_done(node_t *node, od_abort_t abort);
 
 /* Handles one received frame at once; unknown frames are ignored. Answers go into the queue. */
 void node_receive(node_t *node, const can_frame_t *frame);
@@ -77,6 +86,9 @@ bool node_reset_requested(const node_t *node);
 /* Is the heartbeat of 0x1016 overdue? It is watched from its first arrival; true until it is back.
  */
 bool node_host_lost(const node_t *node);
+
+/* The heartbeat that the node would send now. */
+can_frame_t node_heartbeat(const node_t *node);
 
 /* Declares an error present: EMCY frame, error register, history. `code` and `register_bits` come
  * from the generated table, `detail` goes into bytes 3 .. 6 of the frame and the history's high

@@ -53,7 +53,7 @@ static bool is_signed(const od_entry_t *entry) {
     return entry->type >= OD_I8 && entry->type <= OD_I32;
 }
 
-static uint32_t initial_value(const od_t *od, const od_entry_t *entry) {
+uint32_t od_initial(const od_t *od, const od_entry_t *entry) {
     return entry->initial + ((entry->flags & OD_ADD_NODE_ID) != 0 ? od->node_id : 0u);
 }
 
@@ -72,7 +72,7 @@ uint32_t od_get(const od_t *od, const od_entry_t *entry, uint8_t sub) {
         return 0;
     }
     if (entry->offset == OD_NO_STORAGE) {
-        return initial_value(od, entry);
+        return od_initial(od, entry);
     }
     const void *value = address(od, entry, sub);
     switch (entry->type) {
@@ -199,7 +199,7 @@ void od_encode(uint32_t value, uint8_t *bytes, uint32_t size) {
 
 static void set_row_initial(const od_t *od, const od_entry_t *entry) {
     for (uint32_t i = 0; i < entry->count; i++) {
-        od_set(od, entry, (uint8_t)(entry->sub + i), initial_value(od, entry));
+        od_set(od, entry, (uint8_t)(entry->sub + i), od_initial(od, entry));
     }
 }
 

@@ -86,6 +86,8 @@ typedef uint32_t od_abort_t;
 #define OD_ABORT_NO_OBJECT UINT32_C(0x06020000)
 #define OD_ABORT_NOT_MAPPABLE UINT32_C(0x06040041)
 #define OD_ABORT_PDO_LENGTH UINT32_C(0x06040042)
+#define OD_ABORT_NO_ROOM UINT32_C(0x05040005)
+#define OD_ABORT_HARDWARE UINT32_C(0x06060000)
 #define OD_ABORT_LENGTH UINT32_C(0x06070010)
 #define OD_ABORT_TOO_LONG UINT32_C(0x06070012)
 #define OD_ABORT_TOO_SHORT UINT32_C(0x06070013)
@@ -94,6 +96,7 @@ typedef uint32_t od_abort_t;
 #define OD_ABORT_TOO_HIGH UINT32_C(0x06090031)
 #define OD_ABORT_TOO_LOW UINT32_C(0x06090032)
 #define OD_ABORT_NOT_STORED UINT32_C(0x08000020)
+#define OD_ABORT_BUSY UINT32_C(0x08000021)
 #define OD_ABORT_STATE UINT32_C(0x08000022)
 #define OD_ABORT_NO_DATA UINT32_C(0x08000024)
 
@@ -107,6 +110,9 @@ uint32_t od_size(const od_entry_t *entry);
 /* The value of sub in *entry (which must hold it), sign extended; 0 for OD_TEXT. No access check.
  */
 uint32_t od_get(const od_t *od, const od_entry_t *entry, uint8_t sub);
+
+/* The value after power-on when nothing was stored, with the node id where that is added. */
+uint32_t od_initial(const od_t *od, const od_entry_t *entry);
 
 /* Stores a value without any check, truncated to the type; nothing for entries without storage. */
 void od_set(const od_t *od, const od_entry_t *entry, uint8_t sub, uint32_t value);

@@ -141,12 +141,25 @@ static bool segment_fits(sdo_t *sdo, const can_frame_t *frame, uint8_t node_id, 
     return true;
 }
 
+/* The write under way is answered in its time; whatever else comes meanwhile is aborted. */
+static void refuse_while_waiting(const can_frame_t *frame, uint8_t node_id, frame_queue_t *tx) {
+    if (frame->data[0] >> 5 != ABORT) {
+        sdo_t other = {.index = (uint16_t)(frame->data[1] | frame->data[2] << 8),
+                       .sub = frame->data[3]};
+        abort_transfer(&other, OD_ABORT_BUSY, node_id, tx);
+    }
+}
+
 sdo_request_t sdo_receive(sdo_t *sdo, const can_frame_t *frame, uint8_t node_id, uint32_t now_us,
                           frame_queue_t *tx) {
     if (frame->length != 8) {
         return SDO_NOTHING;
     }
     sdo->active_us = now_us;
+    if (sdo->transfer == SDO_WAITING) {
+        refuse_while_waiting(frame, node_id, tx);
+        return SDO_NOTHING;
+    }
     switch (frame->data[0] >> 5) {
     case DOWNLOAD_INITIATE:
         return begin_write(sdo, frame);
@@ -202,7 +215,8 @@ void sdo_answer_write(sdo_t *sdo, od_abort_t abort, uint8_t node_id, frame_queue
 }
 
 void sdo_tick(sdo_t *sdo, uint8_t node_id, uint32_t now_us, frame_queue_t *tx) {
-    if (sdo->transfer != SDO_IDLE && now_us - sdo->active_us >= SDO_TIMEOUT_US) {
+    if (sdo->transfer != SDO_IDLE && sdo->transfer != SDO_WAITING &&
+        now_us - sdo->active_us >= SDO_TIMEOUT_US) {
         abort_transfer(sdo, OD_ABORT_TIMEOUT, node_id, tx);
     }
 }

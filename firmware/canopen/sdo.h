@@ -23,7 +23,8 @@ typedef enum {
 } sdo_request_t;
 
 typedef struct {
-    enum { SDO_IDLE, SDO_UPLOADING, SDO_DOWNLOADING } transfer;
+    /* waiting: the node answers a write later */
+    enum { SDO_IDLE, SDO_UPLOADING, SDO_DOWNLOADING, SDO_WAITING } transfer;
     uint16_t index; /* of the request or transfer */
     uint8_t sub;
     bool toggle;        /* expected in the next segment */

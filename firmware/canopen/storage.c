@@ -1,10 +1,15 @@
-/* storage.c: see storage.h. An image: its format, then two words an entry (index and sub, value).
- */
+/* storage.c: see storage.h. */
 #include "storage.h"
 
 #include <stddef.h>
 
-#define FORMAT 1u
+#define FORMAT 2u
+#define HEAD_WORDS 3u /* format, schema hash, revision */
+#define DICTIONARY_HASH_INDEX 0x2000u
+#define IDENTITY_INDEX 0x1018u
+#define REVISION_SUB 3u
+#define PROFILE_AREA_END 0x2000u
+
 #define SIGNATURE_SAVE UINT32_C(0x65766173) /* "save", little-endian */
 #define SIGNATURE_LOAD UINT32_C(0x64616F6C) /* "load" */
 
@@ -18,54 +23,147 @@ od_abort_t storage_check(const od_t *od, uint16_t index, uint32_t value) {
     return od->config_locked ? OD_ABORT_STATE : OD_DONE;
 }
 
-storage_request_t storage_request(uint16_t index) {
-    switch (index) {
-    case STORAGE_SAVE:
-        return STORAGE_DO_SAVE;
-    case STORAGE_RESTORE:
-        return STORAGE_DO_RESTORE;
-    default:
-        return STORAGE_NOTHING;
-    }
+storage_request_t storage_request(uint16_t index, uint8_t sub) {
+    return (storage_request_t){
+        .asked = sub != 0 && (index == STORAGE_SAVE || index == STORAGE_RESTORE),
+        .restore = index == STORAGE_RESTORE,
+        .sub = sub,
+    };
 }
 
-uint32_t storage_image(const od_t *od, bool defaults, uint32_t *image, uint32_t capacity) {
-    uint32_t words = 0;
-    if (capacity == 0) {
-        return 0;
+/* ---- reading an image ---- */
+
+static bool is_known(const uint32_t *image, uint32_t words) {
+    return words >= HEAD_WORDS && image[0] == FORMAT && (words - HEAD_WORDS) % 2u == 0;
+}
+
+static uint16_t index_of(uint32_t name) {
+    return (uint16_t)(name >> 16);
+}
+
+static uint8_t sub_of(uint32_t name) {
+    return (uint8_t)name;
+}
+
+static uint8_t group_of(const od_entry_t *entry) {
+    if (entry->role == OD_CALIBRATION) {
+        return STORAGE_CALIBRATION;
     }
-    image[words++] = FORMAT;
-    for (uint16_t row = 0; row < od->count && !defaults; row++) {
+    return entry->index < PROFILE_AREA_END ? STORAGE_COMMUNICATION : STORAGE_APPLICATION;
+}
+
+static bool concerns(storage_request_t request, uint8_t group) {
+    return request.sub == group ||
+           (request.sub == STORAGE_ALL && !(request.restore && group == STORAGE_CALIBRATION));
+}
+
+/* The persistent entry of that name, NULL when there is none. */
+static const od_entry_t *find_persistent(const od_t *od, uint32_t name) {
+    const od_entry_t *entry = NULL;
+    const od_abort_t found = od_find(od, index_of(name), sub_of(name), &entry);
+    return found == OD_DONE && (entry->flags & OD_PERSIST) != 0 ? entry : NULL;
+}
+
+bool storage_find(const uint32_t *image, uint32_t words, uint16_t index, uint8_t sub,
+                  uint32_t *value) {
+    const uint32_t end = is_known(image, words) ? words : 0;
+    for (uint32_t word = HEAD_WORDS; word < end; word += 2) {
+        if (image[word] == ((uint32_t)index << 16 | sub)) {
+            *value = image[word + 1];
+            return true;
+        }
+    }
+    return false;
+}
+
+storage_report_t storage_take(od_t *od, const uint32_t *image, uint32_t words,
+                              bool communication_only) {
+    if (!is_known(image, words)) {
+        return (storage_report_t){.outcome = words > 0 ? CONFIGURATION_ORIGIN_OUTCOME_LOST
+                                                       : CONFIGURATION_ORIGIN_OUTCOME_DEFAULTS};
+    }
+    storage_report_t report = {.schema_hash = image[1]};
+    for (uint32_t word = HEAD_WORDS; word < words; word += 2) {
+        const uint32_t name = image[word];
+        const od_entry_t *entry = find_persistent(od, name);
+        if (communication_only && (entry == NULL || group_of(entry) != STORAGE_COMMUNICATION)) {
+            continue;
+        }
+        if (entry != NULL && od_check(od, entry, image[word + 1]) == OD_DONE) {
+            od_set(od, entry, sub_of(name), image[word + 1]);
+        } else {
+            report.first =
+                report.entries == 0 ? (uint32_t)index_of(name) << 8 | sub_of(name) : report.first;
+            report.entries++;
+        }
+    }
+    od->config_revision++;
+    report.outcome = report.entries > 0 ? CONFIGURATION_ORIGIN_OUTCOME_PARTIAL
+                     : report.schema_hash != od_value(od, DICTIONARY_HASH_INDEX, 0)
+                         ? CONFIGURATION_ORIGIN_OUTCOME_MIGRATED
+                         : CONFIGURATION_ORIGIN_OUTCOME_COMPLETE;
+    return report;
+}
+
+/* ---- making an image ---- */
+
+/* Words of the entries in the request's group that are not at their initial value. With `image`
+ * they are written to it. */
+static uint32_t put_group(const od_t *od, storage_request_t request, uint32_t *image) {
+    uint32_t words = 0;
+    for (uint16_t row = 0; row < od->count && !request.restore; row++) {
         const od_entry_t *entry = &od->entries[row];
-        for (uint32_t i = 0; i < entry->count && (entry->flags & OD_PERSIST) != 0; i++) {
+        if ((entry->flags & OD_PERSIST) == 0 || !concerns(request, group_of(entry))) {
+            continue;
+        }
+        for (uint32_t i = 0; i < entry->count; i++) {
             const uint8_t sub = (uint8_t)(entry->sub + i);
             const uint32_t value = od_get(od, entry, sub);
-            if (value == entry->initial) {
-                continue;
+            if (value != od_initial(od, entry)) {
+                if (image != NULL) {
+                    image[words] = (uint32_t)entry->index << 16 | sub;
+                    image[words + 1] = value;
+                }
+                words += 2;
             }
-            if (capacity - words < 2) {
-                return 0;
-            }
-            image[words++] = (uint32_t)entry->index << 16 | sub;
-            image[words++] = value;
         }
     }
     return words;
 }
 
-bool storage_take(od_t *od, const uint32_t *image, uint32_t words) {
-    if (words == 0 || image[0] != FORMAT || words % 2u == 0) {
-        return false;
+/* An entry that the request does not concern stays; so does one that this firmware does not know,
+ * unless everything is saved or restored. */
+static bool stays(const od_t *od, storage_request_t request, uint32_t name) {
+    const od_entry_t *entry = find_persistent(od, name);
+    return entry != NULL ? !concerns(request, group_of(entry)) : request.sub != STORAGE_ALL;
+}
+
+static uint32_t words_that_stay(const od_t *od, storage_request_t request, const uint32_t *image,
+                                uint32_t words) {
+    uint32_t kept = 0;
+    for (uint32_t word = HEAD_WORDS; word < words; word += 2) {
+        kept += stays(od, request, image[word]) ? 2u : 0u;
     }
-    for (uint32_t word = 1; word < words; word += 2) {
-        const uint8_t sub = (uint8_t)image[word];
-        const od_entry_t *entry = NULL;
-        const od_abort_t found = od_find(od, (uint16_t)(image[word] >> 16), sub, &entry);
-        if (found == OD_DONE && (entry->flags & OD_PERSIST) != 0 &&
-            od_check(od, entry, image[word + 1]) == OD_DONE) {
-            od_set(od, entry, sub, image[word + 1]);
+    return kept;
+}
+
+uint32_t storage_update(const od_t *od, storage_request_t request, uint32_t *image, uint32_t words,
+                        uint32_t capacity) {
+    const uint32_t end = is_known(image, words) ? words : 0;
+    const uint32_t kept = words_that_stay(od, request, image, end);
+    if (HEAD_WORDS + kept + put_group(od, request, NULL) > capacity) {
+        return 0;
+    }
+    uint32_t to = HEAD_WORDS;
+    for (uint32_t word = HEAD_WORDS; word < end; word += 2) {
+        if (stays(od, request, image[word])) {
+            image[to] = image[word];
+            image[to + 1] = image[word + 1];
+            to += 2;
         }
     }
-    od->config_revision++;
-    return true;
+    image[0] = FORMAT;
+    image[1] = od_value(od, DICTIONARY_HASH_INDEX, 0);
+    image[2] = od_value(od, IDENTITY_INDEX, REVISION_SUB);
+    return to + put_group(od, request, &image[to]);
 }

@@ -12,17 +12,17 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xB543F6D1)
+#define DICTIONARY_HASH UINT32_C(0xF59F0338)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 187
+#define DICTIONARY_COUNT 192
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
     uint8_t error_history_count;                       /* 0x1003 */
     uint32_t error_history[8];                         /* 0x1003 */
-    uint32_t store_parameters[1];                      /* 0x1010 */
-    uint32_t restore_defaults[1];                      /* 0x1011 */
+    uint32_t store_parameters[4];                      /* 0x1010 */
+    uint32_t restore_defaults[4];                      /* 0x1011 */
     uint16_t emcy_inhibit_time_100us;                  /* 0x1015 */
     uint32_t consumer_heartbeat[1];                    /* 0x1016 */
     uint16_t producer_heartbeat_ms;                    /* 0x1017 */
@@ -104,6 +104,10 @@ typedef struct {
     uint32_t crash_record_tick;                        /* 0x2008 */
     uint8_t storage_state;                             /* 0x2009 */
     uint8_t reset_cause;                               /* 0x200A */
+    uint8_t configuration_origin_outcome;              /* 0x200B */
+    uint32_t configuration_origin_first_entry;         /* 0x200B */
+    uint16_t configuration_origin_entries;             /* 0x200B */
+    uint32_t configuration_origin_schema_hash;         /* 0x200B */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */
@@ -199,6 +203,9 @@ enum {
     EMCY_RESTARTED_REGISTER = 0x81,
     EMCY_TICK_OVERRUN = 0x6100, /* a control tick was not finished in its period */
     EMCY_TICK_OVERRUN_REGISTER = 0x81,
+    EMCY_CONFIGURATION_CHANGED =
+        0x6310, /* a warning: the configuration of this start is not what was saved */
+    EMCY_CONFIGURATION_CHANGED_REGISTER = 0x81,
     EMCY_CONFIGURATION_REFUSED = 0x6320, /* configuration cannot run */
     EMCY_CONFIGURATION_REFUSED_REGISTER = 0x81,
     EMCY_ENCODER_FAULT = 0x7305, /* an encoder is broken */

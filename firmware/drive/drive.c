@@ -10,6 +10,22 @@
 
 #define I24_MAX 8388607
 
+/* Tells the host where the configuration comes from, and warns unless it is all that was saved by
+ * this firmware. Detail: the first entry that was not taken, the outcome in the high byte. */
+static void tell_origin(drive_t *drive, storage_report_t report) {
+    dictionary_t *dictionary = &drive->dictionary;
+    dictionary->configuration_origin_outcome = (uint8_t)report.outcome;
+    dictionary->configuration_origin_first_entry = report.first;
+    dictionary->configuration_origin_entries = report.entries;
+    dictionary->configuration_origin_schema_hash = report.schema_hash;
+    if (report.outcome != CONFIGURATION_ORIGIN_OUTCOME_DEFAULTS &&
+        report.outcome != CONFIGURATION_ORIGIN_OUTCOME_COMPLETE) {
+        node_error_set(&drive->node, EMCY_CONFIGURATION_CHANGED,
+                       EMCY_CONFIGURATION_CHANGED_REGISTER,
+                       (uint32_t)report.outcome << 24 | report.first);
+    }
+}
+
 void drive_init(drive_t *drive, const board_identity_t *identity) {
     /* No configuration has these revisions: the first tick takes the defaults. */
     *drive = (drive_t){
@@ -26,7 +42,7 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
     dictionary->crash_record_program_counter = identity->crash.program_counter;
     dictionary->crash_record_stack_pointer = identity->crash.stack_pointer;
     dictionary->crash_record_tick = identity->crash.tick;
-    (void)storage_take(&drive->node.od, identity->saved, identity->saved_words);
+    tell_origin(drive, saving_recall(&drive->saving, &drive->node, identity));
 }
 
 bool drive_transmit(drive_t *drive, can_frame_t *frame) {
@@ -349,8 +365,10 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
         .bridge_enabled = state_bridge_on(drive->state),
         .motor_current_ua = fixed_scale(drive->command.torque_unm,
                                         drive->parameters.current_per_torque, &drive->saturations),
-        .reset_requested = node_reset_requested(&drive->node),
     };
-    saving_step(&drive->saving, &drive->node, sensors->store, actuators);
+    if (saving_step(&drive->saving, &drive->node, sensors->store, actuators)) {
+        node_error_clear(&drive->node, EMCY_CONFIGURATION_CHANGED);
+    }
+    actuators->reset_requested = node_reset_requested(&drive->node) && !drive->saving.busy;
     drive->dictionary.storage_state = (uint8_t)drive->saving.state;
 }

@@ -14,7 +14,7 @@ FLASH = """
 #include "flash.h"
 uint32_t memory[FLASH_SECTORS * FLASH_SECTOR_WORDS];
 int budget;
-int erased[FLASH_SECTORS];
+int forgotten;
 uint32_t worn_word;
 uint32_t flash_word(uint32_t sector, uint32_t word) {
     return memory[sector * FLASH_SECTOR_WORDS + word];
@@ -31,16 +31,18 @@ bool flash_program(uint32_t sector, uint32_t word, uint32_t value) {
     memory[at] &= at == worn_word ? value | 1u : value;
     return memory[at] == value;
 }
-bool flash_erase(uint32_t sector) {
-    erased[sector]++;
-    for (uint32_t i = 0; i < FLASH_SECTOR_WORDS; i++) {
+void flash_prepare_erase(uint32_t sector) { (void)sector; }
+void flash_finish_erase(void) {}
+void flash_forget_cached_data(void) { forgotten++; }
+void erase(uint32_t sector, uint32_t words) {
+    for (uint32_t i = 0; i < words; i++) {
         memory[sector * FLASH_SECTOR_WORDS + i] = FLASH_BLANK;
     }
-    return true;
 }
 """
 
-DECLARED = "extern uint32_t memory[65536], worn_word; extern int budget, erased[2];"
+DECLARED = """extern uint32_t memory[65536], worn_word; extern int budget, forgotten;
+void erase(uint32_t sector, uint32_t words);"""
 ffi, lib = load("store", FLASH, DECLARED)
 
 IMAGE_WORDS, SLOTS, SLOT_WORDS = 509, 128, 512
@@ -81,6 +83,7 @@ def test_a_new_chip_holds_nothing() -> None:
 
 @given(st.lists(images, min_size=1, max_size=5))
 def test_what_was_saved_last_is_found(saves: list[list[int]]) -> None:
+    ffi.memmove(lib.memory, b"\xff" * 4 * 65536, 4 * 65536)
     store = Store()
     for image in saves:
         assert store.save(image)
@@ -104,25 +107,76 @@ def test_power_lost_anywhere_in_a_save_leaves_the_old_image_or_the_new(
     assert Store().found == [1, 2, 3]
 
 
-def test_more_saves_than_slots_need_a_start_to_erase() -> None:
+def fill() -> tuple[Store, int]:
+    """A store that has no blank slot, and the last that was kept."""
     store = Store()
     kept = 0
     while store.save([kept]):
         kept += 1
-    assert kept == SLOTS
-    lib.erased[0] = lib.erased[1] = 0
+    return store, kept - 1
+
+
+def test_a_full_store_refuses_until_the_sector_without_the_image_is_erased() -> None:
+    store, last = fill()
+    assert last == SLOTS - 1
+    assert lib.store_is_full(store.raw)
+    assert lib.store_sector_to_erase(store.raw) == 0
+    lib.erase(0, 32768)
+    lib.store_erased(store.raw)
+    assert Store().found == [last]
+    for value in range(SLOTS // 2):
+        assert store.save([1000 + value])
+    assert not store.save([0])
+    assert lib.store_sector_to_erase(store.raw) == 1
+    assert Store().found == [1000 + SLOTS // 2 - 1]
+
+
+@given(st.integers(0, 32768))
+def test_power_lost_anywhere_in_an_erase_leaves_the_image(words: int) -> None:
+    ffi.memmove(lib.memory, b"\xff" * 4 * 65536, 4 * 65536)
+    store, last = fill()
+    lib.erase(lib.store_sector_to_erase(store.raw), words)
     after = Store()
-    assert after.found == [SLOTS - 1]
-    assert list(lib.erased) == [1, 0]  # the sector that does not hold it
-    assert after.save([7])
+    assert after.found == [last]
+    if not after.save([7]):  # no slot of it is blank as a whole: that is found out now
+        assert lib.store_is_full(after.raw)
+        lib.erase(lib.store_sector_to_erase(after.raw), 32768)
+        lib.store_erased(after.raw)
+        assert after.save([7])
     assert Store().found == [7]
 
 
-def test_a_start_that_need_not_erase_does_not() -> None:
-    assert Store().save([1])
-    lib.erased[0] = lib.erased[1] = 0
-    Store()
-    assert list(lib.erased) == [0, 0]
+def test_a_chip_full_of_something_else_takes_an_image_once_a_sector_is_erased() -> None:
+    ffi.memmove(lib.memory, b"\x5a" * 4 * 65536, 4 * 65536)
+    store = Store()
+    assert store.found == []
+    assert store.raw.damaged
+    assert not store.save([1])
+    lib.erase(lib.store_sector_to_erase(store.raw), 32768)
+    lib.store_erased(store.raw)
+    assert store.save([1, 2])
+    assert Store().found == [1, 2]
+
+
+def test_a_save_is_read_back_from_the_flash_itself() -> None:
+    store = Store()
+    lib.forgotten = 0
+    assert store.save([1, 2, 3])
+    assert lib.forgotten == 1
+
+
+@pytest.mark.parametrize("words", range(6))
+def test_a_save_that_was_cut_short_is_told_until_the_next(words: int) -> None:
+    assert Store().save([1, 2, 3])
+    assert not Store().raw.damaged
+    lib.budget = words  # mark, sequence, three words, check
+    assert not Store().save([4, 5, 6])
+    lib.budget = FOR_EVER
+    after = Store()
+    assert after.found == [1, 2, 3]
+    assert after.raw.damaged == (words > 0)
+    assert after.save([7])
+    assert not Store().raw.damaged
 
 
 @pytest.mark.parametrize("word", [0, 1, 2, 5])

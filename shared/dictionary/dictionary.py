@@ -254,11 +254,14 @@ def _variable(
 
 def _plain(sub: int, name: str, type_name: str, default: int, doc: str = "") -> Variable:
     wire = WIRE_TYPES[type_name]
-    return Variable(sub, name, wire, "rw", "communication", wire.low, wire.high, default, doc=doc)
+    return Variable(
+        sub, name, wire, "rw", "communication", wire.low, wire.high, default, persist=True, doc=doc
+    )
 
 
 def _sub0(highest: int) -> Variable:
-    return replace(_plain(0, "count", "u8", highest, "highest sub-index"), access="const")
+    count = _plain(0, "count", "u8", highest, "highest sub-index")
+    return replace(count, access="const", persist=False)
 
 
 def _pdo_communication(name: str, base: int, pdo: Pdo) -> Object:

@@ -97,7 +97,7 @@ def _variable(v: Variable, obj: Object) -> Iterator[str]:
         yield "a write-only entry cannot be mapped into a TPDO"
     if v.urgent and (v.pdo != "rx" or v.type.bits > 16):
         yield "only what an RPDO may carry, of at most 16 bits, is urgent"
-    if v.persist and v.role not in {"config", "calibration"}:
+    if v.persist and v.role not in {"config", "calibration", "communication"}:
         yield f"role {v.role} is not stored"
     if v.node_id_added and v.role != "communication":
         yield "only communication parameters add the node id"

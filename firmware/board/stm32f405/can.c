@@ -153,6 +153,16 @@ bool can_ready(void) {
     return (CAN1->TSR & CAN_TSR_TME) != 0;
 }
 
+bool can_is_idle(void) {
+    return (CAN1->TSR & CAN_TSR_TME) == CAN_TSR_TME;
+}
+
+/* Takes what the controller still holds, too. */
+void can_forget_overrun(void) {
+    CAN1->RF0R = CAN_RF0R_FOVR0;
+    rx_overrun = false;
+}
+
 void can_send(const can_frame_t *frame) {
     volatile can_mailbox_registers_t *box = &CAN1->MAILBOX[CAN_TSR_CODE(CAN1->TSR)];
     uint32_t words[2] = {0, 0};

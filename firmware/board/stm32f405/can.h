@@ -34,6 +34,13 @@ bool can_take(can_frame_t *frame);
 
 /* Is a mailbox free? Then can_send() takes a frame. */
 bool can_ready(void);
+
+/* Has every frame left? */
+bool can_is_idle(void);
+
+/* Frames that were lost up to now are nobody's loss. */
+void can_forget_overrun(void);
+
 void can_send(const can_frame_t *frame);
 
 #endif

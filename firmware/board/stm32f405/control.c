@@ -11,6 +11,7 @@
 #include "clock.h"
 #include "crash.h"
 #include "encoders.h"
+#include "erase.h"
 #include "fast_loop.h"
 #include "handlers.h"
 #include "pwm.h"
@@ -43,6 +44,7 @@ static encoders_t encoders;
 static uint32_t always, once; /* BOARD_FAULT_* */
 static uint32_t load_cell_quiet;
 static store_t store;
+static bool room_wanted; /* a sector is to be erased for the next save */
 static uint32_t saved[BOARD_STORE_WORDS], saved_words;
 static volatile drive_state_t state;
 
@@ -55,6 +57,7 @@ void control_start(const board_identity_t *identity, uint32_t standing_faults,
     board_identity_t known = *identity;
     known.saved = saved;
     known.saved_words = saved_words;
+    known.saved_state = store.damaged ? BOARD_SAVED_DAMAGED : BOARD_SAVED_FINE;
     always = standing_faults;
     once = first_faults;
     drive_init(&drive, &known);
@@ -166,21 +169,55 @@ static void send_frames(void) {
     }
 }
 
+/* No slot is blank: erases those of older images once the answer that says so has left. Frames that
+ * came meanwhile are lost, and nobody was to send any. */
+static void make_room(void) {
+    const can_frame_t heartbeat = node_heartbeat(&drive.node);
+    if (!can_is_idle()) {
+        return;
+    }
+    room_wanted = false;
+    const uint32_t periods = erase_sector(store_sector_to_erase(&store), &heartbeat);
+    ticks += periods > 0 ? periods - 1u : 0u; /* SysTick itself comes for the last */
+    overrun = false;
+    store_erased(&store);
+    can_forget_overrun();
+}
+
+static void ask_for_room(void) {
+    sensors.store = BOARD_STORE_FULL;
+    room_wanted = true;
+}
+
+static void step_store(void) {
+    const store_progress_t progress = store_step(&store);
+    if (progress == STORE_DONE) {
+        sensors.store = BOARD_STORE_DONE;
+    } else if (progress == STORE_FAILED && store_is_full(&store)) {
+        ask_for_room(); /* its last slots looked blank and were not */
+    } else if (progress == STORE_FAILED) {
+        sensors.store = BOARD_STORE_FAILED;
+    }
+}
+
 /* Keeps what the drive gives, a word a tick. Each holds up the core for 16 us, so the bridge is
  * off.
  */
 static void keep(void) {
+    room_wanted = room_wanted && !actuators.bridge_enabled;
     if (actuators.store == NULL) {
         sensors.store = BOARD_STORE_IDLE;
+        if (room_wanted) {
+            make_room();
+        }
+    } else if (sensors.store == BOARD_STORE_IDLE && store_is_full(&store)) {
+        ask_for_room();
     } else if (sensors.store == BOARD_STORE_IDLE) {
         sensors.store = store_begin(&store, actuators.store, actuators.store_words)
                             ? BOARD_STORE_BUSY
                             : BOARD_STORE_FAILED;
     } else if (sensors.store == BOARD_STORE_BUSY && !actuators.bridge_enabled) {
-        const store_progress_t progress = store_step(&store);
-        if (progress != STORE_BUSY) {
-            sensors.store = progress == STORE_DONE ? BOARD_STORE_DONE : BOARD_STORE_FAILED;
-        }
+        step_store();
     }
 }
 
@@ -192,8 +229,8 @@ void pendsv_handler(void) {
     if (actuators.reset_requested) {
         crash_restart();
     }
-    keep();
     send_frames();
+    keep();
     state = drive.state;
     watchdog_report(LOOP_CONTROL);
     running = false;

@@ -11,7 +11,7 @@
 
 #include "../../drive/drive.h"
 
-/* Finds what was kept across power-off. Before the watchdog runs: see store_open(). */
+/* Finds what was kept across power-off. */
 void control_recall(void);
 
 /* Prepares the drive, with what control_recall() found. `standing_faults` last until power-off (a

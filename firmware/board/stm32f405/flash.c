@@ -7,10 +7,9 @@
 #define AREA 0x080C0000u
 #define FIRST_SECTOR 10u
 
-/* Waits of a program and of a sector: many times the longest, in turns of a few cycles. The core
- * stalls anyway; the bound is for a flash that never comes back. */
+/* Waits of a program: many times the longest, in turns of a few cycles. The core stalls anyway; the
+ * bound is for a flash that never comes back. */
 #define WORD_TURNS 100000u
-#define SECTOR_TURNS 200000000u
 
 static volatile uint32_t *place(uint32_t sector, uint32_t word) {
     return (volatile uint32_t *)(uintptr_t)(AREA + 4u * (sector * FLASH_SECTOR_WORDS + word));
@@ -24,8 +23,8 @@ uint32_t flash_word(uint32_t sector, uint32_t word) {
     return is_inside(sector, word) ? *place(sector, word) : FLASH_BLANK;
 }
 
-static bool finished(uint32_t turns) {
-    for (uint32_t turn = 0; turn < turns && (FLASH->SR & FLASH_SR_BSY) != 0; turn++) {
+static bool finished(void) {
+    for (uint32_t turn = 0; turn < WORD_TURNS && (FLASH->SR & FLASH_SR_BSY) != 0; turn++) {
     }
     return (FLASH->SR & (FLASH_SR_BSY | FLASH_SR_ERRORS)) == 0;
 }
@@ -48,29 +47,26 @@ bool flash_program(uint32_t sector, uint32_t word, uint32_t value) {
     protection_open_storage(true);
     *place(sector, word) = value;
     core_barrier();
-    const bool fine = finished(WORD_TURNS);
+    const bool fine = finished();
     protection_open_storage(false);
     FLASH->CR = FLASH_CR_LOCK;
     return fine && *place(sector, word) == value;
 }
 
 /* Programming updates the data cache, erasing does not (3.4.2). */
-static void forget_cached_data(void) {
+void flash_forget_cached_data(void) {
     FLASH->ACR &= ~FLASH_ACR_DCEN;
     FLASH->ACR |= FLASH_ACR_DCRST;
     FLASH->ACR &= ~FLASH_ACR_DCRST;
     FLASH->ACR |= FLASH_ACR_DCEN;
 }
 
-bool flash_erase(uint32_t sector) {
-    if (sector >= FLASH_SECTORS) {
-        return false;
-    }
+void flash_prepare_erase(uint32_t sector) {
     unlock();
     FLASH->CR = FLASH_CR_PSIZE_WORD | FLASH_CR_SER | FLASH_CR_SNB(FIRST_SECTOR + sector);
-    FLASH->CR |= FLASH_CR_STRT;
-    const bool fine = finished(SECTOR_TURNS);
+}
+
+void flash_finish_erase(void) {
     FLASH->CR = FLASH_CR_LOCK;
-    forget_cached_data();
-    return fine;
+    flash_forget_cached_data();
 }

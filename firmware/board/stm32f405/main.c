@@ -58,8 +58,8 @@ int main(void) {
         crash_restart();
     }
     protection_start_supply();
-    control_recall(); /* may erase flash for seconds */
     watchdog_start();
+    control_recall();
     pins_start();
     encoders_start();
     analog_start(); /* needs 3 us to wake; the drive's start takes longer */

@@ -6,7 +6,7 @@
 
 #include "registers.h"
 
-extern uint32_t _stack_guard;
+extern uint32_t _stack_guard, _sram_code;
 
 #define NORMAL (MPU_RASR_CACHEABLE | MPU_RASR_SHAREABLE)
 #define DEVICE (MPU_RASR_BUFFERABLE | MPU_RASR_SHAREABLE)
@@ -37,6 +37,17 @@ void protection_open_storage(bool open) {
         region(5, 0x080C0000u, MPU_RASR_SIZE(18u) | MPU_RASR_READ_WRITE | MPU_RASR_XN | NORMAL);
     } else {
         MPU->RNR = 5;
+        MPU->RASR = 0;
+    }
+    core_barrier();
+}
+
+void protection_open_sram_code(bool open) {
+    if (open) {
+        region(6, (uint32_t)(uintptr_t)&_sram_code,
+               MPU_RASR_SIZE(10u) | MPU_RASR_READ_ONLY | NORMAL);
+    } else {
+        MPU->RNR = 6;
         MPU->RASR = 0;
     }
     core_barrier();

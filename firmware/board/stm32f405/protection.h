@@ -11,6 +11,9 @@ void protection_start_memory(void);
 /* Lets the program write to the storage area of flash.h, or no longer. */
 void protection_open_storage(bool open);
 
+/* Lets the code in SRAM (erase.h) be executed, or no longer. */
+void protection_open_sram_code(bool open);
+
 /* Supply supervision: waits until the chip has 2.9 V; from then on a drop below is a crash. The
  * brown-out reset of the option bytes (docs/hardware.md: set to level 3 when flashing) is the
  * second line; it also holds when the program does not. */

@@ -179,6 +179,7 @@ typedef struct {
 #define CAN_TSR_ABRQ (1u << 7 | 1u << 15 | 1u << 23)
 #define CAN_TSR_CODE(tsr) (((tsr) >> 24) & 3u)
 #define CAN_TSR_TME (7u << 26)
+#define CAN_TSR_TME0 (1u << 26)
 #define CAN_RF0R_FMP0 3u
 #define CAN_RF0R_FOVR0 (1u << 4)
 #define CAN_RF0R_RFOM0 (1u << 5)
@@ -223,6 +224,7 @@ typedef struct {
 #define SYSTICK_CTRL_ENABLE (1u << 0)
 #define SYSTICK_CTRL_TICKINT (1u << 1)
 #define SYSTICK_CTRL_CLKSOURCE (1u << 2)
+#define SYSTICK_CTRL_COUNTFLAG (1u << 16)
 #define NVIC_ISER REGISTERS(uint32_t, 0xE000E100u)
 #define NVIC_IPR REGISTERS(uint8_t, 0xE000E400u) /* one byte an interrupt */
 typedef struct {

@@ -47,17 +47,6 @@ static uint32_t whole_image(uint32_t slot) {
     return words > 0 && word_at(slot, HEAD_WORDS + words) == check ? words : 0;
 }
 
-/* Has no slot of the sector been begun? Reading all of it would take milliseconds of each start; a
- * word behind a blank header that is not blank itself is found when it is programmed. */
-static bool sector_is_blank(uint32_t sector) {
-    for (uint32_t slot = 0; slot < STORE_SLOTS; slot++) {
-        if (flash_word(sector, slot * STORE_SLOT_WORDS) != FLASH_BLANK) {
-            return false;
-        }
-    }
-    return true;
-}
-
 /* The first slot after `slot` that nobody has begun, across the end of the area; ALL_SLOTS: none.
  */
 static uint32_t blank_slot_after(uint32_t slot) {
@@ -70,32 +59,61 @@ static uint32_t blank_slot_after(uint32_t slot) {
     return ALL_SLOTS;
 }
 
+/* Slots are used in order: is the one after the newest image begun? Then a save was cut short, or
+ * it is spoiled since. A sector's first slot may still hold an older image. */
+static bool is_followed(uint32_t newest) {
+    const uint32_t next = newest + 1u;
+    return next % STORE_SLOTS != 0 && word_at(next, 0) != FLASH_BLANK;
+}
+
+static bool is_blank(void) {
+    for (uint32_t slot = 0; slot < ALL_SLOTS; slot++) {
+        if (word_at(slot, 0) != FLASH_BLANK) {
+            return false;
+        }
+    }
+    return true;
+}
+
 uint32_t store_open(store_t *store, uint32_t *image) {
-    *store = (store_t){.slot = ALL_SLOTS, .progress = STORE_IDLE};
-    uint32_t newest = ALL_SLOTS;
+    *store = (store_t){.newest = ALL_SLOTS, .progress = STORE_IDLE};
     uint32_t words = 0;
     for (uint32_t slot = 0; slot < ALL_SLOTS; slot++) {
         const uint32_t sequence = word_at(slot, 1);
         if (length_of(word_at(slot, 0)) > 0 && sequence > store->sequence) {
             const uint32_t found = whole_image(slot);
             if (found > 0) {
-                newest = slot;
+                store->newest = slot;
                 words = found;
                 store->sequence = sequence;
             }
         }
     }
+    store->damaged = words > 0 ? is_followed(store->newest) : !is_blank();
     for (uint32_t word = 0; word < words; word++) {
-        image[word] = word_at(newest, HEAD_WORDS + word);
+        image[word] = word_at(store->newest, HEAD_WORDS + word);
     }
-    for (uint32_t sector = 0; sector < FLASH_SECTORS; sector++) {
-        const bool holds_it = newest != ALL_SLOTS && newest / STORE_SLOTS == sector;
-        if (!holds_it && !sector_is_blank(sector)) {
-            (void)flash_erase(sector);
-        }
+    store->slot = blank_slot_after(store->newest % ALL_SLOTS);
+    if (words == 0 && word_at(0, 0) == FLASH_BLANK) {
+        store->slot = 0;
     }
-    store->slot = newest == ALL_SLOTS ? 0 : blank_slot_after(newest);
     return words;
+}
+
+bool store_is_full(const store_t *store) {
+    return store->slot == ALL_SLOTS;
+}
+
+uint32_t store_sector_to_erase(const store_t *store) {
+    return store->newest < STORE_SLOTS ? 1u : 0u;
+}
+
+void store_erased(store_t *store) {
+    store->slot = blank_slot_after(store->newest % ALL_SLOTS);
+    const uint32_t first = store_sector_to_erase(store) * STORE_SLOTS;
+    if (store->slot == ALL_SLOTS && word_at(first, 0) == FLASH_BLANK) {
+        store->slot = first;
+    }
 }
 
 bool store_begin(store_t *store, const uint32_t *image, uint32_t words) {
@@ -126,6 +144,19 @@ static uint32_t word_to_program(const store_t *store) {
                                                    : store->check;
 }
 
+/* All is written: reads it back from the flash itself. */
+static void finish(store_t *store) {
+    flash_forget_cached_data();
+    const bool whole = whole_image(store->slot) == store->words;
+    if (whole) {
+        store->newest = store->slot;
+        store->sequence++;
+        store->damaged = false;
+    }
+    store->slot = blank_slot_after(store->slot);
+    store->progress = whole ? STORE_DONE : STORE_FAILED;
+}
+
 store_progress_t store_step(store_t *store) {
     if (store->progress != STORE_BUSY) {
         return store->progress;
@@ -143,9 +174,7 @@ store_progress_t store_step(store_t *store) {
             store->progress = STORE_FAILED;
         }
     } else if (store->word == HEAD_WORDS + store->words) {
-        store->sequence++;
-        store->slot = blank_slot_after(store->slot);
-        store->progress = STORE_DONE;
+        finish(store);
     } else {
         store->check = check_with(store->check, value);
         store->word++;

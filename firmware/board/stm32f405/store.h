@@ -2,9 +2,9 @@
  *
  * Two flash sectors of equal slots. Each save takes the next blank slot and ends with a check word;
  * the image with the highest sequence number whose check holds is the one that counts. So when the
- * power goes in mid-save the last whole image is still there. The sector that does not hold it is
- * erased at the next start. A sector holds STORE_SLOTS images: with 10 000 erase cycles that is a
- * million saves. Knows no image's meaning.
+ * power goes in mid-save the last whole image is still there. A sector holds STORE_SLOTS images:
+ * with 10 000 erase cycles that is a million saves. Erasing takes seconds, so a start never does
+ * it: a save that finds no blank slot names the sector to erase. Knows no image's meaning.
  */
 #ifndef BOWDEN_STM32F405_STORE_H
 #define BOWDEN_STM32F405_STORE_H
@@ -27,18 +27,26 @@ typedef struct {
     const uint32_t *image;
     uint32_t words;
     store_progress_t progress;
+    uint32_t newest; /* slot of the image that counts; 2 STORE_SLOTS: there is none */
+    bool damaged;    /* something younger than it, or than nothing, is not whole */
 } store_t;
 
 /* Finds the image that counts and copies it to image[STORE_IMAGE_WORDS]; returns its length in
- * words, 0 when there is none. Erases a sector when it must: about a second, before the watchdog.
- */
+ * words, 0 when there is none. */
 uint32_t store_open(store_t *store, uint32_t *image);
 
+/* Is there no blank slot? Then the sector of store_sector_to_erase(), which does not hold the image
+ * that counts, must be erased and store_erased() called before the next save. */
+bool store_is_full(const store_t *store);
+uint32_t store_sector_to_erase(const store_t *store);
+void store_erased(store_t *store);
+
 /* Begins to save `words` words; they must not change until store_step() no longer returns
- * STORE_BUSY. Not while busy. False: too long, or no blank slot before the next start. */
+ * STORE_BUSY. Not while busy. False: too long, or full. */
 bool store_begin(store_t *store, const uint32_t *image, uint32_t words);
 
-/* Programs at most one word. STORE_DONE and STORE_FAILED stay until the next store_begin(). */
+/* Programs at most one word; after the last it reads the whole image back. STORE_DONE and
+ * STORE_FAILED stay until the next store_begin(). */
 store_progress_t store_step(store_t *store);
 
 #endif

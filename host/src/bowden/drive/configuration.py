@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from bowden.drive.client import Drive
 from bowden.drive.dictionary import lookup
 from bowden.drive.faults import describe_address
-from bowden.drive.meanings import StorageState
 from bowden.errors import BadInput, DriveFailed
 
 _SAVE = int.from_bytes(b"save", "little")  # CiA 301, entry 1010h
-_STORED_WITHIN_S, _ASKED_EVERY_S = 3.0, 0.05
+_BUSY = 0x08000021  # SDO abort: the drive makes room first
+_ROOM_WITHIN_S = 2.2  # a sector of 128 KiB takes at most two (STM32F405 datasheet, table 40)
 
 
 @dataclass(frozen=True)
@@ -101,22 +101,21 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
 def store(drive: Drive) -> None:
     """Have the drive keep all its persistent entries across power-off (0x1010); bridge off.
 
+    The drive answers when it has read them back. Where it must erase its flash first, it says so
+    and is silent for up to two seconds; then it is asked again.
+
     Raises
     ------
     DriveFailed
         The drive refused, could not write its flash, or did not end in time.
     """
-    drive.write_raw("store_parameters.1", _SAVE)
-    for _ in range(round(_STORED_WITHIN_S / _ASKED_EVERY_S)):
-        drive.connection.listen(_ASKED_EVERY_S)
-        state = drive.read_raw("storage_state")
-        if state == StorageState.DONE:
-            return
-        if state != StorageState.UNDER_WAY:
-            break
-    raise DriveFailed(
-        f"node {drive.node_id} could not store its configuration: {StorageState.describe(state)}"
-    )
+    try:
+        drive.write_raw("store_parameters.1", _SAVE)
+    except DriveFailed as failure:
+        if getattr(failure.__cause__, "code", None) != _BUSY:
+            raise
+        drive.connection.listen(_ROOM_WITHIN_S)
+        drive.write_raw("store_parameters.1", _SAVE)
 
 
 def _take_back(drive: Drive, written: list[Change]) -> str:

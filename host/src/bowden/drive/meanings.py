@@ -41,6 +41,7 @@ class StorageState(NamedValue):
     UNDER_WAY = 1, 'under way'
     DONE = 2, 'done'
     FAILED = 3, 'failed'
+    MAKES_ROOM = 4, 'there was no room; the flash is erased, then ask again'
 
 
 class ResetCause(NamedValue):
@@ -54,6 +55,17 @@ class ResetCause(NamedValue):
     WATCHDOG = 5, 'watchdog: the firmware hung'
     WINDOW_WATCHDOG = 6, 'window watchdog'
     LOW_POWER = 7, 'low-power management'
+
+
+class ConfigurationOriginOutcome(NamedValue):
+    """What became of the configuration that was kept."""
+
+    DEFAULTS = 0, 'nothing was kept: the defaults'
+    COMPLETE = 1, 'what this firmware has saved, all of it'
+    MIGRATED = 2, 'what a firmware with another dictionary has saved, all of it'
+    PARTIAL = 3, 'some saved entries were not taken: unknown or out of range'
+    OLDER = 4, 'the last save is damaged or was cut short: the one before it'
+    LOST = 5, 'what was saved is damaged or of an unknown format: the defaults'
 
 
 class SlipState(NamedValue):
