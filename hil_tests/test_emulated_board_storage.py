@@ -110,9 +110,8 @@ def fill(board: Board) -> None:
         board.chip.write_memory(AREA + slot * SLOT, b"\0" * 8)
 
 
-@pytest.mark.parametrize("lsi_hz", [17_000, 47_000])
-def test_a_save_without_room_says_busy_and_the_next_is_kept(lsi_hz: int) -> None:
-    board = Board(options=Options(lsi_hz=lsi_hz))
+def test_a_save_without_room_says_busy_and_the_next_is_kept() -> None:
+    board = Board(options=Options(lsi_hz=47_000))  # the fastest watchdog
     board.run(0.02)
     save(board, 1_000_000)
     save(board, SET_UN)

@@ -1,4 +1,4 @@
-"""What a drive keeps across power-off, what it takes back, and what it says when that is not all."""
+"""What a drive keeps across power-off, what it takes back, and what it says when that differs."""
 
 from __future__ import annotations
 
