@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 from bowden.cli.model_arguments import add_mode_argument, add_model_argument, mode_of, read_model
-from bowden.cli.output import add_json_argument, print_json, progress
+from bowden.cli.output import add_json_argument, print_json, stages
 from bowden.cli.posterior_table import show, sources
 
 EXAMPLES = """examples:
@@ -59,8 +59,7 @@ def run(args: argparse.Namespace) -> int:
     session = read_recordings(args.recordings)
     held_out = read_recordings(args.hold_out) if args.hold_out else None
     zeros = [*session.groups["zeros"], *(held_out.groups["zeros"] if held_out else ())]
-    with progress() as bar:
-        task = bar.add_task("fitting", total=1.0)
+    with stages("fitting") as tell:
         calibration = calibrate(
             model,
             session.recordings,
@@ -70,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
             held_out=held_out.recordings if held_out else (),
             zeros=["session"] * len(zeros) if args.shared_zeros else zeros,
             seed=args.seed,
-            progress=lambda stage, share: bar.update(task, description=stage, completed=share),
+            progress=tell,
         )
     fitted = [Source(**one) for one in sources(session)]
     written = calibration.as_model(fitted)

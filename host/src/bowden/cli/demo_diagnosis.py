@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.cli.diagnose import show, write_extended, write_report
-from bowden.cli.output import add_json_argument, console, print_json, progress, say
+from bowden.cli.output import add_json_argument, console, print_json, say, stages
 from bowden.cli.rig import add_target_argument
 from bowden.cli.tunnel_experiment import (
     SETTLE_S,
@@ -226,14 +226,13 @@ def _diagnose(
     from bowden.diagnosis.diagnose import diagnose  # noqa: PLC0415  (keeps --help fast)
 
     say(f"diagnosing {naive.file} with the lab's model; this takes minutes")
-    with progress() as bar:
-        task = bar.add_task("diagnosing", total=1.0)
+    with stages("diagnosing") as tell:
         diagnosis = diagnose(
             lab,
             [until_disabled(naive.recording)],
             seed=seed,
             names=names,
-            progress=lambda stage, share: bar.update(task, description=stage, completed=share),
+            progress=tell,
         )
     show(diagnosis)
     write_extended(diagnosis, directory / "extended.yaml", [naive.file])

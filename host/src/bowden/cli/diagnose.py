@@ -18,7 +18,7 @@ from bowden.cli.model_arguments import (
     mode_of,
     read_model,
 )
-from bowden.cli.output import add_json_argument, console, print_json, progress
+from bowden.cli.output import add_json_argument, console, print_json, stages
 
 if TYPE_CHECKING:
     from bowden.diagnosis.diagnose import Diagnosis
@@ -59,14 +59,13 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput("--seed", str(args.seed), "0 or more")
     model = read_model(args.model)
     recordings = [until_disabled(one) for one in read_recordings(args.recordings).recordings]
-    with progress() as bar:
-        task = bar.add_task("diagnosing", total=1.0)
+    with stages("diagnosing") as tell:
         diagnosis = diagnose(
             model,
             recordings,
             mode_of(args),
             seed=args.seed,
-            progress=lambda stage, share: bar.update(task, description=stage, completed=share),
+            progress=tell,
         )
     if args.write_model:
         write_extended(diagnosis, args.write_model, [path.name for path in args.recordings])

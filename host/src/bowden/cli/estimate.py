@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 from bowden.cli.model_arguments import read_model
-from bowden.cli.output import add_json_argument, console, print_json, progress
+from bowden.cli.output import add_json_argument, console, print_json, stages
 from bowden.cli.posterior_table import show, sources
 
 EXAMPLES = """examples:
@@ -44,14 +44,13 @@ def run(args: argparse.Namespace) -> int:
 
     model = read_model(args.model)
     session = read_recordings(args.recordings)
-    with progress() as bar:
-        task = bar.add_task("fitting", total=1.0)
+    with stages("fitting") as tell:
         found = estimate(
             args.quantity,
             model,
             session.recordings,
             zeros=session.groups["zeros"],
-            progress=lambda stage, share: bar.update(task, description=stage, completed=share),
+            progress=tell,
         )
     fitted = [Source(**one) for one in sources(session)]
     if args.write_model:

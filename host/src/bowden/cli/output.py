@@ -8,6 +8,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,6 +69,41 @@ def progress(*columns: str) -> Progress:
         console=console(),
         disable=not sys.stderr.isatty(),
     )
+
+
+LINE_EVERY_S = 10.0  # without a terminal
+
+
+@contextmanager
+def stages(first: str) -> Iterator[Callable[[str, float], None]]:
+    """Show which stage of a long computation runs, and the share of the whole that is done.
+
+    On a terminal a bar; elsewhere, as in a log or under a scheduler, a line every ten seconds.
+
+    Parameters
+    ----------
+    first : str
+        What is shown until the first stage is told.
+
+    Yields
+    ------
+    callable (stage, share of the whole 0..1)
+    """
+    if sys.stderr.isatty():
+        with progress() as bar:
+            task = bar.add_task(first, total=1.0)
+            yield lambda stage, share: bar.update(task, description=stage, completed=share)
+        return
+    began = last = time.monotonic()
+
+    def tell(stage: str, share: float) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= LINE_EVERY_S:
+            last = now
+            print(f"{now - began:.0f} s: {stage}, {100.0 * share:.0f} %", file=sys.stderr)
+
+    yield tell
 
 
 def _plain(value: object) -> object:
