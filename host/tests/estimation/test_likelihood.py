@@ -1,0 +1,128 @@
+"""Observations, nuisance numbers and the likelihood, each against a form that is not the code's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bowden.estimation.covariance import DRAWS, Data, covariance
+from bowden.estimation.likelihood import Scales, best_scales, cost, whiten
+from bowden.estimation.nuisance import Nuisance, as_given, as_read, usual_nuisances
+from bowden.model import Mode, parse_model
+from bowden.recording.recording import Recording
+from scipy.stats import multivariate_t
+
+from ..rigs import TABLE_1, experiment_2
+
+MODE = Mode.TORQUE_POSITION
+MODEL = parse_model(TABLE_1.replace("segments: 50", "segments: 150"))
+COUNTS = {"motor_angle_rad": 2000, "load_angle_rad": 10000}
+RIGHT = Scales((1.0,), (0.0, 0.0))
+
+
+def run(seconds: float = 4.0, seed: int = 3) -> tuple[Recording, Recording]:
+    """A rig's true series and what its sensors say of them."""
+    true = experiment_2(MODEL, seconds=seconds)
+    read = {
+        name: 2 * np.pi / n * np.round(true[name] / (2 * np.pi / n)) for name, n in COUNTS.items()
+    }
+    noise = np.random.default_rng(seed).normal(0.0, 1e-3, true.time_s.size)
+    return true, true.with_channels(read, load_torque_nm=true.load_torque_nm + noise)
+
+
+def test_an_edge_says_where_an_encoder_is_to_a_small_part_of_a_count() -> None:
+    true, read = run()
+    seen = Data.of(read, 0, MODEL, MODE).observations
+    angle = seen.channel == 1
+    truth = np.interp(seen.time_s[angle], true.time_s, true.motor_angle_rad)
+    error = seen.measured[angle] - truth
+    # Uniform within what it moves in a sample, which is what sigma says beside 0.05 of a count.
+    assert np.sqrt(np.mean((error / seen.sigma[angle]) ** 2)) < 1.1
+    # At a count a sample and more it is the mean of two readings, and never worse than that.
+    count = 2 * np.pi / 2000
+    assert seen.sigma[angle].max() < 1.05 * np.hypot(0.05 * count, count / np.sqrt(24))
+    assert seen.sigma[angle].min() < 0.2 * count
+
+
+def test_standstill_of_an_encoder_tells_nothing() -> None:
+    _, read = run()
+    still = read.with_channels(motor_angle_rad=np.zeros(read.time_s.size))
+    assert not np.any(Data.of(still, 0, MODEL, MODE).observations.channel == 1)
+
+
+def test_every_observation_is_in_one_block() -> None:
+    _, read = run()
+    seen = Data.of(read, 0, MODEL, MODE).observations
+    assert np.array_equal(np.sort(np.concatenate(seen.blocks)), np.arange(seen.time_s.size))
+    assert all(np.ptp(seen.time_s[rows]) <= 1.7 for rows in seen.blocks)
+
+
+def test_the_cost_is_that_of_a_multivariate_t() -> None:
+    _, read = run(seconds=2.0)
+    data = Data.of(read, 0, MODEL, MODE)
+    noise = covariance(data, MODEL)
+    rng = np.random.default_rng(5)
+    one, other = (rng.normal(size=data.observations.time_s.size) * noise.sigma for _ in range(2))
+
+    def log_density(residual: np.ndarray) -> float:
+        total = 0.0
+        for rows, inputs in zip(data.observations.blocks, noise.inputs, strict=True):
+            shape = inputs + np.diag(noise.own[rows])
+            zero = np.zeros(rows.size)
+            total += float(multivariate_t(zero, shape, df=DRAWS).logpdf(residual[rows]))
+        return total
+
+    found = cost([(data, noise, one, None)], RIGHT) - cost([(data, noise, other, None)], RIGHT)
+    assert found == pytest.approx(log_density(other) - log_density(one), rel=1e-6)
+
+
+def test_a_right_model_leaves_what_the_covariance_says() -> None:
+    _, read = run(seconds=8.0)
+    data = Data.of(read, 0, MODEL, MODE)
+    noise = covariance(data, MODEL)
+    zero = data.observations.measured - data.predict(MODEL)
+    zero -= (data.observations.channel == 1) * np.mean(zero[data.observations.channel == 1])
+    scales = best_scales([(data, noise, zero, None)], RIGHT)
+    assert max(scales.discrepancy) <= 0.6  # two solvers of one law may differ by so much
+    chi = [np.mean(b.rows[:, 0] ** 2) for b in whiten(data, noise, scales, zero[:, None])]
+    assert np.mean([0.5 < one < 1.2 for one in chi]) > 0.6
+    assert np.median(chi) == pytest.approx(0.85, abs=0.3)
+
+
+def test_a_discrepancy_is_found_where_something_is_missing() -> None:
+    _, read = run(seconds=8.0)
+    data = Data.of(read, 0, MODEL, MODE)
+    noise = covariance(data, MODEL)
+    seen = data.observations
+    missing = 0.05 * np.sin(3.0 * seen.time_s) * (seen.channel == 0)
+    residual = seen.measured - data.predict(MODEL) + missing
+    torque, angle = best_scales([(data, noise, residual, None)], RIGHT).discrepancy
+    # A slow wave of 35 mN m RMS has small steps over the 0.15 s of a discrepancy's memory.
+    assert torque > 3.0
+    assert torque * noise.floor[0] > 0.005
+    assert angle < 1.0
+
+
+def test_readings_and_what_they_mean_undo_each_other() -> None:
+    true, _ = run(seconds=2.0)
+    zero = Nuisance("zero", "motor_torque_nm", (0,), 1.0)
+    gain = Nuisance("gain", "motor_torque_nm", (0,), 1.0)
+    reading = as_read(true.time_s, true.motor_torque_nm, [(zero, 0.02), (gain, 0.1)])
+    assert reading == pytest.approx(1.1 * true.motor_torque_nm + 0.02)
+    read = true.with_channels(motor_torque_nm=reading)
+    undone = as_given(read, [(zero, 0.02), (gain, 0.1)]).motor_torque_nm
+    assert undone == pytest.approx(true.motor_torque_nm, abs=1e-12)
+
+
+def test_a_delay_shifts_in_time() -> None:
+    true, _ = run(seconds=2.0)
+    late = Nuisance("delay", "load_torque_nm", (0,), 0.01)
+    reading = as_read(true.time_s, true.load_torque_nm, [(late, 0.01)])
+    assert reading[10:] == pytest.approx(true.load_torque_nm[:-10], abs=1e-9)
+
+
+def test_recordings_of_one_label_share_their_zeros() -> None:
+    runs = [run(seconds=2.0, seed=k)[1] for k in range(3)]
+    estimates = [Data.of(one, k, MODEL, MODE).estimates for k, one in enumerate(runs)]
+    found = usual_nuisances(MODE, runs, estimates, ["a", "b", "a"])
+    cell = [one.recordings for one in found if one.channel == "load_torque_nm"]
+    assert cell == [(0, 2), (1,)]
