@@ -74,6 +74,8 @@ class Result:
             return UNKNOWN
         if self.answer.verdict == "insufficient_excitation":
             return "(no excitation)"
+        if self.answer.verdict == "bad_data":
+            return "(bad data)"
         if self.tied and set(self.truth) & set(self.answer.named):
             return next(iter(self.truth))
         return self.answer.named[0] if self.answer.named else UNKNOWN

@@ -51,16 +51,16 @@ def test_a_wrong_sign_is_said_and_no_verdict_follows(
 ) -> None:
     model, report = tmp_path / "out.yaml", tmp_path / "out.html"
     command = ["diagnose", *files, "--json", "--report", str(report), "--write-model", str(model)]
-    assert main(command) == 0
+    assert main(command) == 2
     out, err = capsys.readouterr()
     document = json.loads(out)
-    assert document["verdict"] == "insufficient_excitation"
+    assert document["verdict"] == "bad_data"
     assert document["effects"] == []
     assert document["gap"]["before"] is None
-    assert document["model"] == str(model)
+    assert document["model"] is None
+    assert [one["what"] for one in document["quality"]] == ["sign"]
     assert "wrong sign" in " ".join(err.split())
-    assert parse_model(model.read_text()).value("friction.mu_d") == 0.21
-    assert "seed 0" in model.read_text()
+    assert not model.exists()
     assert "wrong sign" in report.read_text()
 
 

@@ -192,7 +192,7 @@ def test_the_extended_model_is_a_model_file_with_the_effect() -> None:
 def test_a_bad_recording_gets_no_verdict_but_words() -> None:
     run = measured(TRUTH)
     found = diagnose(MODEL, [replace(run, load_torque_nm=1e3 * run.load_torque_nm)], names=NAMES)
-    assert found.verdict == "insufficient_excitation"
+    assert found.verdict == "bad_data"
     assert found.effects == ()
     assert "1000 times too large" in found.sentence
     assert found.to_document()["quality"]

@@ -13,8 +13,8 @@ from bowden.diagnosis.diagnose import Diagnosis, Ranked
 from bowden.diagnosis.excitation import excitation
 from bowden.diagnosis.figures import Series
 from bowden.diagnosis.localise import localise
-from bowden.diagnosis.quality import Finding
 from bowden.estimation.gap import Gap
+from bowden.estimation.gate.finding import Finding
 from bowden.estimation.posterior import Estimate
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.recording.recording import Recording
@@ -201,7 +201,7 @@ def test_the_page_shows_where_it_was_found_and_not_where_it_was_not(named: Diagn
 @pytest.mark.parametrize("verdict", list(TITLES))
 def test_every_verdict_makes_a_page(named: Diagnosis, verdict: str) -> None:
     one = replace(named, verdict=verdict)  # type: ignore[arg-type]
-    if verdict in ("complete", "unlisted", "insufficient_excitation"):
+    if verdict in ("complete", "unlisted", "insufficient_excitation", "bad_data"):
         one = replace(one, effects=())
     html = diagnosis_report(one)
     assert TITLES[verdict] in html
@@ -213,7 +213,7 @@ def test_what_stops_a_verdict_comes_before_everything_else(named: Diagnosis) -> 
     stop = Finding("sign", "run.csv", "load torque has the wrong sign", "the right one", "stop")
     bare = replace(
         named,
-        verdict="insufficient_excitation",
+        verdict="bad_data",
         effects=(),
         ranking=(),
         where=(),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from bowden.cli.data_gate import admit_data
 from bowden.cli.model_arguments import add_mode_argument, add_model_argument, mode_of, read_model
 from bowden.cli.output import add_json_argument, print_json, stages
 from bowden.cli.posterior_table import show, sources
@@ -59,6 +60,8 @@ def run(args: argparse.Namespace) -> int:
     session = read_recordings(args.recordings)
     held_out = read_recordings(args.hold_out) if args.hold_out else None
     zeros = [*session.groups["zeros"], *(held_out.groups["zeros"] if held_out else ())]
+    every = [*session.recordings, *(held_out.recordings if held_out else ())]
+    admit_data(model, every, mode_of(args))
     with stages("fitting") as tell:
         calibration = calibrate(
             model,

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bowden.cli.data_gate import admit_data
 from bowden.cli.model_arguments import (
     add_mode_argument,
     add_model_argument,
@@ -59,7 +60,9 @@ def compare_files(
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
     session = read_recordings(recordings)
-    comparison = compare(read_model(model), session.recordings, mode, zeros=session.groups["zeros"])
+    described = read_model(model)
+    admit_data(described, session.recordings, mode)
+    comparison = compare(described, session.recordings, mode, zeros=session.groups["zeros"])
     if report:
         write_report(comparison, model, report)
     return comparison

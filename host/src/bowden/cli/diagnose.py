@@ -2,8 +2,9 @@
 
 Known numbers move first, within the tolerances of the model file; then every effect of the
 catalogue is tried inside the simulator and judged on data that were held back. The verdict is
-named, complete, unlisted (something that no catalogue entry explains), ambiguous, or
-insufficient_excitation. The same seed gives the same answer.
+named, complete, unlisted (something that no catalogue entry explains), ambiguous,
+insufficient_excitation, or bad_data: the data gate found units, signs or sensors wrong, nothing was
+fitted, no model is written, and the exit status is 2. The same seed gives the same answer.
 """
 
 from __future__ import annotations
@@ -67,18 +68,19 @@ def run(args: argparse.Namespace) -> int:
             seed=args.seed,
             progress=tell,
         )
-    if args.write_model:
+    trusted = diagnosis.verdict != "bad_data"
+    if args.write_model and trusted:
         write_extended(diagnosis, args.write_model, [path.name for path in args.recordings])
     if args.report:
         write_report(diagnosis, args.report, str(args.model))
     show(diagnosis)
-    for name, path in (("model", args.write_model), ("report", args.report)):
+    for name, path in (("model", args.write_model if trusted else None), ("report", args.report)):
         if path:
             console().print(f"{name}: {path}", soft_wrap=True)
     if args.json:
-        written = str(args.write_model) if args.write_model else None
+        written = str(args.write_model) if args.write_model and trusted else None
         print_json(diagnosis.to_document() | {"model": written})
-    return 0
+    return 0 if trusted else 2
 
 
 def write_extended(diagnosis: Diagnosis, path: Path, recordings: list[str]) -> None:

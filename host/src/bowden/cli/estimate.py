@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from bowden.cli.data_gate import admit_data
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json, stages
 from bowden.cli.posterior_table import show, sources
@@ -37,13 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Estimate, write the model, print the estimates."""
     from bowden.estimation.quantities import estimate  # noqa: PLC0415  (keeps --help fast)
-    from bowden.model import format_model  # noqa: PLC0415
+    from bowden.model import Mode, format_model  # noqa: PLC0415
     from bowden.model.model_file import Source  # noqa: PLC0415
     from bowden.recording.atomic import replace_whole  # noqa: PLC0415
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
     model = read_model(args.model)
     session = read_recordings(args.recordings)
+    admit_data(model, session.recordings, Mode.TORQUE_POSITION)
     with stages("fitting") as tell:
         found = estimate(
             args.quantity,

@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bowden.cli.data_gate import admit_data
 from bowden.cli.model_arguments import add_mode_argument, add_model_argument, mode_of, read_model
 from bowden.cli.output import add_json_argument, console, print_json
 
@@ -38,9 +39,9 @@ def run(args: argparse.Namespace) -> int:
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
     session = read_recordings(args.recordings)
-    found = verify(
-        read_model(args.model), session.recordings, mode_of(args), zeros=session.groups["zeros"]
-    )
+    model = read_model(args.model)
+    admit_data(model, session.recordings, mode_of(args))
+    found = verify(model, session.recordings, mode_of(args), zeros=session.groups["zeros"])
     show(found)
     if args.json:
         print_json(found.to_document())

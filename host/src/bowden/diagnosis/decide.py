@@ -25,7 +25,9 @@ from bowden.model.effects.effect import EXACT
 
 _Floats = NDArray[np.float64]
 
-Verdict = Literal["named", "complete", "unlisted", "ambiguous", "insufficient_excitation"]
+Verdict = Literal[
+    "named", "complete", "unlisted", "ambiguous", "insufficient_excitation", "bad_data"
+]
 
 TIE = 3.0  # of score: odds of 20 to 1
 MOST_TIED = 3

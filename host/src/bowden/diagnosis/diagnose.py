@@ -1,6 +1,6 @@
 """`diagnose`: a model and recordings in, the missing effect with all that is known about it out.
 
-The stages in order: `quality` and `excitation` look at the data, `prepare` makes them ready,
+The stages in order: the data gate and `excitation` look at the data, `prepare` makes them ready,
 `select` (with `candidates`, `screening`, `fit`, `problem`) tries the catalogue, `decide` finds the
 verdict, `localise` and `next_experiment` say where the gap sits and what would tell more. Touches
 no file; `report.diagnosis` draws the result, `cli.diagnose` prints it.
@@ -37,9 +37,10 @@ from bowden.diagnosis.localise import Place, ResidualMap, Where, localise
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.prepare import prepare
 from bowden.diagnosis.problem import WeighedRecording, WeighedRecordings
-from bowden.diagnosis.quality import Finding, check_quality
 from bowden.diagnosis.select import Progress, Selection, select, silent
 from bowden.estimation.gap import Gap
+from bowden.estimation.gate.check import check_data
+from bowden.estimation.gate.finding import Finding, stops
 from bowden.estimation.posterior import Estimate
 from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
@@ -177,9 +178,9 @@ def diagnose(
         A recording that the model cannot run at all.
     """
     progress("looking at the data", 0.0)
-    quality = check_quality(model, recordings, mode)
+    quality = check_data(model, recordings, mode)
     contents = excitation(model, recordings, mode)
-    if any(one.severity == "stop" for one in quality):
+    if stops(quality):
         return _stopped(model, mode, quality, contents, seed)
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         coarse = _coarse(model)
@@ -256,8 +257,8 @@ def _stopped(
     """Return what is said where the data allow no verdict."""
     gaps = tuple(Gap(name, float("nan"), float("nan"), float("nan")) for name in PREDICTED[mode])
     return Diagnosis(
-        verdict="insufficient_excitation",
-        sentence=f"No verdict: {quality[0].text}",
+        verdict="bad_data",
+        sentence=f"Nothing was fitted, for the data cannot be trusted. {quality[0].text}",
         effects=(),
         ranking=(),
         cannot_tell_apart=(),

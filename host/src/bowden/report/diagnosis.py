@@ -42,6 +42,7 @@ TITLES = {
     "unlisted": "Something unknown is missing",
     "ambiguous": "More than one explanation",
     "insufficient_excitation": "These recordings cannot tell",
+    "bad_data": "These data cannot be trusted",
 }
 
 

@@ -1,0 +1,26 @@
+"""Ask the data gate before a command fits or compares: warnings to people, a refusal as exit 2."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from bowden.cli.output import console
+
+if TYPE_CHECKING:
+    from bowden.model import Mode, Model
+    from bowden.recording.recording import Recording
+
+
+def admit_data(model: Model, recordings: Sequence[Recording], mode: Mode) -> None:
+    """Tell what the gate warns of, on stderr.
+
+    Raises
+    ------
+    bowden.estimation.gate.finding.BadData
+        A finding stops.
+    """
+    from bowden.estimation.gate.check import admit  # noqa: PLC0415  (keeps --help fast)
+
+    for finding in admit(model, recordings, mode):
+        console().print(f"{finding.severity}: {finding.text}", soft_wrap=True)

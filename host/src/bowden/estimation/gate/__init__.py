@@ -1,0 +1,9 @@
+"""The data gate: whether recordings can be trusted to speak of this rig, before anything is fitted.
+
+Every command that takes recordings asks `check.check_data` first. Recordings and a model in,
+findings out; a finding that stops means ``bad_data`` and exit status 2.
+
+`time_base`, `sensors` and `encoders` look at channels by themselves; `units` (with `mistakes` and
+`answer`) holds them against geometry and the model; `course` looks for what changes within a
+recording, `rigs` for recordings that contradict each other.
+"""
