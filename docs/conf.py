@@ -37,7 +37,7 @@ extensions = [
     "sphinx_design",
 ]
 source_suffix = {".md": "myst-nb"}
-exclude_patterns = ["_ipython", "_static"]
+exclude_patterns = ["_ipython", "_static", "_templates"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
@@ -56,7 +56,8 @@ suppress_warnings = ["myst.xref_missing", "mystnb.unknown_mime_type", "config.ca
 html_theme = "furo"
 html_title = f"bowden {version}"
 html_static_path = ["_static"]
-html_js_files = [("plotly.min.js", {"priority": 100})]
+html_css_files = ["site.css"]
+templates_path = ["_templates"]
 html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#00598f", "color-brand-content": "#00598f"},
     "dark_css_variables": {"color-brand-primary": "#7cc4f0", "color-brand-content": "#7cc4f0"},
