@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-diagnosis bench-calibration lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-faults bench-diagnosis bench-calibration lock clean
 .PHONY: setup setup-firmware setup-baselines native
 
 help: ## list the targets
@@ -67,6 +67,10 @@ generate: setup ## remake everything that comes from shared/object_dictionary.ya
 
 bench: firmware native ## measure; results in build/bench.json
 	$(BIN)/python -m hil_tests.benchmarks --output build/bench.json
+
+bench-faults: firmware native ## every single fault in every situation, native and on the ELF; docs/fault-campaign.md; about an hour
+	$(BIN)/python -m hil_tests.fault_campaign --jobs 2 --json build/faults.json --output docs/fault-campaign.md
+	$(BIN)/python -m hil_tests.random_faults --minutes 60
 
 bench-diagnosis: setup-baselines ## hidden effects against `bowden diagnose` and its rivals (SEED=...); hours; build/diagnosis.*
 	$(BIN)/python -m hil_tests.benchmarks.diagnosis --seed $(SEED) $(BENCH_FLAGS)

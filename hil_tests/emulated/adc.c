@@ -84,7 +84,7 @@ static int sample(machine_t *m, const adc_t *a, unsigned channel, tick_t at) {
     if (m->bridge.connected && m->bridge.adc_channel == (int)channel) {
         bridge_advance(m, at);
         code = m->bridge.parameters.zero_code +
-               m->bridge.current_a / m->bridge.parameters.ampere_per_code;
+               bridge_sensed_a(m) / m->bridge.parameters.ampere_per_code;
     }
     if (s->noise[channel] > 0) { /* four uniforms have a variance of 1/3 */
         double sum = uniform(s) + uniform(s) + uniform(s) + uniform(s);

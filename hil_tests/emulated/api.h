@@ -67,6 +67,19 @@ typedef struct {
     double zero_code;
 } bridge_parameters_t;
 
+/* What is broken on an analogue line; see hil_tests/emulated/bridge.py. */
+typedef enum {
+    LINE_SOUND,
+    LINE_STUCK,  /* at `size` */
+    LINE_FROZEN, /* at the last value */
+    LINE_OFFSET, /* by `size` */
+    LINE_GAIN,   /* times `size` */
+    LINE_SIGN,
+    LINE_NOISE,   /* uniform, `size` its standard deviation */
+    LINE_DROPOUT, /* every other value at random is 0 */
+    LINE_LATE,    /* by `size` values, at most 511 */
+} line_fault_t;
+
 /* Why the core restarted, and where. */
 typedef struct {
     uint64_t time_us;
@@ -143,6 +156,10 @@ void machine_hang_adc(machine_t *m, int adc, bool hung); /* conversions never en
 
 void machine_connect_bridge(machine_t *m, int adc_channel, const bridge_parameters_t *parameters);
 void machine_set_motor(machine_t *m, double speed_rad_per_s, double bus_voltage_v);
+/* Breaks what the converter sees of the current (A), or the bridge's mean voltage (V), from now on;
+ * a value of the one comes with each conversion, of the other with each change of the duty. */
+void machine_break_current_sense(machine_t *m, line_fault_t fault, double size);
+void machine_break_bridge_voltage(machine_t *m, line_fault_t fault, double size);
 bridge_state_t machine_bridge(machine_t *m);
 uint64_t machine_bridge_off_ns(const machine_t *m); /* when the bridge last went from on to off */
 

@@ -9,14 +9,74 @@
 
 #include <math.h>
 
+static double uniform(line_t *line) {
+    line->random ^= line->random >> 12;
+    line->random ^= line->random << 25;
+    line->random ^= line->random >> 27;
+    return (double)(line->random * 2685821657736338717ull >> 11) / 9007199254740992.0;
+}
+
+/* What arrives over a line for the next value. */
+static double arriving(line_t *line, double value) {
+    const unsigned places = sizeof line->past / sizeof line->past[0];
+    if (line->fault == LINE_SOUND) {
+        return value;
+    }
+    if (!line->holds) {
+        line->held = value;
+        line->holds = true;
+    }
+    unsigned late = (unsigned)line->size;
+    line->past[line->count % places] = value;
+    line->count++;
+    switch (line->fault) {
+    case LINE_STUCK:
+        return line->size;
+    case LINE_FROZEN:
+        return line->held;
+    case LINE_OFFSET:
+        return value + line->size;
+    case LINE_GAIN:
+        return value * line->size;
+    case LINE_SIGN:
+        return -value;
+    case LINE_NOISE:
+        return value + line->size * sqrt(12.0) * (uniform(line) - 0.5);
+    case LINE_DROPOUT:
+        return uniform(line) < 0.5 ? value : 0;
+    case LINE_LATE:
+        return line->count > late ? line->past[(line->count - 1 - late) % places] : line->held;
+    case LINE_SOUND:
+    default:
+        return value;
+    }
+}
+
+static void break_line(line_t *line, line_fault_t fault, double size) {
+    *line = (line_t){.fault = fault, .size = size, .random = 88172645463325252ull};
+}
+
+void machine_break_current_sense(machine_t *m, line_fault_t fault, double size) {
+    break_line(&m->bridge.sense, fault, size);
+}
+
+void machine_break_bridge_voltage(machine_t *m, line_fault_t fault, double size) {
+    bridge_advance(m, m->now);
+    break_line(&m->bridge.voltage, fault, size);
+}
+
+double bridge_sensed_a(machine_t *m) {
+    return arriving(&m->bridge.sense, m->bridge.current_a);
+}
+
 static bool enabled(const machine_t *m) {
     return pwm_leg_switched(m, 1) && pwm_leg_switched(m, 2);
 }
 
 /* Dead time costs each leg its length once a period, against the current. */
-static double switched_voltage(const machine_t *m) {
-    const bridge_t *b = &m->bridge;
-    double mean = b->bus_voltage_v * (pwm_duty(m, 1) - pwm_duty(m, 2));
+static double switched_voltage(machine_t *m) {
+    bridge_t *b = &m->bridge;
+    double mean = arriving(&b->voltage, b->bus_voltage_v * (pwm_duty(m, 1) - pwm_duty(m, 2)));
     double lost = 2 * b->bus_voltage_v * pwm_dead_time_s(m) * pwm_frequency_hz(m);
     if (fabs(b->current_a) < 1e-3) {
         return mean;

@@ -284,13 +284,24 @@ void adc_trigger_injected(machine_t *m, unsigned source, tick_t at);
 void adc_reset(machine_t *m);
 
 typedef struct {
+    line_fault_t fault;
+    double size, held;
+    bool holds;
+    double past[512];
+    unsigned count;
+    uint64_t random;
+} line_t;
+
+typedef struct {
     bridge_parameters_t parameters;
+    line_t sense, voltage;
     bool connected, was_enabled;
     int adc_channel;
     double current_a, charge_c, speed_rad_per_s, bus_voltage_v;
     tick_t time, window_start, off_at;
 } bridge_t;
 void bridge_advance(machine_t *m, tick_t at); /* call before anything that changes its voltage */
+double bridge_sensed_a(machine_t *m);         /* what the current amplifier makes of the current */
 void bridge_check_enabled(machine_t *m);      /* and this after it */
 
 /* ---- bus.c: which register model answers an address ---- */

@@ -223,6 +223,16 @@ class Stm32F405:
         """Speed of the motor (back-EMF) and supply of the bridge, until the next call."""
         self._lib.machine_set_motor(self._m, speed_rad_per_s, bus_voltage_v)
 
+    def break_current_sense(self, kind: str, size: float) -> None:
+        """Break what the converter sees of the current (A), as ``line_fault_t`` of api.h says."""
+        fault = getattr(self._lib, f"LINE_{kind.upper()}")
+        self._lib.machine_break_current_sense(self._m, fault, size)
+
+    def break_bridge_voltage(self, kind: str, size: float) -> None:
+        """Break the bridge's mean voltage (V), as ``line_fault_t`` of api.h says."""
+        fault = getattr(self._lib, f"LINE_{kind.upper()}")
+        self._lib.machine_break_bridge_voltage(self._m, fault, size)
+
     def bridge(self) -> BridgeState:
         """State of the bridge now; the mean current is since the last call."""
         s = self._lib.machine_bridge(self._m)

@@ -203,6 +203,14 @@ class SensorBoard:
             self.clocks[NOISE_LEFT] = NOISE_BLOCK
         return int(self.clocks[NOISE_LEFT]) // NOISE_A_SAMPLE
 
+    def random_state(self) -> Any:  # noqa: ANN401  (numpy's own)
+        """Return the state of the noise, for `set_random_state`."""
+        return self._random.bit_generator.state
+
+    def set_random_state(self, state: Any) -> None:  # noqa: ANN401
+        """Go back to an earlier state of the noise."""
+        self._random.bit_generator.state = state
+
     def read(self, scalars: NDArray[np.float64], time_us: int) -> Sensors:
         """Sample the rig once; `time_us` is the board's clock, which wraps at 32 bits."""
         self.stock_up()
