@@ -179,10 +179,16 @@ def test_unknown_paths_and_nothing_to_move_are_refused() -> None:
         calibrate(firm, [recording])
 
 
-def test_a_missing_channel_is_refused_by_name() -> None:
-    run = measured(13)
-    motor_only = Recording(
-        run.time_s, {k: v for k, v in run.channels.items() if k != "load_torque_nm"}, source="m"
-    )
-    with pytest.raises(BadInput, match="load_torque_nm"):
-        calibrate(MODEL, [motor_only])
+def test_a_rig_without_a_load_cell_is_fitted_by_its_motor_angle() -> None:
+    run = measured(13, pretension_n=11.0).without_channels(["load_torque_nm"])
+    # The motor's angle tells the stretch, so what friction and pretension do to it.
+    calibration = calibrate(MODEL, [run])
+    assert any("load_torque_nm: not recorded" in one for one in calibration.caveats)
+    friction, tight = of(calibration, FRICTION), of(calibration, PRETENSION)
+    assert friction.value * tight.value == pytest.approx(11.0 * 0.21, rel=0.01)
+
+
+@pytest.mark.parametrize("missing", [["motor_torque_nm"], ["load_torque_nm", "motor_angle_rad"]])
+def test_a_channel_that_the_mode_needs_is_refused_by_name(missing: list[str]) -> None:
+    with pytest.raises(BadInput, match=missing[0]):
+        calibrate(MODEL, [measured(13).without_channels(missing)])

@@ -77,5 +77,5 @@ def test_what_cannot_be_verified_is_refused() -> None:
     with pytest.raises(ModelError, match="none"):
         verify(MODEL, [])
     run = measured()
-    with pytest.raises(BadInput, match="load_torque_nm"):
+    with pytest.raises(BadInput, match="motor_torque_nm"):
         verify(MODEL, [Recording(run.time_s, motor_angle_rad=run.motor_angle_rad)])

@@ -8,12 +8,17 @@ on what was not fitted: --hold-out, or every third recording, or every third sec
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bowden.cli.data_gate import admit_data
 from bowden.cli.model_arguments import add_mode_argument, add_model_argument, mode_of, read_model
 from bowden.cli.output import add_json_argument, print_json, stages
 from bowden.cli.posterior_table import show, sources
+
+if TYPE_CHECKING:
+    from bowden.recording.recording import Recording
 
 EXAMPLES = """examples:
   bowden calibrate rig.yaml run.csv --write-model calibrated.yaml
@@ -43,9 +48,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="the recordings are one session: their sensors were not zeroed in between",
     )
+    parser.add_argument(
+        "--ignore",
+        metavar="CHANNEL",
+        nargs="+",
+        default=[],
+        help="channels that are not fitted: load_angle_rad ...",
+    )
     parser.add_argument("--write-model", metavar="OUT.yaml", type=Path)
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="default: %(default)s")
     add_json_argument(parser)
+
+
+def without_channels(recordings: Sequence[Recording], names: Sequence[str]) -> list[Recording]:
+    """Return recordings without some channels.
+
+    Raises
+    ------
+    BadInput
+        A recording has no such channel.
+    """
+    for one in recordings:
+        one.require(names, "--ignore")
+    return [one.without_channels(names) for one in recordings]
 
 
 def run(args: argparse.Namespace) -> int:
@@ -65,11 +90,11 @@ def run(args: argparse.Namespace) -> int:
     with stages("fitting") as tell:
         calibration = calibrate(
             model,
-            session.recordings,
+            without_channels(session.recordings, args.ignore),
             mode_of(args),
             free=args.free,
             widen=args.widen,
-            held_out=held_out.recordings if held_out else (),
+            held_out=without_channels(held_out.recordings if held_out else (), args.ignore),
             zeros=["session"] * len(zeros) if args.shared_zeros else zeros,
             seed=args.seed,
             progress=tell,

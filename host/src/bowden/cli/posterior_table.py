@@ -42,6 +42,8 @@ def show(calibration: Calibration, caveats: Sequence[str], written: Path | None)
     for caveat in caveats:
         out.print(caveat, soft_wrap=True)
     for gap in calibration.held_out:
+        if gap.noise_floor == 0.0:
+            continue
         before, after, floor = (
             quantity_with_unit(gap.quantity, value)
             for value in (gap.before, gap.after, gap.noise_floor)
@@ -50,7 +52,9 @@ def show(calibration: Calibration, caveats: Sequence[str], written: Path | None)
             f"held-out gap in {gap.quantity}: {before} before, {after} after, noise floor {floor}",
             soft_wrap=True,
         )
-    out.print(f"held out: {calibration.held_out_is}", soft_wrap=True)
+    count = calibration.held_out_is.count(", ") + 1
+    shown = calibration.held_out_is if count == 1 else f"{count} recordings"
+    out.print(f"held out: {shown}", soft_wrap=True)
     if written:
         out.print(f"model: {written}", soft_wrap=True)
 
@@ -80,12 +84,13 @@ def _moved(one: Estimate) -> str:
 
 def _measurement(one: NuisanceEstimate, recordings: Sequence[str]) -> str:
     """Say what the measurement was off by."""
-    names = ", ".join(Path(recordings[k]).name for k in one.recordings)
+    names = [Path(recordings[k]).name for k in one.recordings]
+    where = names[0] if len(names) == 1 else f"{len(names)} recordings"
     scale, unit = {"N m": (1e3, "mN m"), "rad": (1e3, "mrad"), "s": (1e3, "ms")}.get(
         one.unit, (100.0, "%")
     )
     value = f"{scale * one.value:+.3g} ± {scale * 1.96 * one.sigma:.2g} {unit}"
-    return f"{one.kind} of {one.channel} in {names}: {value}"
+    return f"{one.kind} of {one.channel} in {where}: {value}"
 
 
 def sources(session: Session) -> list[dict[str, str]]:

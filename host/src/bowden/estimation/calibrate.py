@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
-from bowden.estimation.fit import Fit, fit
+from bowden.estimation.fit import Fit, fit, require_mode
 from bowden.estimation.gap import Gap
 from bowden.estimation.parameters import parameters_of
 from bowden.estimation.posterior import Estimate, NuisanceEstimate, Posterior
@@ -60,6 +60,9 @@ class Calibration:
         """What a reader has to know before the numbers are used."""
         found = list(self.posterior.only_together)
         names = [one.quantity for one in self.held_out]
+        for gap in self.held_out:
+            if gap.noise_floor == 0.0:
+                found.append(f"{gap.quantity}: not recorded, so only the other channel is fitted.")
         for name, size in zip(names, self.posterior.discrepancy, strict=True):
             if not self.posterior.holds and size == max(self.posterior.discrepancy):
                 found.append(
@@ -133,7 +136,7 @@ def calibrate(
     recordings : sequence of Recording
         Of one rig; each starts virgin.
     mode : Mode, default torque-position
-        Both channels that it predicts are fitted.
+        The channels that it predicts are fitted; one of the two may be missing.
     free : sequence of str, optional
         Paths in the model file; every parameter with a tolerance when absent.
     widen : bool, default False
@@ -158,7 +161,7 @@ def calibrate(
         raise ModelError("recordings: found none, accepted: at least one")
     every = [*recordings, *held_out]
     for one in every:
-        one.require([*mode.columns, *mode.predicted], f"calibrating in mode {mode.value}")
+        require_mode(one, mode, "calibrating")
     parameters = parameters_of(model, free, widen=widen)
     found = fit(
         parameters, recordings, mode, held_out=held_out, zeros=zeros, seed=seed, progress=progress

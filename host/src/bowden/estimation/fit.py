@@ -145,6 +145,20 @@ def _on_all(whole: Problem, part: Problem, best: Optimum) -> Optimum:
     return replace(best, noises=noises, residuals=residuals)
 
 
+def require_mode(recording: Recording, mode: Mode, doing: str) -> None:
+    """Refuse a recording without what a mode gives, or with nothing of what it predicts.
+
+    Raises
+    ------
+    BadInput
+        Names what is missing.
+    """
+    purpose = f"{doing} in mode {mode.value}"
+    recording.require(mode.columns, purpose)
+    if not any(name in recording.channels for name in mode.predicted):
+        recording.require(mode.predicted, purpose)
+
+
 def channel_floor(model: Model, recording: Recording, mode: Mode, number: int = 0) -> float:
     """Return the noise floor of the mode's first predicted channel, in its unit.
 

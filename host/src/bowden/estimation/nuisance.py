@@ -127,14 +127,17 @@ def usual_nuisances(
     for label in dict.fromkeys(labels):
         members = tuple(k for k, one in enumerate(labels) if one == label)
         for name in names:
+            having = tuple(k for k in members if name in recordings[k].channels)
+            if not having:
+                continue
             if name.endswith("_nm"):
-                peak = max(float(np.abs(recordings[k][name]).max()) for k in members)
+                peak = max(float(np.abs(recordings[k][name]).max()) for k in having)
                 sigma = max(ZERO_SHARE * peak, LEAST_ZERO)
-                found.append(Nuisance("zero", name, members, sigma))
+                found.append(Nuisance("zero", name, having, sigma))
                 continue
             if name in PREDICTED[mode]:
-                found.append(Nuisance("zero", name, members, 2.0 * math.pi))
-            quantum = max(estimates[k].channels[name].quantum or 0.0 for k in members)
+                found.append(Nuisance("zero", name, having, 2.0 * math.pi))
+            quantum = max(estimates[k].channels[name].quantum or 0.0 for k in having)
             if quantum > 0.0:
-                found.append(Nuisance("hysteresis", name, members, EDGE_NOISE * quantum))
+                found.append(Nuisance("hysteresis", name, having, EDGE_NOISE * quantum))
     return tuple(found)

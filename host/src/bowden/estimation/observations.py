@@ -67,6 +67,8 @@ def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observati
     time_s = recording.time_s
     pieces = []
     for number, name in enumerate(PREDICTED[mode]):
+        if name not in recording.channels:
+            continue
         values = recording[name]
         one = estimates.channels[name]
         if one.quantum is not None and one.noise < 0.5 * one.quantum:
@@ -110,10 +112,9 @@ def _spaced(index: _Index, time_s: _Floats) -> _Index:
 def _block_edges(recording: Recording) -> _Floats:
     """Return the times at which blocks begin: at reversals where there are some."""
     time_s = recording.time_s
-    moving = max(
-        (recording.load_angle_rad, recording.motor_angle_rad),
-        key=lambda angle: float(np.ptp(angle)),
-    )
+    names = ("load_angle_rad", "motor_angle_rad", "load_torque_nm", "motor_torque_nm")
+    having = [recording[name] for name in names if name in recording.channels]
+    moving = max(having[:2], key=lambda values: float(np.ptp(values)))
     way = np.sign(np.diff(moving))
     (still,) = np.nonzero(way == 0)
     last = np.maximum.accumulate(np.where(way == 0, 0, np.arange(way.size)))

@@ -16,7 +16,7 @@ import numpy as np
 
 from bowden.estimation.covariance import Data
 from bowden.estimation.descend import descend
-from bowden.estimation.fit import as_fitted
+from bowden.estimation.fit import as_fitted, require_mode
 from bowden.estimation.likelihood import Scales, whiten
 from bowden.estimation.nuisance import usual_nuisances
 from bowden.estimation.parameters import Parameters
@@ -132,7 +132,7 @@ def verify(
     if not recordings:
         raise ModelError("recordings: found none, accepted: at least one")
     for one in recordings:
-        one.require([*mode.columns, *mode.predicted], f"verifying in mode {mode.value}")
+        require_mode(one, mode, "verifying")
     fixed = Parameters(as_fitted(model), (), np.zeros((0, 0)))
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         data = tuple(Data.of(one, k, fixed.model, mode, seed) for k, one in enumerate(recordings))
@@ -142,7 +142,11 @@ def verify(
         best = descend(problem, problem.start(), problem.noises(problem.start()), scales)
         if best is None:
             raise ModelError("found no answer of the model, accepted: a recording that it can run")
-    channels = tuple(_check(name, data, best) for name in PREDICTED[mode])
+    channels = tuple(
+        _check(name, data, best)
+        for name in PREDICTED[mode]
+        if any(name in one.channels for one in recordings)
+    )
     return Verification(
         all(one.passes for one in channels), channels, _worst(data, best, recordings), mode
     )

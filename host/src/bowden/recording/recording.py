@@ -146,6 +146,11 @@ class Recording:
         changed = {**self.channels, **(channels or {}), **named}
         return Recording(self.time_s, changed, metadata=self.metadata, source=self.source)
 
+    def without_channels(self, names: Iterable[str]) -> Recording:
+        """Return the recording without some channels; names that it does not have are ignored."""
+        left = {name: values for name, values in self.channels.items() if name not in set(names)}
+        return Recording(self.time_s, left, metadata=self.metadata, source=self.source)
+
     def select(self, samples: slice | NDArray[np.generic]) -> Recording:
         """Return some of the samples, in every channel.
 

@@ -243,7 +243,7 @@ class Estimates:
     recording : Recording
         With estimates in place of readings.
     channels : dict of str to Estimated
-        All four.
+        Those of the four that the recording has.
     """
 
     recording: Recording
@@ -272,7 +272,9 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
     }
     channels: dict[str, Estimated] = {}
     for name in ("motor_torque_nm", "load_torque_nm", "motor_angle_rad", "load_angle_rad"):
-        values: _Floats = getattr(recording, name)
+        if name not in recording.channels:
+            continue
+        values = recording[name]
         turn = counts.get(name)
         if name.endswith("_rad") or name in mode.columns:
             one = 2.0 * np.pi / turn.value if turn is not None else None
@@ -291,6 +293,8 @@ def _felt(channels: Mapping[str, Estimated], name: str, mode: Mode) -> _Floats |
     if here == name or here in mode.columns:
         return None
     there = "load_torque_nm" if here == "motor_torque_nm" else "motor_torque_nm"
+    if here not in channels or there not in channels:
+        return None
     found = []
     for one in (channels[here], channels[there]):
         least = CLEAN_SHARE * max(float(np.ptp(one.values)), 1e-9)
