@@ -116,4 +116,4 @@ def test_a_drive_that_cannot_tell_the_torque_is_refused() -> None:
 
 def test_who_makes_cases_knows_nothing_of_who_looks() -> None:
     for source in Path(rig_cases.__file__).parent.glob("*.py"):
-        assert not re.search(r"^\s*(from|import) bowden", source.read_text("utf-8"), re.M), source
+        assert not re.search(r"^\s*(from|import) bowden\b", source.read_text("utf-8"), re.M), source

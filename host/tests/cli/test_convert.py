@@ -91,7 +91,7 @@ def test_a_real_run_becomes_a_recording(capsys: pytest.CaptureFixture[str]) -> N
 def test_the_mapping_in_the_docs_says_what_the_importer_does() -> None:
     """Two ways to one recording: the general mapping, and the importer that knows the stand."""
     source = str(MEASURED / "mrd_da_vinci_tool" / f"{RUN}.TXT")
-    mapping = str(ROOT / "docs" / "examples" / "surgical_tool_columns.yaml")
+    mapping = str(ROOT / "docs" / "examples" / "mappings" / "surgical_tool.yaml")
     assert main(["convert", source, "mapped.csv", "--map", mapping]) == 0
     assert main(["convert", source, "known.csv", "--from", "mrd", "--startup", "0"]) == 0
     mapped, known = read_csv(Path("mapped.csv")), read_csv(Path("known.csv"))

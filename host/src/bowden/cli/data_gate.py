@@ -17,10 +17,15 @@ def admit_data(model: Model, recordings: Sequence[Recording], mode: Mode) -> Non
 
     Raises
     ------
+    bowden.errors.BadInput
+        A recording lacks what the mode needs.
     bowden.estimation.gate.finding.BadData
         A finding stops.
     """
-    from bowden.estimation.gate.check import admit  # noqa: PLC0415  (keeps --help fast)
+    from bowden.estimation.fit import require_mode  # noqa: PLC0415  (keeps --help fast)
+    from bowden.estimation.gate.check import admit  # noqa: PLC0415
 
+    for one in recordings:
+        require_mode(one, mode, "reading it")
     for finding in admit(model, recordings, mode):
         console().print(f"{finding.severity}: {finding.text}", soft_wrap=True)

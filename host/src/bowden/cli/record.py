@@ -83,7 +83,9 @@ def record_to(
     drive: Drive, path: Path, duration_s: float, job: Run | None, metadata: dict[str, str]
 ) -> Capture:
     """Record with progress on stderr, to a capture or, for a name in .csv, to the exchange form."""
-    console().print(f"recording node {drive.node_id} for {duration_s:g} s into {path}")
+    console().print(
+        f"recording node {drive.node_id} for {duration_s:g} s into {path}", soft_wrap=True
+    )
     with _progress(duration_s) as tell, _capture_path(path) as capture_path:
         return record(drive, capture_path, duration_s, run=job, metadata=metadata, on_progress=tell)
 

@@ -68,7 +68,7 @@ def admit(model: Model, recordings: Sequence[Recording], mode: Mode) -> tuple[Fi
 
 def _check_one(model: Model, one: Recording, mode: Mode, name: str) -> list[Finding]:
     found = list(check_time_base(one, name))
-    if any(finding.what in {"short", "not_finite"} for finding in found):
+    if any(finding.what in {"empty", "short", "not_finite"} for finding in found):
         return found
     found += check_sensors(one, name)
     found += check_encoders(model, one, name)

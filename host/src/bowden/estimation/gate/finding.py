@@ -27,8 +27,8 @@ class Finding:
     Parameters
     ----------
     what : str
-        ``not_finite``, ``short``, ``sampling``, ``gap``, ``constant``, ``clipped``, ``held``,
-        ``spikes``, ``resolution``, ``units``, ``sign``, ``swapped``, ``zero_step``, ``clock``,
+        ``not_finite``, ``empty``, ``short``, ``sampling``, ``gap``, ``constant``, ``clipped``,
+        ``held``, ``spikes``, ``resolution``, ``units``, ``sign``, ``swapped``, ``zero_step``, ``clock``,
         ``rig``, ``two_rigs`` or ``far``.
     where : str
         Recording and channel, in words.

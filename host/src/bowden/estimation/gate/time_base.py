@@ -18,8 +18,11 @@ GAP_SHARE = 0.3  # of a recording's time
 
 
 def check_time_base(one: Recording, name: str) -> Iterator[Finding]:
-    """Look at the samples' times; after ``short`` or ``not_finite`` nothing else can be told."""
-    duration = float(one.time_s[-1] - one.time_s[0]) if one.time_s.size else 0.0
+    """Look at the samples' times; after ``empty``, ``short`` or ``not_finite`` nothing else can be told."""
+    if one.time_s.size < 2:
+        yield Finding("empty", name, f"{one.time_s.size} samples", "at least 2 samples", "stop")
+        return
+    duration = float(one.time_s[-1] - one.time_s[0])
     if one.time_s.size < FEWEST or duration < SHORTEST_S:
         yield Finding(
             "short",
