@@ -28,8 +28,8 @@ class Finding:
     ----------
     what : str
         ``not_finite``, ``empty``, ``short``, ``sampling``, ``gap``, ``constant``, ``clipped``,
-        ``held``, ``spikes``, ``resolution``, ``units``, ``sign``, ``swapped``, ``zero_step``, ``clock``,
-        ``rig``, ``two_rigs`` or ``far``.
+        ``held``, ``spikes``, ``resolution``, ``units``, ``sign``, ``swapped``, ``zero_step``,
+        ``clock``, ``rig``, ``two_rigs`` or ``far``.
     where : str
         Recording and channel, in words.
     found, expected : str
