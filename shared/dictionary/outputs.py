@@ -55,6 +55,7 @@ def render(dictionary: Dictionary) -> dict[Path, str]:
         Path("firmware/meanings.h"): _clang_format(c_meanings.header(dictionary)),
         Path("host/src/bowden/drive/dictionary.py"): host_module.module(dictionary),
         Path("host/src/bowden/drive/meanings.py"): host_meanings.module(dictionary),
+        Path("host/src/bowden/drive/bowden.eds"): eds.text(dictionary),
         Path("shared/generated/bowden.eds"): eds.text(dictionary),
         Path("shared/generated/bowden.dbc"): dbc.text(dictionary),
         Path("docs/object-dictionary.md"): docs_page.text(dictionary),

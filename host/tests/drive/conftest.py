@@ -7,6 +7,7 @@ from pathlib import Path
 
 import can
 import pytest
+from bowden.cli import doctor
 from bowden.cli import scan as scan_command
 from bowden.drive import client
 from bowden.drive.bus_options import BusOptions
@@ -114,8 +115,8 @@ class Lent(can.BusABC):
 def bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualBus]:
     with VirtualBus(Bench(SimulatedRig(), make_target("native"))) as bus:
         lender = Unclosed(bus)
-        monkeypatch.setattr(client, "open_connection", lender.open)
-        monkeypatch.setattr(scan_command, "open_connection", lender.open)
+        for module in (client, scan_command, doctor):
+            monkeypatch.setattr(module, "open_connection", lender.open)
         yield bus
         bus.advance(0.01)  # what was sent last has to arrive
         assert not bus.bench.actuators.bridge_enabled

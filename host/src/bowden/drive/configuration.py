@@ -1,13 +1,14 @@
 """The drive's configuration: what differs from what is wanted, written, read back, or undone.
 
 Wanted values come as plain numbers by entry name, in SI units; where they come from is not known
-here. Only entries of role ``config`` are touched. If a write fails, those before it are taken back,
-so that the drive never keeps half of a configuration.
+here. Unless a caller names other roles, only entries of role ``config`` are touched. If a write
+fails, those before it are taken back, so that the drive never keeps half of a configuration.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from bowden.drive.client import Drive
@@ -17,6 +18,9 @@ from bowden.errors import BadInput, DriveFailed
 
 _SAVE = int.from_bytes(b"save", "little")  # CiA 301, entry 1010h
 _BUSY = 0x08000021  # SDO abort: the drive makes room first
+_PDO_DOES_NOT_EXIST = 1 << 31
+_PDO_ENTRY = re.compile(r"([rt]pdo\d+)_(?:communication|mapping)\..*")
+_PDO_TIMING = ("transmission_type", "inhibit_time", "event_timer", "sync_start")
 _ROOM_WITHIN_S = 2.2  # a sector of 128 KiB takes at most two (STM32F405 datasheet, table 40)
 
 
@@ -44,7 +48,9 @@ class Change:
         return lookup(self.name).unit or ""
 
 
-def difference(drive: Drive, wanted: Mapping[str, float]) -> list[Change]:
+def difference(
+    drive: Drive, wanted: Mapping[str, float], roles: Collection[str] = ("config",)
+) -> list[Change]:
     """Compare the drive's configuration with the wanted one; nothing is written.
 
     Parameters
@@ -53,15 +59,17 @@ def difference(drive: Drive, wanted: Mapping[str, float]) -> list[Change]:
         Read entry by entry.
     wanted : mapping of str to float
         Entry name to value in the entry's unit.
+    roles : collection of str
+        Which roles may be among them.
 
     Raises
     ------
     BadInput
-        A name that is no configuration, or a value out of the entry's range.
+        A name that is no configuration (or of another role), or a value out of the entry's range.
     DriveFailed
         The drive does not answer.
     """
-    raw_wanted = {name: _raw(name, value) for name, value in wanted.items()}
+    raw_wanted = {name: _raw(name, value, roles) for name, value in wanted.items()}
     changes = []
     for name, raw in raw_wanted.items():
         if (before := drive.read_raw(name)) != raw:
@@ -80,7 +88,7 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
     """
     written: list[Change] = []
     try:
-        for change in changes:
+        for change in in_writable_order(drive, changes):
             written.append(change)
             drive.write_raw(change.name, change.raw_wanted)
             there = drive.read_raw(change.name)
@@ -96,6 +104,40 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
             )
     except DriveFailed as failure:
         raise DriveFailed(f"{failure}; {_take_back(drive, written)}") from failure
+
+
+def in_writable_order(drive: Drive, changes: Iterable[Change]) -> Iterator[Change]:
+    """Yield the changes so that each is allowed when its turn comes.
+
+    A PDO's communication and mapping may only change while the PDO does not exist (CiA 301): it is
+    taken out, its mapping emptied, written, counted, and the PDO put back.
+    """
+    of_pdo: dict[str, dict[str, Change]] = {}
+    for change in changes:
+        if (match := _PDO_ENTRY.fullmatch(change.name)) is None:
+            yield change
+        else:
+            of_pdo.setdefault(match[1], {})[change.name] = change
+    if of_pdo:
+        drive.nmt("PRE-OPERATIONAL")
+    for pdo, wanted in of_pdo.items():
+        yield from _pdo_steps(drive, pdo, wanted)
+
+
+def _pdo_steps(drive: Drive, pdo: str, wanted: Mapping[str, Change]) -> Iterator[Change]:
+    cob_name, count_name = f"{pdo}_communication.cob_id", f"{pdo}_mapping.count"
+    cob_id, count = drive.read_raw(cob_name), drive.read_raw(count_name)
+    off = cob_id | _PDO_DOES_NOT_EXIST
+    last_cob = wanted[cob_name].raw_wanted if cob_name in wanted else cob_id
+    last_count = wanted[count_name].raw_wanted if count_name in wanted else count
+    yield Change(cob_name, cob_id, off)
+    mapping = [c for name, c in wanted.items() if f"{pdo}_mapping.object" in name]
+    if mapping or last_count != count:
+        yield Change(count_name, count, 0)
+        yield from mapping
+        yield Change(count_name, 0, last_count)
+    yield from (c for name, c in wanted.items() if name.endswith(_PDO_TIMING))
+    yield Change(cob_name, off, last_cob)
 
 
 def store(drive: Drive) -> None:
@@ -128,8 +170,9 @@ def _take_back(drive: Drive, written: list[Change]) -> str:
     return "the old configuration is back"
 
 
-def _raw(name: str, value: float) -> int:
+def _raw(name: str, value: float, roles: Collection[str]) -> int:
     entry = lookup(name)
-    if entry.role != "config":
-        raise BadInput(name, f"an entry of role {entry.role}", "an entry of role config")
+    if entry.role not in roles:
+        accepted = f"an entry of role {' or '.join(roles)}"
+        raise BadInput(name, f"an entry of role {entry.role}", accepted)
     return entry.to_raw(value)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import Literal
 
 from bowden.drive.meaning import NamedBits, NamedValue
@@ -147,11 +148,17 @@ class Table:
         self._by_address = {(e.index, e.sub): e for e in entries}
 
     def lookup(self, name: str) -> Entry:
-        """Entry of that name; `BadInput` when there is none."""
+        """Entry of that name; `BadInput`, with the nearest names, when there is none."""
         try:
             return self._by_name[name]
         except KeyError:
-            raise BadInput("object dictionary", f"{name!r}", "a name of the dictionary") from None
+            near = get_close_matches(name.lower(), self._by_name, n=3, cutoff=0.5)
+            such_as = f" such as {', '.join(near)}" if near else ""
+            raise BadInput(
+                "object dictionary",
+                f"{name!r}",
+                f"a name of the dictionary{such_as} (bowden od search WORD)",
+            ) from None
 
     def at(self, index: int, sub: int) -> Entry | None:
         """Entry at an address, or None."""

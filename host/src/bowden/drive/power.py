@@ -50,7 +50,8 @@ _STATES = (
     ("fault reaction active", 0x4F, 0x0F),
     ("fault", 0x4F, 0x08),
 )
-_BRIDGE_ON = ("operation enabled", "quick stop active", "fault reaction active")
+#: States in which the motor may carry current.
+BRIDGE_ON = ("operation enabled", "quick stop active", "fault reaction active")
 
 _QUICK_STOP, _DISABLE_VOLTAGE, _SHUTDOWN = 0x02, 0x00, 0x06
 _SWITCH_ON, _ENABLE_OPERATION, _FAULT_RESET = 0x07, 0x0F, 0x80
@@ -137,11 +138,11 @@ def safe_stop(drive: Drive) -> None:
     if drive.connection.silence_s(drive.node_id) > _SILENT_S:
         drive.nmt("PRE-OPERATIONAL")  # it may hear us still: do not wait for answers first
     try:
-        if power_state(drive.read_raw("statusword")) in _BRIDGE_ON:
+        if power_state(drive.read_raw("statusword")) in BRIDGE_ON:
             drive.write_raw("controlword", _QUICK_STOP)
-            _wait_for(drive, lambda state: state not in _BRIDGE_ON)
+            _wait_for(drive, lambda state: state not in BRIDGE_ON)
         drive.write_raw("controlword", _DISABLE_VOLTAGE)
-        state = _wait_for(drive, lambda state: state not in _BRIDGE_ON)
+        state = _wait_for(drive, lambda state: state not in BRIDGE_ON)
     except DriveFailed as error:
         drive.nmt("PRE-OPERATIONAL")  # leaving operational turns the bridge off as well
         drive.connection.stop_heartbeat()
@@ -151,7 +152,7 @@ def safe_stop(drive: Drive) -> None:
         ) from error
     drive.nmt("PRE-OPERATIONAL")
     drive.connection.stop_heartbeat()
-    if state in _BRIDGE_ON:
+    if state in BRIDGE_ON:
         raise DriveFailed(f"node {drive.node_id} stays in {state!r}: cut its power")
 
 

@@ -1,0 +1,108 @@
+"""Check adapter, bus, node, dictionary, firmware, configuration, sensors; say what to do next.
+
+Nothing is written to the drive and its bridge is not touched. With --signs, move the load by hand
+while it listens: the signs of both encoders and of the load cell are then checked, too. Exit status
+3 when a check failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+from bowden.cli.drive_arguments import add_drive_arguments
+from bowden.cli.output import add_json_argument, console, print_json, say
+from bowden.drive.bus_options import BusOptions, bus_options, open_connection
+from bowden.drive.capture import record
+from bowden.drive.checks import Finding, bridge_is_on, check_drive, check_signs
+from bowden.drive.client import Drive
+from bowden.errors import BadInput, DriveFailed
+from bowden.recording.read import read_recording
+
+EXAMPLES = """examples:
+  bowden doctor
+  bowden doctor --signs 10 -i socketcan -c can0      move the load by hand for 10 s
+  bowden doctor --json
+"""
+
+_MARKS = {"ok": "[green]ok", "warning": "[yellow]warning", "failed": "[bold red]failed"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument(
+        "--signs",
+        type=float,
+        metavar="S",
+        help="also check signs: listen S seconds to a moved load",
+    )
+    add_json_argument(parser)
+    add_drive_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check and report; DriveFailed names the failed checks."""
+    if args.signs is not None and not 0 < args.signs < float("inf"):
+        raise BadInput("--signs", f"{args.signs:g}", "seconds, more than 0")
+    findings: list[Finding] = []
+    for finding in _findings(bus_options(args), args.node, args.signs):
+        findings.append(finding)
+        _show(finding)
+    failed = [one.check for one in findings if one.state == "failed"]
+    todo = next((one.todo for state in _ORDER for one in findings if one.state == state), "")
+    console().print(f"next: {todo or 'bowden record run.blf --duration 10'}", soft_wrap=True)
+    if args.json:
+        rows = [asdict(one) for one in findings]
+        print_json({"node_id": args.node, "checks": rows, "failed": failed, "next": todo})
+    if failed:
+        raise DriveFailed(f"{', '.join(failed)}: failed")
+    return 0
+
+
+_ORDER = ("failed", "warning", "not checked")
+
+
+def _findings(options: BusOptions, node_id: int, signs_s: float | None) -> Iterator[Finding]:
+    try:
+        connection = open_connection(options)
+    except DriveFailed as failure:
+        todo = "plug the adapter in; check -i, -c and -b (python-can's names)"
+        yield Finding("adapter", "failed", str(failure), todo)
+        return
+    with connection:
+        told = ", ".join(f"{key} {value}" for key, value in connection.adapter.items())
+        yield Finding("adapter", "ok", told)
+        drive = Drive(connection, node_id)
+        node_is_there = False
+        for finding in check_drive(drive):
+            node_is_there |= finding.check == "node" and finding.state != "failed"
+            yield finding
+        if node_is_there:
+            yield from _signs(drive, signs_s)
+
+
+def _signs(drive: Drive, duration_s: float | None) -> list[Finding]:
+    todo = "bowden doctor --signs 10, and move the load by hand meanwhile"
+    if duration_s is None:
+        return [Finding("signs", "not checked", "nothing was moved", todo)]
+    if bridge_is_on(drive):
+        return [Finding("signs", "not checked", "the drive's bridge is on", "stop it first")]
+    say(f"move the load by hand, both ways, for {duration_s:g} s")
+    with tempfile.TemporaryDirectory(prefix="bowden-") as folder:
+        path = Path(folder) / "signs.blf"
+        record(drive, path, duration_s)
+        recording = read_recording(path)
+    ratio = drive.read("load_pulley_radius") / drive.read("motor_pulley_radius")
+    return check_signs(recording, ratio)
+
+
+def _show(finding: Finding) -> None:
+    mark = _MARKS.get(finding.state, f"[dim]{finding.state}")
+    out = console()
+    out.print(f"{mark}[/] {finding.check}: ", end="", soft_wrap=True)
+    out.print(finding.found, markup=False, soft_wrap=True)
+    if finding.todo:
+        out.print(f"   -> {finding.todo}", markup=False, soft_wrap=True)
