@@ -12,7 +12,8 @@ import can
 import numpy as np
 import pytest
 from bowden.errors import BadInput
-from bowden.recording.capture_file import CaptureWriter, read_capture
+from bowden.recording.capture_file import read_capture
+from bowden.recording.capture_writer import CaptureWriter
 from bowden.recording.read import read_recording
 from bowden.recording.side_file import PdoField, PdoLayout, SideFile, side_path
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bowden.recording.clock import fit_clock, unwrap_s
+from bowden.recording.clock import clock_finding, device_seconds, fit_clock, unwrap_s
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,3 +35,30 @@ def test_drift_start_and_jitter_are_found() -> None:
 
 def test_one_sample_has_no_line() -> None:
     assert fit_clock(np.array([0.0]), np.array([5.0])) is None
+
+
+def test_a_clock_that_is_further_off_than_crystals_allow_is_a_finding() -> None:
+    device_s = np.arange(0.0, 10.0, 1e-3)
+    jitter_s = 1e-4 * np.sin(1e3 * device_s)
+    for drift, found in ((0.0, False), (150e-6, False), (1e-3, True), (-0.12, True)):
+        fit = fit_clock(device_s, 1.7e9 + (1 + drift) * device_s + jitter_s)
+        assert fit is not None
+        text = clock_finding(fit, 10.0)
+        assert (text is not None) == found
+        if text is not None:
+            assert ("slower" if drift > 0 else "faster") in text
+
+
+def test_in_a_short_recording_jitter_is_not_taken_for_drift() -> None:
+    device_s = np.arange(0.0, 0.05, 1e-3)
+    late = np.where(device_s > 0.04, 5e-4, 0.0)
+    fit = fit_clock(device_s, 1.7e9 + device_s + late)
+    assert fit is not None
+    assert abs(fit.drift_ppm) > 2000
+    assert clock_finding(fit, 0.05) is None
+
+
+def test_device_times_are_placed_across_wraps() -> None:
+    wrap_s = (1 << 32) / 1e6
+    later_us = int(2.5 * wrap_s * 1e6) % (1 << 32)
+    assert device_seconds(later_us, 2.5 * wrap_s + 0.3, 0, 0.0) == pytest.approx(2.5 * wrap_s)

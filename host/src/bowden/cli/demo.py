@@ -12,7 +12,8 @@ from pathlib import Path
 
 from bowden.cli.compare import compare_files, show
 from bowden.cli.output import add_json_argument, console, print_json, say
-from bowden.cli.record import record_to, summary
+from bowden.cli.record import record_to
+from bowden.cli.record_summary import summary
 from bowden.cli.rig import add_target_argument
 from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.capture import Capture

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import logging
 import os
 import signal
 import sys
@@ -19,6 +20,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import NoReturn, Protocol, cast
 
+from bowden.cli.warned import WARNINGS
 from bowden.errors import BadInput, DriveFailed
 
 # Fits spread simulations over all cores themselves: threads inside of small matrix products would
@@ -38,6 +40,7 @@ COMMANDS = {
     "configure": "write a model's rig into the drive and read it back",
     "apply": "write a model, reduced to what the drive supports, to the drive",
     "record": "record both encoders, motor torque and load cell over CAN",
+    "recover": "make a whole capture of what a killed recorder has left",
     "simulate": "run the offline model on a recording's inputs",
     "compare": "compare recordings with the offline model",
     "calibrate": "fit named parameters of a model to recordings",
@@ -142,7 +145,7 @@ def run_command(
 ) -> int:
     """Run one command; every failure that a user can cause or meet becomes one line on stderr."""
     try:
-        with _SignalsUnwind():
+        with _SignalsUnwind(), _WarningsShown(name):
             status = run(args)
             sys.stdout.flush()
             return status
@@ -189,6 +192,30 @@ class _SignalsUnwind:
     @staticmethod
     def _unwind(number: int, _frame: FrameType | None) -> NoReturn:
         raise KeyboardInterrupt if number == signal.SIGINT else Terminated
+
+
+class _WarningsShown(logging.Handler):
+    """While a command runs, what the library warns of is a line on stderr and in the JSON document.
+
+    `output.print_json` adds the collected lines.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(logging.WARNING)
+        self._name = name
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text = " ".join(record.getMessage().split())
+        if text not in WARNINGS:
+            WARNINGS.append(text)
+            print(f"bowden {self._name}: warning: {text}", file=sys.stderr)
+
+    def __enter__(self) -> None:
+        WARNINGS.clear()
+        logging.getLogger("bowden").addHandler(self)
+
+    def __exit__(self, *_: object) -> None:
+        logging.getLogger("bowden").removeHandler(self)
 
 
 def _load(name: str) -> Command:

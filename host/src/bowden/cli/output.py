@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bowden.cli.warned import WARNINGS
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
@@ -28,7 +30,12 @@ def add_json_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def print_json(document: object) -> None:
-    """Print the command's one document; NaN and infinity, unknown to JSON, become null."""
+    """Print the command's one document; NaN and infinity, unknown to JSON, become null.
+
+    What the command was warned of stands in ``warnings``.
+    """
+    if WARNINGS and isinstance(document, dict):
+        document = {**document, "warnings": [*document.get("warnings", []), *WARNINGS]}
     print(json.dumps(_plain(document), indent=2, allow_nan=False, ensure_ascii=False))
 
 

@@ -1,73 +1,117 @@
-"""Record both encoders, motor torque and load cell over CAN; run the drive meanwhile if asked to.
+"""Record drives, and other nodes of the bus, over CAN; run the drives meanwhile if asked to.
 
 The capture (.blf) holds the raw frames, with a side file (.blf.json) that says what was lost;
-with a name that ends in .csv, the samples are written in the exchange form instead. Whatever
-happens, Ctrl-C too, the drive is left with its bridge off, and what was recorded is kept.
+with a name that ends in .csv, the samples are written in the exchange form instead. Without
+--duration it records until q or Ctrl-C. On a terminal, m sets a mark and q ends the recording.
+
+Whatever ends it (Ctrl-C, a full disk, a bus that fails, a drive that restarts), the drives are left
+with their bridges off, what was recorded is kept, and a summary says how it ended.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
+from bowden.cli.drive_arguments import add_drive_arguments, connect_drives
+from bowden.cli.keys import has_keys, pressed_keys
 from bowden.cli.output import add_json_argument, console, print_json, progress
+from bowden.cli.record_summary import show_summary, summary
 from bowden.drive.capture import Capture, record
 from bowden.drive.client import Drive
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
-from bowden.drive.watch import Progress
+from bowden.drive.watch import Mark, Progress, Request, Span, Stop
 from bowden.errors import BadInput
 from bowden.recording.capture_file import read_capture
 from bowden.recording.csv_file import write_csv
-from bowden.recording.side_file import side_path
+from bowden.recording.foreign_file import read_foreign
+from bowden.recording.side_file import ForeignSource, side_path
 
 EXAMPLES = """examples:
   bowden record run.blf --duration 20 --enable tunnel
   bowden record step.csv --duration 5 --enable torque --torque 0.1 --note "load locked"
   bowden record idle.blf --duration 60 -i socketcan -c can0
+  bowden record touch.blf --start-on-motion 0.02 --pre-trigger 1 --duration 10
+  bowden record night.blf --stop-on-fault                   until a fault, q or Ctrl-C
+  bowden record arm.blf --node 16 --node 17 --foreign bench.yaml --duration 30
+
+--foreign names a YAML file; paths in it are relative to it:
+  strain gauge:
+    dbc: gauge.dbc
+    channels: {handle_force_n: {message: Gauge, signal: Force}}
+  imu:
+    eds: imu.eds
+    node: 32
+    channels: {forearm_rate_rad_per_s: {object: '6000h:1', scale: 0.001}}
 """
 
-_RANGES_SHOWN = 5
+NOTHING = "none"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("output", type=Path, metavar="OUT", help="OUT.blf or OUT.csv")
-    parser.add_argument("--duration", type=float, required=True, metavar="S", help="seconds")
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="seconds (default: until q or Ctrl-C)"
+    )
+    parser.add_argument(
+        "--start-on-motion",
+        type=float,
+        metavar="RAD",
+        help="begin when an angle has moved by so much",
+    )
+    parser.add_argument(
+        "--pre-trigger", type=float, default=0.0, metavar="S", help="keep so long before that"
+    )
+    parser.add_argument(
+        "--stop-on-fault", action="store_true", help="end when a drive reports a fault"
+    )
     parser.add_argument(
         "--enable",
-        choices=("none", "tunnel", "torque"),
-        default="none",
-        help="what the drive does meanwhile (default: none, its bridge is not touched)",
+        choices=(NOTHING, "tunnel", "torque"),
+        default=NOTHING,
+        help="what the drives do meanwhile (default: none, their bridges are not touched)",
     )
     parser.add_argument(
         "--torque", type=float, metavar="NM", help="motor torque in N m, with --enable torque"
     )
+    parser.add_argument(
+        "--foreign", type=Path, metavar="YAML", help="other nodes whose frames become channels"
+    )
     parser.add_argument("--note", help="kept with the recording")
     parser.add_argument("--overwrite", action="store_true", help="replace OUT if it is there")
     add_json_argument(parser)
-    add_drive_arguments(parser)
+    add_drive_arguments(parser, several=True)
 
 
 def run(args: argparse.Namespace) -> int:
     """Record, tell the progress, and report what was lost."""
     check_output(args.output, args.overwrite)
     job = _run(args.enable, args.torque)
-    with connect_drive(args) as drive:
-        capture = record_to(
-            drive, args.output, args.duration, job, {"notes": args.note} if args.note else {}
+    span = Span(args.duration, args.start_on_motion, args.pre_trigger, args.stop_on_fault)
+    foreign = read_foreign(args.foreign) if args.foreign else []
+    notes = {"notes": args.note} if args.note else {}
+
+    def report(capture: Capture) -> None:
+        path = args.output if capture.side.samples and args.output.exists() else capture.path
+        if args.json:
+            print_json(summary(capture, path))
+        show_summary(capture, path)
+
+    with connect_drives(args) as drives:
+        record_to(
+            drives,
+            args.output,
+            span,
+            job,
+            notes,
+            foreign=foreign,
+            overwrite=args.overwrite,
+            on_end=report,
         )
-    document = summary(capture, args.output)
-    if args.json:
-        print_json(document)
-    lost = document["frames_lost"]
-    console().print(
-        f"{args.output}: {capture.side.samples} samples, "
-        + ("no frame lost" if not lost else f"[bold red]{lost} frames lost[/]: {_where(capture)}")
-    )
     return 0
 
 
@@ -80,40 +124,72 @@ def check_output(path: Path, overwrite: bool) -> None:
 
 
 def record_to(
-    drive: Drive, path: Path, duration_s: float, job: Run | None, metadata: dict[str, str]
+    drives: Drive | Sequence[Drive],
+    path: Path,
+    span: Span | float,
+    job: Run | None,
+    metadata: dict[str, str],
+    *,
+    foreign: Sequence[ForeignSource] = (),
+    overwrite: bool = False,
+    on_end: Callable[[Capture], None] | None = None,
 ) -> Capture:
-    """Record with progress on stderr, to a capture or, for a name in .csv, to the exchange form."""
-    console().print(
-        f"recording node {drive.node_id} for {duration_s:g} s into {path}", soft_wrap=True
-    )
-    with _progress(duration_s) as tell, _capture_path(path) as capture_path:
-        return record(drive, capture_path, duration_s, run=job, metadata=metadata, on_progress=tell)
+    """Record with progress on stderr, to a capture or, for a name in .csv, to the exchange form.
+
+    Keys of the terminal set marks and end it; `on_end` is called when the files have their names.
+    """
+    drives = [drives] if isinstance(drives, Drive) else list(drives)
+    span = span if isinstance(span, Span) else Span(span)
+    nodes = ", ".join(str(drive.node_id) for drive in drives)
+    how_long = "until stopped" if span.duration_s is None else f"for {span.duration_s:g} s"
+    keys_help = " (m marks, q ends)" if has_keys() else ""
+    console().print(f"recording node {nodes} {how_long} into {path}{keys_help}", soft_wrap=True)
+    ended: list[Capture] = []
+    try:
+        with (
+            _progress(span.duration_s) as tell,
+            pressed_keys() as keys,
+            _capture_path(path) as capture_path,
+        ):
+            return record(
+                drives,
+                capture_path,
+                span,
+                run=job,
+                metadata=metadata,
+                foreign=foreign,
+                overwrite=overwrite,
+                on_progress=tell,
+                requests=lambda: _requests(keys()),
+                on_end=ended.append,
+            )
+    finally:
+        for capture in ended:
+            if on_end is not None:
+                on_end(capture)
 
 
-def summary(capture: Capture, path: Path) -> dict[str, object]:
-    """Return what is worth knowing of a capture, for ``--json``."""
-    side = capture.side
-    return {
-        "recording": str(path),
-        "samples": side.samples,
-        "complete_samples": int(capture.decoded.number.size),
-        "frames_lost": capture.decoded.losses.total,
-        "lost": {name: lost.model_dump() for name, lost in (side.lost or {}).items()},
-        "clock": side.clock.model_dump() if side.clock else None,
-        "emergencies": side.emergencies,
-    }
+def _requests(keys: str) -> Iterable[Request]:
+    """Turn keys into what the recording is asked for."""
+    for key in keys:
+        if key in "qQ":
+            yield Stop()
+        elif key in "mM ":
+            yield Mark("mark")
+        elif key.isdigit():
+            yield Mark(f"mark {key}")
 
 
 def _run(enable: str, torque_nm: float | None) -> Run | None:
     if torque_nm is not None and enable != "torque":
         raise BadInput("--torque", f"--enable {enable}", "--torque only with --enable torque")
-    if enable == "none":
+    if enable == NOTHING:
         return None
-    return (
-        Run(ModeOfOperation.TUNNEL)
-        if enable == "tunnel"
-        else Run(ModeOfOperation.TORQUE, torque_nm or 0.0)
-    )
+    if enable == "tunnel":
+        return Run(ModeOfOperation.TUNNEL)
+    if torque_nm is None:
+        raise BadInput("--enable", "torque without --torque", "--enable torque --torque NM")
+    return Run(ModeOfOperation.TORQUE, torque_nm)
 
 
 @contextmanager
@@ -142,26 +218,18 @@ def _to_csv(capture: Path, output: Path) -> None:
 
 
 @contextmanager
-def _progress(duration_s: float) -> Iterator[Callable[[Progress], None]]:
+def _progress(duration_s: float | None) -> Iterator[Callable[[Progress], None]]:
     with progress("{task.fields[rate]:.0f} samples/s", "{task.fields[lost]} lost") as display:
         task = display.add_task("recording", total=duration_s, rate=0.0, lost=0)
 
         def tell(now: Progress) -> None:
+            end_s = now.elapsed_s if duration_s is None else duration_s
             display.update(
                 task,
-                completed=min(now.elapsed_s, duration_s),
+                description="waiting for motion" if now.waiting else "recording",
+                completed=0.0 if now.waiting else min(now.elapsed_s, end_s),
                 rate=now.rate_hz,
                 lost=now.lost,
             )
 
         yield tell
-
-
-def _where(capture: Capture) -> str:
-    """Say of which samples; all of them are in the side file."""
-    told = []
-    for name, lost in (capture.side.lost or {}).items():
-        if lost.count:
-            more = " ..." if len(lost.samples) > _RANGES_SHOWN else ""
-            told.append(f"{name} of sample {', '.join(lost.samples[:_RANGES_SHOWN])}{more}")
-    return "; ".join(told)

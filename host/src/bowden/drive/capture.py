@@ -1,110 +1,227 @@
 """Recording a run: the drive's samples into a capture, watched, and stopped safely.
 
-The reading thread writes the bus to the capture, frame by frame; `watch` ends the recording when
-its time is over or when the drive fails, restarts or vanishes. Then the capture is closed all the
-same and says that it was cut.
+The reading thread writes the bus to the capture, frame by frame; `watch` begins the recording at
+its trigger and ends it when its time is over or when the drive fails, restarts or vanishes. Then
+the drive is stopped first, and the capture is closed all the same and says that it was cut.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from bowden.drive.client import Drive
 from bowden.drive.faults import describe_emergency
+from bowden.drive.follow import Follower
 from bowden.drive.power import Run, powered
 from bowden.drive.provenance import read_layouts, run_metadata, side_file
-from bowden.drive.watch import Progress, Watch
+from bowden.drive.watch import Progress, Request, Span, Watch
 from bowden.errors import BadInput, DriveFailed
-from bowden.recording.capture_file import CaptureWriter
-from bowden.recording.decode import Decoded
-from bowden.recording.side_file import SideFile
+from bowden.recording.capture_writer import CaptureWriter
+from bowden.recording.decode import Decoded, nothing_decoded
+from bowden.recording.side_file import ForeignSource, SideFile
 
 
 @dataclass(frozen=True)
 class Capture:
-    """A finished recording: where it is, and its samples as read back from the file."""
+    """A recording that has ended: where it is, and its samples as read back from the file.
+
+    Parameters
+    ----------
+    path : Path
+        The ``.part`` where it could not be written to its end.
+    side : SideFile
+        `side.cut` says why it was cut.
+    decoded : Decoded
+        Empty without a sample.
+    ended : str
+        What ended it.
+    """
 
     path: Path
     side: SideFile
     decoded: Decoded
+    ended: str
 
 
 def record(
-    drive: Drive,
+    drive: Drive | Sequence[Drive],
     path: Path,
-    duration_s: float,
+    span: Span | float,
     *,
     run: Run | None = None,
     metadata: Mapping[str, str] | None = None,
+    foreign: Sequence[ForeignSource] = (),
+    overwrite: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
+    requests: Callable[[], Iterable[Request]] | None = None,
+    on_end: Callable[[Capture], None] | None = None,
 ) -> Capture:
-    """Record the drive, and run it meanwhile if asked to.
+    """Record one drive or several of one bus, and run them meanwhile if asked to.
 
     Parameters
     ----------
-    drive : Drive
-        Connected; with `run`, left in pre-operational with its bridge off whatever happens.
+    drive : Drive or sequence of Drive
+        On one connection; the first one's clock is the recording's time. With `run`, left in
+        pre-operational with their bridges off whatever happens.
     path : Path
         The capture (BLF); its side file gets ``.json`` behind the name.
-    duration_s : float, s
-        By the drive's clock, from the first sample (with `run`: from when the bridge is on).
+    span : Span or float, s
+        Trigger and duration (with `run`: from when the bridge is on), or the duration alone.
     run : Run, optional
         None only listens, without a word to the bridge.
     metadata : mapping of str to str, optional
         Kept with the recording.
+    foreign : sequence of ForeignSource
+        Other nodes of the bus whose frames become channels.
+    overwrite : bool
+        Replace an unfinished recording of that name.
     on_progress : callable, optional
         Called about ten times a second.
+    requests : callable, optional
+        Asked as often for marks and for an end.
+    on_end : callable, optional
+        Gets the capture however the recording ended, before anything is raised.
 
     Raises
     ------
     BadInput
-        A path that cannot be written, a duration of zero or less.
+        A path that cannot be written, or not to the end.
     DriveFailed
-        The drive failed, restarted or vanished, or the bus did; what was recorded is kept and says
+        A drive failed, restarted or vanished, or the bus did; what was recorded is kept and says
         that it was cut.
     """
-    if not 0 < duration_s < float("inf"):
-        raise BadInput("--duration", f"{duration_s:g}", "seconds, more than 0")
-    layouts = read_layouts(drive)
-    side = side_file(drive, layouts, {**(metadata or {}), **run_metadata(drive, run)})
-    # A drive that sends samples already does so for someone else: then we only listen.
-    ours = run is not None or drive.next_nmt_state() != "OPERATIONAL"
-    if ours:
-        drive.nmt("PRE-OPERATIONAL")
-        side = side.model_copy(update={"counter_before": drive.read_raw("sample_counter")})
-    watch = Watch(drive, layouts, on_progress)
-    with CaptureWriter(path, side) as writer, _tapped(drive, writer):
+    drives = [drive] if isinstance(drive, Drive) else list(drive)
+    span = span if isinstance(span, Span) else Span(span)
+    session = _Session(
+        drives, path, span, run, metadata=metadata or {}, foreign=foreign, overwrite=overwrite
+    )
+    watch = Watch(session.followers, session.writer, on_progress, requests)
+    try:
+        with session.writer, _tapped(drives, session.writer):
+            session.run_watched(watch)
+    finally:
+        capture = session.end()
+        if on_end is not None:
+            on_end(capture)
+    session.raise_unwritten()
+    if not capture.side.samples and session.triggered:
+        raise DriveFailed(f"{path} holds no samples")
+    return capture
+
+
+class _Session:
+    """One recording under way: prepared when made, then run, then told how it ended."""
+
+    def __init__(
+        self,
+        drives: Sequence[Drive],
+        path: Path,
+        span: Span,
+        run: Run | None,
+        *,
+        metadata: Mapping[str, str],
+        foreign: Sequence[ForeignSource],
+        overwrite: bool,
+    ) -> None:
+        self.drives, self.path, self.span, self.run = drives, path, span, run
+        self.triggered = span.start_on_motion_rad is None
+        self.ended = "duration over"
+        layouts = [read_layouts(drive) for drive in drives]
+        self.followers = [Follower(drive, one) for drive, one in zip(drives, layouts, strict=True)]
+        side = side_file(drives, layouts, {**metadata, **run_metadata(drives[0], run)})
+        # A drive that sends samples already does so for someone else: then we only listen to it.
+        self.ours = [
+            drive for drive in drives if run is not None or drive.next_nmt_state() != "OPERATIONAL"
+        ]
+        for drive in self.ours:
+            drive.nmt("PRE-OPERATIONAL")
+        counters = self._counters() if self.triggered else {}
+        side = side.with_counters("counter_before", counters)
+        self.writer = CaptureWriter(
+            path,
+            side.model_copy(update={"foreign": list(foreign)}),
+            pre_trigger_s=None if self.triggered else span.pre_trigger_s,
+            overwrite=overwrite,
+        )
+
+    def run_watched(self, watch: Watch) -> None:
+        """Have the drives send and run, and watch them; say in the capture why it was cut."""
+        writer = self.writer
         try:
-            with _sampling(drive, run) if ours else nullcontext():
-                watch.run(duration_s, is_powered=run is not None)
-            if ours:
-                writer.note(counter_after=drive.read_raw("sample_counter"))
-        except KeyboardInterrupt:
-            writer.note(cut="interrupted by the user")
+            with ExitStack() as sampling:
+                for drive in self.ours:
+                    sampling.enter_context(_sampling(drive, self.run))
+                self._watch(watch)
+            writer.side = writer.side.with_counters("counter_after", self._counters())
+        except KeyboardInterrupt as stop:
+            if self.span.duration_s is None and type(stop) is KeyboardInterrupt:
+                self.ended = "stopped by the user"  # the usual end of a recording without one
+                return
+            self.ended = "interrupted by the user"
+            writer.note(cut=self.ended)
             raise
         except DriveFailed as failure:
-            writer.note(cut=str(failure))
+            self.ended = str(failure)
+            writer.note(cut=self.ended)
             raise DriveFailed(
                 f"{failure}; what was recorded until then is kept and marked as cut"
             ) from failure
-    if writer.decoded is None:
-        raise DriveFailed(f"{path} holds no samples")
-    return Capture(path, writer.side, writer.decoded)
+        except BadInput:
+            self.raise_unwritten()
+            raise
+
+    def end(self) -> Capture:
+        """Return the capture as it is now; one that never began is removed."""
+        writer = self.writer
+        if not self.triggered:
+            writer.discard()
+        path = self.path if writer.failure is None else writer.part
+        decoded = writer.decoded or nothing_decoded()
+        return Capture(path, writer.side, decoded, writer.failure or self.ended)
+
+    def raise_unwritten(self) -> None:
+        """Raise BadInput when the capture could not be written to its end."""
+        if self.writer.failure is not None:
+            accepted = f"a disk with room; what is there is kept in {self.writer.part}"
+            raise BadInput(str(self.path), self.writer.failure, accepted) from None
+
+    def _watch(self, watch: Watch) -> None:
+        is_powered, motion_rad = self.run is not None, self.span.start_on_motion_rad
+        if motion_rad is not None:
+            trigger = watch.wait_for_motion(motion_rad, is_powered)
+            if trigger is None:
+                self.ended = "stopped by the user before the trigger"
+                return
+            self.writer.note(trigger=trigger)
+            self.writer.release()
+            self.triggered = True
+        self.ended = watch.run(self.span, is_powered) or self.ended
+
+    def _counters(self) -> dict[int, int]:
+        """Read the sample counters of the drives that send for us, by node id."""
+        return {drive.node_id: drive.read_raw("sample_counter") for drive in self.ours}
 
 
 @contextmanager
-def _tapped(drive: Drive, writer: CaptureWriter) -> Iterator[None]:
+def _tapped(drives: Sequence[Drive], writer: CaptureWriter) -> Iterator[None]:
     """Have the reading thread write every frame inside the block."""
-    drive.connection.set_tap(writer.write)
+    connection = drives[0].connection
+    errors = connection.error_frames
+    connection.set_tap(writer.write)
     try:
         yield
     finally:
-        drive.connection.set_tap(None)
-        if drive.emergencies:
-            writer.note(emergencies=[describe_emergency(code) for code in drive.emergencies])
+        connection.set_tap(None)
+        writer.note(error_frames=connection.error_frames - errors)
+        if emergencies := [
+            (f"node {drive.node_id}: " if len(drives) > 1 else "") + describe_emergency(code)
+            for drive in drives
+            for code in drive.emergencies
+        ]:
+            writer.note(emergencies=emergencies)
 
 
 @contextmanager

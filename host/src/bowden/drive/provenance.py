@@ -6,6 +6,7 @@ Reads the drive, writes nothing; `capture` puts the answer into the side file.
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +18,7 @@ from bowden.drive.meanings import CompensationLaw, ModeOfOperation, TunnelAngleS
 from bowden.drive.power import Run
 from bowden.errors import DriveFailed
 from bowden.recording.channels import SUFFIX_OF_UNIT
-from bowden.recording.side_file import PdoField, PdoLayout, SideFile
+from bowden.recording.side_file import OtherDrive, PdoField, PdoLayout, SideFile
 
 _PDO_DOES_NOT_EXIST = 1 << 31
 
@@ -53,29 +54,53 @@ def _mapped(drive: Drive, mapping: int) -> Entry:
     return entry
 
 
-def side_file(drive: Drive, layouts: list[Layout], metadata: dict[str, str]) -> SideFile:
-    """Make the side file of a recording that is about to start."""
+def side_file(
+    drives: Sequence[Drive], layouts: Sequence[list[Layout]], metadata: dict[str, str]
+) -> SideFile:
+    """Make the side file of a recording that is about to start; the first drive's is the time."""
+    first, *others = drives
     return SideFile(
         bowden=version("bowden"),
         git=_git_describe(),
-        dictionary_hash=f"{drive.read_raw('dictionary_hash'):08X}h",
-        node_id=drive.node_id,
-        adapter=drive.connection.adapter,
+        dictionary_hash=_hash(first),
+        node_id=first.node_id,
+        adapter=first.connection.adapter,
         started=datetime.now(UTC).isoformat(timespec="seconds"),
-        sample_period_s=drive.read("tpdo1_communication.event_timer") or 1e-3,
-        pdos=[
-            PdoLayout(
-                name=layout.name.upper(),
-                cob_id=layout.cob_id,
-                fields=[_field(entry) for entry in layout.entries],
+        sample_period_s=_period_s(first),
+        pdos=_pdos(layouts[0]),
+        others=[
+            OtherDrive(
+                node_id=drive.node_id,
+                dictionary_hash=_hash(drive),
+                sample_period_s=_period_s(drive),
+                pdos=_pdos(of_drive, f"node{drive.node_id}_"),
             )
-            for layout in layouts
+            for drive, of_drive in zip(others, layouts[1:], strict=True)
         ],
         metadata=metadata,
     )
 
 
-def _field(entry: Entry) -> PdoField:
+def _hash(drive: Drive) -> str:
+    return f"{drive.read_raw('dictionary_hash'):08X}h"
+
+
+def _period_s(drive: Drive) -> float:
+    return drive.read("tpdo1_communication.event_timer") or 1e-3
+
+
+def _pdos(layouts: Iterable[Layout], prefix: str = "") -> list[PdoLayout]:
+    return [
+        PdoLayout(
+            name=layout.name.upper(),
+            cob_id=layout.cob_id,
+            fields=[_field(entry, prefix) for entry in layout.entries],
+        )
+        for layout in layouts
+    ]
+
+
+def _field(entry: Entry, prefix: str) -> PdoField:
     if entry.name == "statusword":
         column = "status"
     else:
@@ -86,7 +111,7 @@ def _field(entry: Entry) -> PdoField:
         bits=entry.bits,
         signed=entry.signed,
         scale=1.0 if entry.scale is None else entry.scale,
-        column=column,
+        column=prefix + column,
     )
 
 

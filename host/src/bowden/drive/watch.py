@@ -1,4 +1,4 @@
-"""Watching a recording: counts the samples as they come and knows why it has to end.
+"""Watching a recording: waits for its trigger, tells the progress, knows why it has to end.
 
 Handles frames through the connection; stores nothing of them (the reading thread writes the
 capture) and sends nothing.
@@ -6,20 +6,52 @@ capture) and sends nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
-import can
+from bowden.drive.follow import Follower
+from bowden.errors import BadInput
 
-from bowden.drive.client import Drive
-from bowden.drive.entry import Layout
-from bowden.drive.faults import describe_emergency
-from bowden.drive.power import is_fault, power_state
-from bowden.errors import DriveFailed
-
-_VANISHED_S = 1.0
 _PROGRESS_S = 0.1
-_EMERGENCY_FOLLOWS_S = 0.05
+
+
+@dataclass(frozen=True)
+class Span:
+    """When a recording begins and ends.
+
+    Parameters
+    ----------
+    duration_s : float or None, s
+        By the drive's clock, from the trigger; None: until a `Stop` or Ctrl-C.
+    start_on_motion_rad : float or None, rad
+        Begin when an angle has moved by so much; None: at once.
+    pre_trigger_s : float, s
+        Keep so long before the trigger.
+    stop_on_fault : bool
+        End, as wanted, when the drive reports a fault (also one that is only listened to).
+
+    Raises
+    ------
+    BadInput
+        A time or an angle that makes no sense.
+    """
+
+    duration_s: float | None
+    start_on_motion_rad: float | None = None
+    pre_trigger_s: float = 0.0
+    stop_on_fault: bool = False
+
+    def __post_init__(self) -> None:
+        if self.duration_s is not None and not 0 < self.duration_s < float("inf"):
+            raise BadInput("--duration", f"{self.duration_s:g}", "seconds, more than 0")
+        motion = self.start_on_motion_rad
+        if motion is not None and not 0 < motion < float("inf"):
+            raise BadInput("--start-on-motion", f"{motion:g}", "rad, more than 0")
+        if not 0 <= self.pre_trigger_s < float("inf"):
+            raise BadInput("--pre-trigger", f"{self.pre_trigger_s:g}", "seconds, 0 or more")
+        if self.pre_trigger_s and motion is None:
+            raise BadInput("--pre-trigger", "no trigger", "--start-on-motion with it")
 
 
 @dataclass(frozen=True)
@@ -30,6 +62,31 @@ class Progress:
     samples: int
     lost: int
     rate_hz: float
+    waiting: bool = False
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Somebody asks to mark this moment."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Somebody asks to end the recording; it is then complete, not cut."""
+
+
+Request = Mark | Stop
+
+
+class Store(Protocol):
+    """What the watch needs of the capture's writer."""
+
+    failure: str | None
+
+    def mark(self, text: str, device_time_us: int, host_time_s: float) -> None:
+        """Keep a mark at a time of the drive's clock."""
 
 
 class Watch:
@@ -37,97 +94,109 @@ class Watch:
 
     Parameters
     ----------
-    drive : Drive
-        The drive that is recorded.
-    layouts : sequence of Layout
-        What its PDOs carry; the first has the sample counter and the device time.
+    followers : sequence of Follower
+        One a drive, at least one, all on one bus; the first one's clock is the recording's.
+    store : Store
+        Gets the marks, and says when it cannot write any more.
     on_progress : callable, optional
         Called about ten times a second.
+    requests : callable, optional
+        Asked as often for what somebody wants: marks, an end.
     """
 
     def __init__(
         self,
-        drive: Drive,
-        layouts: Sequence[Layout],
-        on_progress: Callable[[Progress], None] | None,
+        followers: Sequence[Follower],
+        store: Store,
+        on_progress: Callable[[Progress], None] | None = None,
+        requests: Callable[[], Iterable[Request]] | None = None,
     ) -> None:
-        self._drive = drive
-        self._clock = drive.connection.clock
+        self._followers = followers
+        self._first = followers[0]
+        self._connection = self._first.drive.connection
+        self._store = store
         self._on_progress = on_progress
-        self._pdos = {layout.cob_id: layout for layout in layouts}
-        self._first = layouts[0].cob_id
-        self._frames = 0
-        self._last: dict[str, int] | None = None
-        self._elapsed_us = 0
-        self._elapsed_samples = 0
-        self._last_at = self._clock()
+        self._requests = requests
+        self._next_progress = self._connection.clock()
 
-    def run(self, duration_s: float, is_powered: bool) -> None:
-        """Handle frames until the time is over; DriveFailed when the drive is."""
-        drive = self._drive
-        boots = drive.boots
-        self._last_at = next_progress = self._clock()
-        while self._elapsed_us < duration_s * 1e6:
-            frame = drive.connection.receive(_PROGRESS_S)
+    def wait_for_motion(self, motion_rad: float, is_powered: bool) -> str | None:
+        """Handle frames until an angle has moved; return which, or None when asked to stop.
+
+        Raises
+        ------
+        DriveFailed
+            A drive failed, restarted, vanished or sends no samples.
+        """
+        self._begin()
+        while not self._step(is_powered, waiting=True):
+            for follower in self._followers:
+                if moved := follower.moved(motion_rad):
+                    return moved
+        return None
+
+    def run(self, span: Span, is_powered: bool) -> str | None:
+        """Handle frames until the time is over or somebody stops it.
+
+        Returns
+        -------
+        str or None
+            What ended it, where that was not the time.
+
+        Raises
+        ------
+        DriveFailed
+            A drive failed, restarted or vanished.
+        BadInput
+            The capture cannot be written any more.
+        """
+        self._begin()
+        end_us = float("inf") if span.duration_s is None else span.duration_s * 1e6
+        ended = None
+        while ended is None and self._first.elapsed_us < end_us:
+            if self._step(is_powered):
+                ended = "stopped by the user"
+            elif span.stop_on_fault:
+                faults = (follower.new_fault() for follower in self._followers)
+                ended = next((f"fault: {fault}" for fault in faults if fault), None)
+        self._tell(waiting=False)
+        return ended
+
+    def _begin(self) -> None:
+        self._next_progress = self._connection.clock()
+        for follower in self._followers:
+            follower.begin()
+
+    def _step(self, is_powered: bool, waiting: bool = False) -> bool:
+        """Handle the next frame and what is due; return whether somebody wants an end."""
+        frame = self._connection.receive(_PROGRESS_S)
+        for follower in self._followers:
             if frame is not None:
-                self._count(frame)
-            if drive.boots > boots:
-                raise DriveFailed(f"node {drive.node_id} restarted while it was recorded")
-            self._check_status(is_powered)
-            self._check_silence()
-            if self._clock() >= next_progress:
-                next_progress = self._clock() + _PROGRESS_S
-                self._tell()
-        self._tell()
+                follower.count(frame)
+            follower.check(is_powered)
+        if self._store.failure is not None:
+            raise BadInput("capture", self._store.failure, "a disk with room")
+        if self._connection.clock() < self._next_progress:
+            return False
+        self._next_progress = self._connection.clock() + _PROGRESS_S
+        self._tell(waiting)
+        return self._obey()
 
-    def _count(self, frame: can.Message) -> None:
-        layout = self._pdos.get(frame.arbitration_id)
-        if layout is None or len(frame.data) != layout.size:
-            return
-        if frame.arbitration_id == self._first:
-            now = layout.decode(bytes(frame.data))
-            if self._last is not None:
-                step_us = (now["device_time"] - self._last["device_time"]) % (1 << 32)
-                self._elapsed_us += step_us
-                self._elapsed_samples += (now["sample_counter"] - self._last["sample_counter"]) % (
-                    1 << 16
-                )
-            else:
-                self._frames = 0
-            self._last = now
-            self._last_at = self._clock()
-        self._frames += 1
+    def _obey(self) -> bool:
+        """Do what somebody wants; return whether that is an end."""
+        stop = False
+        for request in self._requests() if self._requests else ():
+            if isinstance(request, Stop):
+                stop = True
+            elif self._first.last is not None:
+                at_us, host_s = self._first.last["device_time"], self._first.last_host_s
+                self._store.mark(request.text, at_us, host_s)
+        return stop
 
-    def _check_status(self, is_powered: bool) -> None:
-        statusword = self._last.get("statusword") if self._last else None
-        if statusword is None:
-            return
-        drive, state = self._drive, power_state(statusword)
-        if is_fault(statusword) and is_powered:
-            drive.connection.listen(_EMERGENCY_FOLLOWS_S)
-            why = describe_emergency(drive.emergencies[-1]) if drive.emergencies else "no EMCY"
-            raise DriveFailed(f"node {drive.node_id} reports a fault: {why}")
-        if is_powered and state != "operation enabled":
-            raise DriveFailed(f"node {drive.node_id} has left 'operation enabled' for {state!r}")
-
-    def _check_silence(self) -> None:
-        if self._clock() - self._last_at <= _VANISHED_S:
-            return
-        drive = self._drive
-        if drive.connection.silence_s(drive.node_id) <= _VANISHED_S:
-            raise DriveFailed(
-                f"node {drive.node_id} sends no samples any more (NMT {drive.nmt_state.lower()})"
-            )
-        raise DriveFailed(
-            f"node {drive.node_id} has vanished: nothing from it for {_VANISHED_S:g} s"
-        )
-
-    def _tell(self) -> None:
+    def _tell(self, waiting: bool) -> None:
         if self._on_progress is None:
             return
-        elapsed_s = self._elapsed_us / 1e6
-        # Frames of the sample that is just coming in are not lost yet.
-        expected = len(self._pdos) * self._elapsed_samples + 1
-        rate_hz = self._elapsed_samples / elapsed_s if elapsed_s else 0.0
-        lost = max(0, expected - self._frames)
-        self._on_progress(Progress(elapsed_s, self._elapsed_samples, lost, rate_hz))
+        elapsed_s = self._first.elapsed_us / 1e6
+        samples = self._first.samples
+        rate_hz = samples / elapsed_s if elapsed_s else 0.0
+        lost = sum(follower.lost for follower in self._followers)
+        self._on_progress(Progress(elapsed_s, samples, lost, rate_hz, waiting))

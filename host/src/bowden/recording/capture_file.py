@@ -1,102 +1,19 @@
-"""The logger's capture: raw CAN frames (BLF) and a JSON side file; written and read here.
+"""The logger's capture as a recording: raw CAN frames (BLF) and a JSON side file; needs no drive.
 
-A capture is written as ``NAME.part`` and gets its name when it is closed, so that a file with its
-own name is always whole. Cut short, it is closed and kept all the same, and says why; even after a
-power cut the ``.part`` can be read up to the last second. Never needs a drive.
+What was lost, cut or is in doubt is told in the recording's metadata, and by `read_recording` to
+the user. `capture_writer` writes captures.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import io
-import struct
-import zlib
-from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-
-import can
-from can.io.blf import BLFParseError
 
 from bowden.errors import BadInput
+from bowden.recording.blf import read_frames, truncation
+from bowden.recording.clock import clock_finding
 from bowden.recording.decode import Decoded, decode
 from bowden.recording.recording import Recording
-from bowden.recording.side_file import (
-    Clock,
-    Lost,
-    SideFile,
-    read_side_file,
-    side_path,
-    write_side_file,
-)
-from bowden.recording.source_bytes import is_packed, read_source
-
-NOT_CLOSED = "the recorder ended without closing the capture"
-
-
-class CaptureWriter:
-    """Writes one capture; a context manager that closes it whatever happens.
-
-    Parameters
-    ----------
-    path : Path
-        The name that it gets in the end.
-    side : SideFile
-        What is known at the start.
-
-    Attributes
-    ----------
-    side : SideFile
-        With all that was noted; after `close` also the account of losses.
-    decoded : Decoded or None
-        After `close`, the samples as read back from the file; None when there is none.
-    """
-
-    def __init__(self, path: Path, side: SideFile) -> None:
-        self.path = path
-        self.side = side
-        self.decoded: Decoded | None = None
-        self._part = path.with_name(path.name + ".part")
-        try:
-            self._blf = can.BLFWriter(self._part)
-        except OSError as error:
-            raise BadInput(
-                str(path), error.strerror or str(error), "a path in a folder that can be written to"
-            ) from error
-        write_side_file(self._part, side.model_copy(update={"cut": NOT_CLOSED}))
-
-    def write(self, frame: can.Message) -> None:
-        """Add a frame."""
-        # BLF numbers channels from the adapter's name, which need not be a number.
-        self._blf.on_message_received(_without_channel(frame))
-
-    def note(self, **fields: object) -> None:
-        """Set fields of the side file: the counters, or `cut` where it was cut."""
-        self.side = self.side.model_copy(update=fields)
-
-    def close(self) -> None:
-        """Close the capture, account for its losses and give it its name."""
-        self._blf.stop()
-        with suppress(BadInput):
-            self.decoded = decode(_frames(self._part), self.side, str(self.path))
-        self.side = _account(self.side, self.decoded)
-        write_side_file(self.path, self.side)
-        self._part.replace(self.path)
-        side_path(self._part).unlink(missing_ok=True)
-
-    def __enter__(self) -> CaptureWriter:
-        return self
-
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
-        if error is not None and self.side.cut is None:
-            self.note(cut=str(error) or type(error).__name__)
-        self.close()
+from bowden.recording.side_file import SideFile, read_side_file
 
 
 def read_capture(path: Path) -> Recording:
@@ -108,7 +25,12 @@ def read_capture(path: Path) -> Recording:
         No side file, not a BLF, or no complete sample.
     """
     side = read_side_file(path)
-    decoded = decode(_frames(path), side, str(path))
+    missing = truncation(path)
+    if missing is not None:
+        why = "; ".join(filter(None, [missing, side.cut]))
+        # The drive's last counter is beyond the end: all between would count as lost.
+        side = side.model_copy(update={"cut": why, "counter_after": None})
+    decoded = decode(read_frames(path), side, str(path))
     return as_recording(decoded, side, str(path))
 
 
@@ -127,52 +49,32 @@ def as_recording(decoded: Decoded, side: SideFile, source: str) -> Recording:
 
 
 def _metadata(decoded: Decoded, side: SideFile) -> dict[str, str]:
-    metadata = dict(side.metadata)
-    metadata["sample_rate_hz"] = f"{1 / side.sample_period_s:g}"
-    metadata["started"] = side.started
-    metadata["node_id"] = str(side.node_id)
-    metadata["dictionary_hash"] = side.dictionary_hash
-    metadata["frames_lost"] = str(decoded.losses.total)
-    for pdo in side.pdos:
-        if ranges := decoded.losses.ranges(pdo.name):
-            metadata[f"lost_{pdo.name.lower()}"] = " ".join(ranges)
+    told = {
+        **side.metadata,
+        "sample_rate_hz": f"{1 / side.sample_period_s:g}",
+        "started": side.started,
+        "node_id": str(side.node_id),
+        "dictionary_hash": side.dictionary_hash,
+        "frames_lost": str(decoded.frames_lost),
+        **_losses("lost", decoded),
+    }
+    for node_id, other in decoded.others.items():
+        told |= _losses(f"lost_node{node_id}", other)
     if decoded.clock:
-        metadata["clock_drift_ppm"] = f"{decoded.clock.drift_ppm:.3g}"
-    if side.emergencies:
-        metadata["emergencies"] = "; ".join(side.emergencies)
-    if side.cut:
-        metadata["cut"] = side.cut
-    return metadata
+        told["clock_drift_ppm"] = f"{decoded.clock.drift_ppm:.3g}"
+    optional = {
+        "other_nodes": " ".join(map(str, decoded.others)),
+        "clock_finding": decoded.clock and clock_finding(decoded.clock, decoded.duration_s),
+        "findings": "; ".join(decoded.findings),
+        "trigger": side.trigger,
+        "marks": "; ".join(f"{mark.time_s:.3f} s {mark.text}" for mark in decoded.marks),
+        "emergencies": "; ".join(side.emergencies),
+        "cut": side.cut,
+    }
+    return told | {key: text for key, text in optional.items() if text}
 
 
-def _account(side: SideFile, decoded: Decoded | None) -> SideFile:
-    if decoded is None:
-        return side.model_copy(update={"samples": 0})
-    losses = decoded.losses
-    return side.model_copy(
-        update={
-            "samples": losses.expected,
-            "lost": {
-                pdo: Lost(count=int(numbers.size), samples=losses.ranges(pdo))
-                for pdo, numbers in losses.lost.items()
-            },
-            "clock": Clock(**dataclasses.asdict(decoded.clock)) if decoded.clock else None,
-        }
-    )
-
-
-def _frames(path: Path) -> Iterator[can.Message]:
-    try:
-        data = io.BytesIO(read_source(path, "a BLF capture")) if is_packed(path) else path
-        with can.BLFReader(data) as reader:
-            yield from reader
-    except struct.error:
-        # The file ends inside a block: the recorder was killed. All whole blocks have been read.
-        return
-    except (BLFParseError, zlib.error, ValueError, OverflowError, OSError) as error:
-        raise BadInput(str(path), f"a damaged file ({error})", "a BLF capture") from error
-
-
-def _without_channel(frame: can.Message) -> can.Message:
-    frame.channel = None
-    return frame
+def _losses(prefix: str, decoded: Decoded) -> dict[str, str]:
+    """Return the lost samples of each PDO that lost any."""
+    ranges = {pdo: decoded.losses.ranges(pdo) for pdo in decoded.losses.lost}
+    return {f"{prefix}_{pdo.lower()}": " ".join(lost) for pdo, lost in ranges.items() if lost}

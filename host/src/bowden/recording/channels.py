@@ -7,7 +7,8 @@ is not listed still has a unit, a kind and an end: `channel` reads them from the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from typing import Literal
 
 Kind = Literal[
@@ -100,6 +101,9 @@ _LISTED = (
     ),
 )
 
+#: Channels of a further drive in the recording: ``node17_load_torque_nm``.
+_OTHER_DRIVE = re.compile(r"node\d+_(.+)")
+
 #: Listed channels by name, the time base first.
 CHANNELS = {one.name: one for one in _LISTED}
 
@@ -122,6 +126,8 @@ def channel(name: str) -> NamedChannel:
     """
     if name in CHANNELS:
         return CHANNELS[name]
+    if (of_other := _OTHER_DRIVE.match(name)) and of_other[1] in CHANNELS:
+        return replace(CHANNELS[of_other[1]], name=name)
     first, _, rest = name.partition("_")
     unit = UNIT_OF_SUFFIX.get(rest.rpartition("_")[2], "")
     end: End = "motor" if first == "motor" else "load" if first == "load" else "none"

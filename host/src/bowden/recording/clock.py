@@ -12,6 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 _WRAP_US = 1 << 32
+#: Two crystals of at most 100 ppm each (the board's and the host's), all tolerances included.
+CRYSTALS_PPM = 200.0
+#: How far the line's end may be off for jitter of the bus and the host, in RMS residuals.
+_JITTER_REACH = 4.0
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,14 @@ class ClockFit:
     drift_ppm: float
     host_start_s: float
     residual_s: float
+
+    def host_time_s(self, device_time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the host's time at times of the drive, s from its first sample."""
+        return self.host_start_s + (1.0 + 1e-6 * self.drift_ppm) * device_time_s
+
+    def device_time_s(self, host_time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return times of the drive, s from its first sample, at times of the host."""
+        return (host_time_s - self.host_start_s) / (1.0 + 1e-6 * self.drift_ppm)
 
 
 def unwrap_s(device_time_us: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -58,3 +70,34 @@ def fit_clock(
         host_start_s=float(host_time_s[0] + device_time_s[0] + line[0]),
         residual_s=float(np.sqrt(np.mean((y - line) ** 2))),
     )
+
+
+def clock_finding(fit: ClockFit, duration_s: float) -> str | None:
+    """Return what is wrong with a clock that is further off than crystals allow; None if nothing.
+
+    Parameters
+    ----------
+    fit : ClockFit
+    duration_s : float, s
+        Of the recording; in a short one, jitter looks like drift.
+    """
+    if duration_s <= 0.0:
+        return None
+    allowed_ppm = CRYSTALS_PPM + 1e6 * _JITTER_REACH * fit.residual_s / duration_s
+    if abs(fit.drift_ppm) <= allowed_ppm:
+        return None
+    direction = "slower" if fit.drift_ppm > 0 else "faster"
+    return (
+        f"the drive's clock ran {abs(fit.drift_ppm) / 1e4:.3g} % {direction} than the host's, "
+        f"crystals allow {allowed_ppm / 1e4:.2g} %: times and speeds are in doubt (a board "
+        "without its crystal, or a simulated rig on a machine that is too busy)"
+    )
+
+
+def device_seconds(
+    device_time_us: int, host_time_s: float, first_us: int, first_host_s: float
+) -> float:
+    """Return a device time, s from a first one; the host's time tells how often it wrapped."""
+    within_us = (device_time_us - first_us) % _WRAP_US
+    wraps = round(((host_time_s - first_host_s) * 1e6 - within_us) / _WRAP_US)
+    return (within_us + max(wraps, 0) * _WRAP_US) / 1e6

@@ -6,26 +6,35 @@ missing is left out, never made up; the time then has a gap, which every later s
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import can
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.errors import BadInput
-from bowden.recording.clock import ClockFit, fit_clock, unwrap_s
+from bowden.recording.align import Series, align, foreign_series
+from bowden.recording.clock import ClockFit, clock_finding, device_seconds, fit_clock, unwrap_s
+from bowden.recording.collect import FrameId, Frames, collect
 from bowden.recording.losses import (
-    Arrivals,
     LossReport,
     find_losses,
     number_by_low_byte,
     number_samples,
 )
-from bowden.recording.side_file import PdoLayout, SideFile
+from bowden.recording.side_file import MarkNote, OtherDrive, PdoLayout, SideFile
 
 #: Fields that place a sample and are not measurements.
 _COUNTER, _LOW_BYTE, _DEVICE_TIME = "sample_counter", "sample_counter_low", "device_time"
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Something that happened at a time of the recording, s, in somebody's words."""
+
+    time_s: float
+    text: str
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,14 @@ class Decoded:
         Exact account of the frames that are not there.
     clock : ClockFit or None
         The drive's clock against the host's.
+    marks : tuple of Mark
+        Set while recording.
+    start_s : float, s
+        From the drive's first frame to time 0.
+    others : dict of int to Decoded
+        Further drives by node id, each on its own clock.
+    findings : tuple of str
+        What is wrong with further drives and other nodes.
     """
 
     number: NDArray[np.int64]
@@ -51,14 +68,26 @@ class Decoded:
     channels: dict[str, NDArray[np.float64]]
     losses: LossReport
     clock: ClockFit | None
+    marks: tuple[Mark, ...] = ()
+    start_s: float = 0.0
+    others: Mapping[int, Decoded] = field(default_factory=dict)
+    findings: tuple[str, ...] = ()
+
+    @property
+    def frames_lost(self) -> int:
+        """Of all drives together."""
+        return self.losses.total + sum(other.losses.total for other in self.others.values())
+
+    @property
+    def duration_s(self) -> float:
+        """From the first complete sample to the last, s."""
+        return float(self.time_s[-1]) if self.time_s.size else 0.0
 
 
-@dataclass(frozen=True)
-class _Arrived:
-    """All frames of one PDO in order of arrival."""
-
-    arrivals: Arrivals
-    raw: dict[str, NDArray[np.int64]]
+def nothing_decoded() -> Decoded:
+    """Return what a capture without samples decodes to."""
+    none = np.empty(0)
+    return Decoded(none.astype(np.int64), none, {}, LossReport(0, -1, {}), None)
 
 
 def decode(frames: Iterable[can.Message], side: SideFile, source: str) -> Decoded:
@@ -78,74 +107,103 @@ def decode(frames: Iterable[can.Message], side: SideFile, source: str) -> Decode
     BadInput
         Nothing to place the samples by: no frame of the PDO with the sample counter.
     """
-    pdos = _collect(frames, side.pdos)
-    first = _first_pdo(side.pdos, source)
-    anchor = pdos[first]
-    if not anchor.arrivals.position.size:
+    drives: list[SideFile | OtherDrive] = [side, *side.others]
+    lengths = {FrameId(pdo.cob_id): _length(pdo) for drive in drives for pdo in drive.pdos}
+    lengths |= {FrameId(one.cob_id, one.extended): one.length for one in side.foreign}
+    found = collect(frames, lengths)
+    decoded = _decode_drive(found, side, source, side.marks)
+    if not side.others and not side.foreign:
+        return decoded
+    return _with_others(decoded, found, side, source)
+
+
+def _decode_drive(
+    found: dict[FrameId, Frames],
+    drive: SideFile | OtherDrive,
+    source: str,
+    marks: Sequence[MarkNote] = (),
+) -> Decoded:
+    """Decode the samples of one drive on its own clock."""
+    pdos = {pdo.name: found[FrameId(pdo.cob_id)] for pdo in drive.pdos}
+    raw = {pdo.name: _raw_fields(pdo, pdos[pdo.name]) for pdo in drive.pdos}
+    first = _first_pdo(drive.pdos, source)
+    anchor = pdos[first].arrivals
+    if not anchor.position.size:
         raise BadInput(source, f"no {first} frame in the capture", "a capture with samples")
-    period_us = round(side.sample_period_s * 1e6)
-    numbers = {
-        first: number_samples(anchor.raw[_COUNTER], anchor.raw[_DEVICE_TIME], period_us),
-    }
-    for layout in side.pdos:
+    period_us = round(drive.sample_period_s * 1e6)
+    device_time_us = raw[first][_DEVICE_TIME]
+    numbers = {first: number_samples(raw[first][_COUNTER], device_time_us, period_us)}
+    for layout in drive.pdos:
         if layout.name != first:
-            frames_of = pdos[layout.name]
             numbers[layout.name] = number_by_low_byte(
-                frames_of.raw[_LOW_BYTE],
-                frames_of.arrivals,
+                raw[layout.name][_LOW_BYTE],
+                pdos[layout.name].arrivals,
                 numbers[first],
-                anchor.arrivals,
-                side.sample_period_s,
+                anchor,
+                drive.sample_period_s,
             )
-    losses = find_losses(numbers, side.counter_before, side.counter_after)
-    device_time_s = unwrap_s(anchor.raw[_DEVICE_TIME])
-    clock = fit_clock(device_time_s, anchor.arrivals.time_s)
+    losses = find_losses(numbers, drive.counter_before, drive.counter_after)
+    device_time_s = unwrap_s(device_time_us)
+    clock = fit_clock(device_time_s, anchor.time_s)
     number, at = _complete(numbers)
     time_s = device_time_s[at[first]]
-    channels = _channels(side.pdos, pdos, at)
-    return Decoded(number, _from_zero(time_s), channels, losses, clock)
+    start_s = float(time_s[0]) if time_s.size else 0.0
+    begin = int(device_time_us[0]), float(anchor.time_s[0])
+    placed = tuple(
+        Mark(device_seconds(m.device_time_us, m.host_time_s, *begin) - start_s, m.text)
+        for m in marks
+    )
+    channels = _channels(drive.pdos, raw, at)
+    return Decoded(number, _from_zero(time_s), channels, losses, clock, placed, start_s)
 
 
-def _collect(frames: Iterable[can.Message], layouts: list[PdoLayout]) -> dict[str, _Arrived]:
-    by_cob_id = {layout.cob_id: (layout, _length(layout)) for layout in layouts}
-    found: dict[int, tuple[list[int], list[float], list[bytes]]] = {
-        cob_id: ([], [], []) for cob_id in by_cob_id
-    }
-    for position, frame in enumerate(frames):
-        known = by_cob_id.get(frame.arbitration_id)
-        # A frame of another length is not this PDO; its sample then counts as lost.
-        if known is None or len(frame.data) != known[1] or frame.is_extended_id:
+def _with_others(
+    decoded: Decoded, found: dict[FrameId, Frames], side: SideFile, source: str
+) -> Decoded:
+    """Add the channels of other drives and nodes, on the first drive's clock."""
+    series: list[Series] = []
+    findings: list[str] = []
+    others: dict[int, Decoded] = {}
+    clock = decoded.clock
+    for drive in side.others:
+        name = f"node {drive.node_id}"
+        try:
+            other = _decode_drive(found, drive, source)
+        except BadInput as problem:
+            findings.append(f"{name}: {problem.found}")
             continue
-        positions, times, data = found[frame.arbitration_id]
-        positions.append(position)
-        times.append(frame.timestamp)
-        data.append(bytes(frame.data))
-    return {
-        layout.name: _Arrived(
-            Arrivals(
-                np.array(found[cob_id][0], dtype=np.int64),
-                np.array(found[cob_id][1], dtype=np.float64),
-            ),
-            _raw_fields(layout, found[cob_id][2]),
-        )
-        for cob_id, (layout, _) in by_cob_id.items()
-    }
+        others[drive.node_id] = other
+        if clock is None or other.clock is None:
+            continue
+        if finding := clock_finding(other.clock, other.duration_s):
+            findings.append(f"{name}: {finding}")
+        host_s = other.clock.host_time_s(other.time_s + other.start_s)
+        time_s = clock.device_time_s(host_s) - decoded.start_s
+        held = frozenset(f.column for pdo in drive.pdos for f in pdo.fields if f.scale == 1.0)
+        series.append(Series(name, time_s, other.channels, held, drive.sample_period_s))
+    if clock is not None:
+        series += [
+            foreign_series(one, found[FrameId(one.cob_id, one.extended)], clock, decoded.start_s)
+            for one in side.foreign
+        ]
+    channels, keep, missing = align(decoded.time_s, series)
+    return replace(
+        decoded,
+        number=decoded.number[keep],
+        time_s=decoded.time_s[keep],
+        channels={name: values[keep] for name, values in {**decoded.channels, **channels}.items()},
+        others=others,
+        findings=(*findings, *missing),
+    )
 
 
-def _raw_fields(layout: PdoLayout, data: list[bytes]) -> dict[str, NDArray[np.int64]]:
-    """Cut the frames into little-endian integers, all frames at once."""
-    octets = np.frombuffer(b"".join(data), dtype=np.uint8).reshape(len(data), _length(layout))
+def _raw_fields(layout: PdoLayout, frames: Frames) -> dict[str, NDArray[np.int64]]:
+    """Cut the frames of a PDO into its fields."""
     fields: dict[str, NDArray[np.int64]] = {}
     start = 0
-    for field in layout.fields:
-        size = field.bits // 8
-        value = np.zeros(len(data), dtype=np.int64)
-        for place in range(size):
-            value |= octets[:, start + place].astype(np.int64) << (8 * place)
-        if field.signed:
-            unused = 64 - field.bits
-            value = (value << unused) >> unused
-        fields[field.name] = value
+    for one in layout.fields:
+        size = one.bits // 8
+        fields[one.name] = frames.integers(start, size, signed=one.signed)
         start += size
     return fields
 
@@ -164,14 +222,16 @@ def _complete(
 
 
 def _channels(
-    layouts: list[PdoLayout], pdos: dict[str, _Arrived], at: dict[str, NDArray[np.intp]]
+    layouts: list[PdoLayout],
+    raw: dict[str, dict[str, NDArray[np.int64]]],
+    at: dict[str, NDArray[np.intp]],
 ) -> dict[str, NDArray[np.float64]]:
     channels: dict[str, NDArray[np.float64]] = {}
     for layout in layouts:
-        for field in layout.fields:
-            if field.name not in (_COUNTER, _LOW_BYTE, _DEVICE_TIME):
-                raw = pdos[layout.name].raw[field.name][at[layout.name]]
-                channels[field.column] = _scaled(raw, field.scale)
+        for one in layout.fields:
+            if one.name not in (_COUNTER, _LOW_BYTE, _DEVICE_TIME):
+                values = raw[layout.name][one.name][at[layout.name]]
+                channels[one.column] = _scaled(values, one.scale)
     return channels
 
 

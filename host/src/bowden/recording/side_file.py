@@ -6,12 +6,17 @@ that a capture can be read long after the object dictionary has moved on, and wi
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bowden.errors import BadInput
 from bowden.recording.atomic import replace_whole
+
+#: Of this version; a file of a later one is refused, its frames might mean something else.
+FORMAT = 2
 
 
 class _Part(BaseModel):
@@ -51,10 +56,57 @@ class Lost(_Part):
     samples: list[str]
 
 
+class MarkNote(_Part):
+    """A mark that somebody set while recording, by the drive's and the host's clock."""
+
+    text: str
+    device_time_us: int
+    host_time_s: float
+
+
+class ForeignSignal(_Part):
+    """One signal of another node's frame; value = raw * scale + offset in the column's unit.
+
+    `shift` is the place of its lowest bit in the frame's eight bytes read as one number, little
+    endian or big endian.
+    """
+
+    column: str
+    shift: int = Field(ge=0, le=63)
+    bits: int = Field(ge=1, le=64)
+    little_endian: bool
+    kind: Literal["unsigned", "signed", "float"] = "unsigned"
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+class ForeignSource(_Part):
+    """One frame of another node, and what is taken from it."""
+
+    name: str
+    cob_id: int
+    extended: bool = False
+    length: int = Field(ge=1, le=8)
+    signals: list[ForeignSignal]
+    described_by: str = ""
+    period_s: float | None = None
+
+
+class OtherDrive(_Part):
+    """A further drive in the recording; its columns begin with ``nodeN_``."""
+
+    node_id: int
+    dictionary_hash: str
+    sample_period_s: float = Field(gt=0)
+    pdos: list[PdoLayout]
+    counter_before: int | None = None
+    counter_after: int | None = None
+
+
 class SideFile(_Part):
     """Everything that the side file holds."""
 
-    format: int = 1
+    format: int = Field(default=FORMAT, ge=1, le=FORMAT)
     bowden: str
     git: str | None
     dictionary_hash: str
@@ -69,8 +121,21 @@ class SideFile(_Part):
     lost: dict[str, Lost] | None = None
     clock: Clock | None = None
     cut: str | None = None
+    trigger: str | None = None
+    marks: list[MarkNote] = Field(default_factory=list)
+    error_frames: int = 0
+    others: list[OtherDrive] = Field(default_factory=list)
+    foreign: list[ForeignSource] = Field(default_factory=list)
+    findings: list[str] = Field(default_factory=list)
     emergencies: list[str] = Field(default_factory=list)
     metadata: dict[str, str] = Field(default_factory=dict)
+
+    def with_counters(self, field: str, by_node: Mapping[int, int]) -> SideFile:
+        """Return it with the drives' sample counters, before or after, where they are known."""
+        others = [
+            other.model_copy(update={field: by_node.get(other.node_id)}) for other in self.others
+        ]
+        return self.model_copy(update={field: by_node.get(self.node_id), "others": others})
 
 
 def side_path(capture: Path) -> Path:

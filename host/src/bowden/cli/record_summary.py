@@ -1,0 +1,71 @@
+"""How a recording ended: for people and for ``--json``, after every end that it can have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bowden.cli.output import console
+from bowden.drive.capture import Capture
+
+_RANGES_SHOWN = 5
+
+
+def summary(capture: Capture, path: Path) -> dict[str, object]:
+    """Return what is worth knowing of a capture, for ``--json``."""
+    side, decoded = capture.side, capture.decoded
+    return {
+        "recording": str(path),
+        "ended": capture.ended,
+        "cut": side.cut,
+        "samples": side.samples or 0,
+        "complete_samples": int(decoded.number.size),
+        "duration_s": decoded.duration_s,
+        "channels": list(decoded.channels),
+        "frames_lost": decoded.frames_lost,
+        "lost": {name: lost.model_dump() for name, lost in (side.lost or {}).items()},
+        "error_frames": side.error_frames,
+        "clock": side.clock.model_dump() if side.clock else None,
+        "trigger": side.trigger,
+        "marks": [{"time_s": m.time_s, "text": m.text} for m in decoded.marks],
+        "emergencies": side.emergencies,
+        "findings": side.findings,
+        "nodes": [side.node_id, *(other.node_id for other in side.others)],
+        "foreign": [source.name for source in side.foreign],
+    }
+
+
+def show_summary(capture: Capture, path: Path) -> None:
+    """Print it: what there is, what was lost, what is in doubt."""
+    side, decoded = capture.side, capture.decoded
+    out = console()
+    if not decoded.time_s.size:
+        out.print(f"{path}: no samples ({capture.ended})", soft_wrap=True, markup=False)
+        return
+    lost = decoded.frames_lost
+    out.print(
+        f"{path}: {side.samples} samples, {decoded.duration_s:.3f} s, "
+        + ("no frame lost" if not lost else f"[bold red]{lost} frames lost[/]: {_where(capture)}"),
+        soft_wrap=True,
+    )
+    details = [
+        f"[bold red]cut short[/]: {side.cut}" if side.cut else f"ended: {capture.ended}",
+        *(f"[bold yellow]warning[/]: {finding}" for finding in side.findings),
+        f"[bold yellow]warning[/]: {side.error_frames} error frames on the bus"
+        if side.error_frames
+        else "",
+        f"trigger: {side.trigger}" if side.trigger else "",
+        *(f"mark at {mark.time_s:.3f} s: {mark.text}" for mark in decoded.marks),
+        *(f"emergency: {text}" for text in side.emergencies),
+    ]
+    for line in filter(None, details):
+        out.print(f"  {line}", soft_wrap=True)
+
+
+def _where(capture: Capture) -> str:
+    """Say of which samples; all of them are in the side file."""
+    told = []
+    for name, lost in (capture.side.lost or {}).items():
+        if lost.count:
+            more = " ..." if len(lost.samples) > _RANGES_SHOWN else ""
+            told.append(f"{name} of sample {', '.join(lost.samples[:_RANGES_SHOWN])}{more}")
+    return "; ".join(told)

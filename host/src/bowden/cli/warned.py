@@ -1,0 +1,5 @@
+"""What the running command was warned of: shown by `main`, added to the JSON by `output`."""
+
+from __future__ import annotations
+
+WARNINGS: list[str] = []
