@@ -16,7 +16,7 @@ from bowden.drive.capture import Capture, record
 from bowden.drive.client import Drive
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run, enable
-from bowden.drive.watch import Mark, Progress, Request, Span, Stop
+from bowden.drive.watch import Progress, Request, SetMark, Span, Stop
 from bowden.errors import BadInput
 from bowden.recording import capture_writer
 from bowden.recording.capture_writer import CaptureWriter, recover
@@ -115,7 +115,7 @@ def test_ctrl_c_ends_with_a_summary(
 def test_marks_and_an_end_on_request(rig: MakeRig, tmp_path: Path) -> None:
     drive, _ = rig()
     at: list[float] = []
-    asked: list[list[Request]] = [[], [], [Mark("touched")], [], [Mark("let go")], [Stop()]]
+    asked: list[list[Request]] = [[], [], [SetMark("touched")], [], [SetMark("let go")], [Stop()]]
 
     def requests() -> list[Request]:
         return asked.pop(0) if asked else []

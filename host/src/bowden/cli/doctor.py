@@ -17,7 +17,7 @@ from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.output import add_json_argument, console, print_json, say
 from bowden.drive.bus_options import BusOptions, bus_options, open_connection
 from bowden.drive.capture import record
-from bowden.drive.checks import Finding, bridge_is_on, check_drive, check_signs
+from bowden.drive.checks import CheckResult, bridge_is_on, check_drive, check_signs
 from bowden.drive.client import Drive
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.read import read_recording
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """Check and report; DriveFailed names the failed checks."""
     if args.signs is not None and not 0 < args.signs < float("inf"):
         raise BadInput("--signs", f"{args.signs:g}", "seconds, more than 0")
-    findings: list[Finding] = []
+    findings: list[CheckResult] = []
     for finding in _findings(bus_options(args), args.node, args.signs):
         findings.append(finding)
         _show(finding)
@@ -65,16 +65,16 @@ def run(args: argparse.Namespace) -> int:
 _ORDER = ("failed", "warning", "not checked")
 
 
-def _findings(options: BusOptions, node_id: int, signs_s: float | None) -> Iterator[Finding]:
+def _findings(options: BusOptions, node_id: int, signs_s: float | None) -> Iterator[CheckResult]:
     try:
         connection = open_connection(options)
     except DriveFailed as failure:
         todo = "plug the adapter in; check -i, -c and -b (python-can's names)"
-        yield Finding("adapter", "failed", str(failure), todo)
+        yield CheckResult("adapter", "failed", str(failure), todo)
         return
     with connection:
         told = ", ".join(f"{key} {value}" for key, value in connection.adapter.items())
-        yield Finding("adapter", "ok", told)
+        yield CheckResult("adapter", "ok", told)
         drive = Drive(connection, node_id)
         node_is_there = False
         for finding in check_drive(drive):
@@ -84,12 +84,12 @@ def _findings(options: BusOptions, node_id: int, signs_s: float | None) -> Itera
             yield from _signs(drive, signs_s)
 
 
-def _signs(drive: Drive, duration_s: float | None) -> list[Finding]:
+def _signs(drive: Drive, duration_s: float | None) -> list[CheckResult]:
     todo = "bowden doctor --signs 10, and move the load by hand meanwhile"
     if duration_s is None:
-        return [Finding("signs", "not checked", "nothing was moved", todo)]
+        return [CheckResult("signs", "not checked", "nothing was moved", todo)]
     if bridge_is_on(drive):
-        return [Finding("signs", "not checked", "the drive's bridge is on", "stop it first")]
+        return [CheckResult("signs", "not checked", "the drive's bridge is on", "stop it first")]
     say(f"move the load by hand, both ways, for {duration_s:g} s")
     with tempfile.TemporaryDirectory(prefix="bowden-") as folder:
         path = Path(folder) / "signs.blf"
@@ -99,7 +99,7 @@ def _signs(drive: Drive, duration_s: float | None) -> list[Finding]:
     return check_signs(recording, ratio)
 
 
-def _show(finding: Finding) -> None:
+def _show(finding: CheckResult) -> None:
     mark = _MARKS.get(finding.state, f"[dim]{finding.state}")
     out = console()
     out.print(f"{mark}[/] {finding.check}: ", end="", soft_wrap=True)

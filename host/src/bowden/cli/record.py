@@ -23,7 +23,7 @@ from bowden.drive.capture import Capture, record
 from bowden.drive.client import Drive
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
-from bowden.drive.watch import Mark, Progress, Request, Span, Stop
+from bowden.drive.watch import Progress, Request, SetMark, Span, Stop
 from bowden.errors import BadInput
 from bowden.recording.capture_file import read_capture
 from bowden.recording.csv_file import write_csv
@@ -175,9 +175,9 @@ def _requests(keys: str) -> Iterable[Request]:
         if key in "qQ":
             yield Stop()
         elif key in "mM ":
-            yield Mark("mark")
+            yield SetMark("mark")
         elif key.isdigit():
-            yield Mark(f"mark {key}")
+            yield SetMark(f"mark {key}")
 
 
 def _run(enable: str, torque_nm: float | None) -> Run | None:

@@ -37,7 +37,7 @@ LEAST_MOTION_RAD = 0.2
 
 
 @dataclass(frozen=True)
-class Finding:
+class CheckResult:
     """What one check found.
 
     Parameters
@@ -58,7 +58,7 @@ class Finding:
     todo: str = ""
 
 
-def check_drive(drive: Drive) -> Iterator[Finding]:
+def check_drive(drive: Drive) -> Iterator[CheckResult]:
     """Yield the findings from the bus inwards; stop at the first that makes the others moot."""
     yield check_bus(drive)
     node = check_node(drive)
@@ -70,10 +70,10 @@ def check_drive(drive: Drive) -> Iterator[Finding]:
             yield check(drive)
         except DriveFailed as failure:
             name = check.__name__.removeprefix("check_").replace("_", " ")
-            yield Finding(name, "failed", str(failure), "flash the firmware of this version")
+            yield CheckResult(name, "failed", str(failure), "flash the firmware of this version")
 
 
-def check_bus(drive: Drive) -> Finding:
+def check_bus(drive: Drive) -> CheckResult:
     """Listen: error frames mean a wrong bit rate or wiring; much traffic delays samples."""
     connection = drive.connection
     errors_before = connection.error_frames
@@ -89,26 +89,30 @@ def check_bus(drive: Drive) -> Finding:
     share = bits / LISTEN_S / rate
     found = f"{frames / LISTEN_S:.0f} frames/s, {share:.0%} of {rate / 1e6:g} Mbit/s"
     if errors := connection.error_frames - errors_before:
-        return Finding(
+        return CheckResult(
             "bus",
             "failed",
             f"{errors} error frames in {LISTEN_S:g} s",
             f"set the bit rate (-b {BITRATE}), check wiring and both 120 ohm terminations",
         )
     if share > BUSY_SHARE:
-        return Finding("bus", "warning", found, "take other senders off the bus or slow them down")
-    return Finding("bus", "ok", found)
+        return CheckResult(
+            "bus", "warning", found, "take other senders off the bus or slow them down"
+        )
+    return CheckResult("bus", "ok", found)
 
 
-def check_node(drive: Drive) -> Finding:
+def check_node(drive: Drive) -> CheckResult:
     """Ask for the device's name; when nothing answers, say what was heard instead."""
     try:
         name = drive.read_text("device_name")
     except DriveFailed as failure:
-        return Finding("node", "failed", str(failure), "run `bowden scan`; check --node and power")
+        return CheckResult(
+            "node", "failed", str(failure), "run `bowden scan`; check --node and power"
+        )
     state = drive.next_nmt_state().lower()
     if state == "unknown":
-        return Finding(
+        return CheckResult(
             "node",
             "warning",
             f"node {drive.node_id} ({name}) answers but sends no heartbeat",
@@ -116,23 +120,23 @@ def check_node(drive: Drive) -> Finding:
         )
     others = [str(node) for node in drive.connection.nodes_heard if node != drive.node_id]
     also = f"; also on the bus: {', '.join(others)}" if others else ""
-    return Finding("node", "ok", f"node {drive.node_id} ({name}), NMT {state}{also}")
+    return CheckResult("node", "ok", f"node {drive.node_id} ({name}), NMT {state}{also}")
 
 
-def check_dictionary(drive: Drive) -> Finding:
+def check_dictionary(drive: Drive) -> CheckResult:
     """Compare the hash of the object dictionary with this bowden's."""
     there = drive.read_raw("dictionary_hash")
     if there != HASH:
-        return Finding(
+        return CheckResult(
             "dictionary",
             "failed",
             f"the drive has {there:08X}h, this bowden {HASH:08X}h",
             "flash the firmware of this version (make flash), or install the bowden of the drive's",
         )
-    return Finding("dictionary", "ok", f"{there:08X}h on both sides")
+    return CheckResult("dictionary", "ok", f"{there:08X}h on both sides")
 
 
-def check_firmware(drive: Drive) -> Finding:
+def check_firmware(drive: Drive) -> CheckResult:
     """Tell the version, why it started and whether it crashed."""
     version = drive.read_text("software_version")
     cause = ResetCause(drive.read_raw("reset_cause"))
@@ -140,18 +144,20 @@ def check_firmware(drive: Drive) -> Finding:
     found = f"{version}, started by {cause.doc}"
     if crashes:
         todo = "report it with the output of `bowden info`"
-        return Finding("firmware", "warning", f"{found}; {crashes} crashes since power-on", todo)
+        return CheckResult(
+            "firmware", "warning", f"{found}; {crashes} crashes since power-on", todo
+        )
     if cause in (ResetCause.WATCHDOG, ResetCause.WINDOW_WATCHDOG):
-        return Finding("firmware", "warning", found, "report it: the firmware hung")
+        return CheckResult("firmware", "warning", found, "report it: the firmware hung")
     if cause is ResetCause.BROWN_OUT:
-        return Finding("firmware", "warning", found, "check the logic supply")
-    return Finding("firmware", "ok", found)
+        return CheckResult("firmware", "warning", found, "check the logic supply")
+    return CheckResult("firmware", "ok", found)
 
 
-def check_configuration(drive: Drive) -> Finding:
+def check_configuration(drive: Drive) -> CheckResult:
     """Ask whether the drive can run with its configuration, and where that came from."""
     if culprit := drive.read_raw("configuration_error"):
-        return Finding(
+        return CheckResult(
             "configuration",
             "failed",
             f"cannot run with its {describe_address(culprit)}",
@@ -160,40 +166,40 @@ def check_configuration(drive: Drive) -> Finding:
     origin = ConfigurationOriginOutcome(drive.read_raw("configuration_origin.outcome"))
     if origin is ConfigurationOriginOutcome.DEFAULTS:
         todo = "bowden configure MODEL.yaml --store: it still has the paper's rig"
-        return Finding("configuration", "warning", origin.doc, todo)
+        return CheckResult("configuration", "warning", origin.doc, todo)
     if origin not in (ConfigurationOriginOutcome.COMPLETE, ConfigurationOriginOutcome.MIGRATED):
         entry = drive.read_raw("configuration_origin.first_entry")
         first = f", the first {describe_address(entry)}" if entry else ""
         todo = "compare with a file (bowden config diff FILE), then bowden config store"
-        return Finding("configuration", "warning", f"{origin.doc}{first}", todo)
-    return Finding("configuration", "ok", origin.doc)
+        return CheckResult("configuration", "warning", f"{origin.doc}{first}", todo)
+    return CheckResult("configuration", "ok", origin.doc)
 
 
-def check_faults(drive: Drive) -> Finding:
+def check_faults(drive: Drive) -> CheckResult:
     """Tell the present fault, or the past ones."""
     status = drive.read_raw("statusword")
     if is_fault(status):
         code = drive.read_raw("error_code")
-        return Finding(
+        return CheckResult(
             "faults", "failed", describe_emergency(code), "mend it; bowden record resets"
         )
     count = drive.read_raw("error_history.count")
     if count:
         latest = describe_emergency(drive.read_raw("error_history.1") & 0xFFFF)
         todo = "bowden info lists them; empty with: bowden od write error_history.count=0"
-        return Finding("faults", "warning", f"none now; {count} past, the last: {latest}", todo)
-    return Finding("faults", "ok", f"none, now or before; {power_state(status)}")
+        return CheckResult("faults", "warning", f"none now; {count} past, the last: {latest}", todo)
+    return CheckResult("faults", "ok", f"none, now or before; {power_state(status)}")
 
 
-def check_supply(drive: Drive) -> Finding:
+def check_supply(drive: Drive) -> CheckResult:
     """Read the bus voltage."""
     volts = drive.read("bus_voltage")
     if volts < _NO_SUPPLY_V:
-        return Finding("supply", "failed", f"{volts:.1f} V", "connect the motor supply")
-    return Finding("supply", "ok", f"{volts:.1f} V")
+        return CheckResult("supply", "failed", f"{volts:.1f} V", "connect the motor supply")
+    return CheckResult("supply", "ok", f"{volts:.1f} V")
 
 
-def check_sensors(drive: Drive) -> Finding:
+def check_sensors(drive: Drive) -> CheckResult:
     """Read encoders and load cell for a moment: a converter that runs has some noise."""
     names = ("motor_angle", "load_angle", "load_torque", "motor_current")
     rows = []
@@ -206,16 +212,16 @@ def check_sensors(drive: Drive) -> Finding:
         for name, raw in zip(names, rows[-1], strict=True)
     )
     if spread[2] == 0:
-        return Finding(
+        return CheckResult(
             "sensors",
             "warning",
             f"{values}; the load cell gave one value {_SAMPLES} times",
             "check the load cell's amplifier and wires",
         )
-    return Finding("sensors", "ok", values)
+    return CheckResult("sensors", "ok", values)
 
 
-def check_signs(recording: Recording, ratio: float) -> list[Finding]:
+def check_signs(recording: Recording, ratio: float) -> list[CheckResult]:
     """Judge the signs from a recording in which the load was moved by hand, the bridge off.
 
     The cables tie both pulleys: the motor turns the same way, by the ratio of the radii, less the
@@ -233,29 +239,29 @@ def check_signs(recording: Recording, ratio: float) -> list[Finding]:
     moved = float(np.ptp(load))
     if moved < LEAST_MOTION_RAD:
         todo = f"move the load by hand by more than {LEAST_MOTION_RAD:g} rad, both ways"
-        return [Finding("signs", "not checked", f"the load moved by {moved:.3f} rad", todo)]
+        return [CheckResult("signs", "not checked", f"the load moved by {moved:.3f} rad", todo)]
     steps = np.diff(load), np.diff(motor)
     together = float(np.sum(steps[0] * steps[1]))
     slope = float(np.polyfit(load - load.mean(), motor - motor.mean(), 1)[0])
     found = f"motor over load: {slope:+.3f}, the radii say {ratio:+.3f}"
     if together <= 0:
         todo = "swap A and B of one encoder: the ends count in opposite directions"
-        angles = Finding("encoder signs", "failed", found, todo)
+        angles = CheckResult("encoder signs", "failed", found, todo)
     elif not 0.8 * ratio < slope < 1.2 * ratio:
         todo = (
             "check encoder resolutions and pulley radii (bowden od read '*_resolution' '*_radius')"
         )
-        angles = Finding("encoder signs", "warning", found, todo)
+        angles = CheckResult("encoder signs", "warning", found, todo)
     else:
-        angles = Finding("encoder signs", "ok", found)
+        angles = CheckResult("encoder signs", "ok", found)
     torque = recording.load_torque_nm
     work_j = float(np.sum(0.5 * (torque[1:] + torque[:-1]) * steps[0]))
     found = f"the cables did {work_j:+.3g} J on the load with the motor off"
     if work_j >= 0:
         todo = "negate load_cell_gain: bowden od write load_cell_gain=..."
-        cell = Finding("load cell sign", "failed", found, todo)
+        cell = CheckResult("load cell sign", "failed", found, todo)
     else:
-        cell = Finding("load cell sign", "ok", found)
+        cell = CheckResult("load cell sign", "ok", found)
     return [angles, cell]
 
 
@@ -264,7 +270,7 @@ def bridge_is_on(drive: Drive) -> bool:
     return power_state(drive.read_raw("statusword")) in BRIDGE_ON
 
 
-_OF_THE_DRIVE: tuple[Callable[[Drive], Finding], ...] = (
+_OF_THE_DRIVE: tuple[Callable[[Drive], CheckResult], ...] = (
     check_dictionary,
     check_firmware,
     check_configuration,

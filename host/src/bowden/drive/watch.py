@@ -66,7 +66,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Mark:
+class SetMark:
     """Somebody asks to mark this moment."""
 
     text: str
@@ -77,7 +77,7 @@ class Stop:
     """Somebody asks to end the recording; it is then complete, not cut."""
 
 
-Request = Mark | Stop
+Request = SetMark | Stop
 
 
 class Store(Protocol):

@@ -23,7 +23,7 @@ GAP_PERIODS = 2.5
 
 
 @dataclass(frozen=True)
-class Series:
+class SourceSeries:
     """Values of one source on its own time.
 
     Parameters
@@ -73,7 +73,7 @@ class Series:
 
 
 def align(
-    time_s: _Floats, sources: Iterable[Series]
+    time_s: _Floats, sources: Iterable[SourceSeries]
 ) -> tuple[dict[str, _Floats], NDArray[np.bool_], list[str]]:
     """Place every source on the recording's time.
 
@@ -108,7 +108,7 @@ def align(
 
 def foreign_series(
     source: ForeignSource, frames: Frames, clock: ClockFit, start_s: float
-) -> Series:
+) -> SourceSeries:
     """Decode one foreign frame into a series on the recording's clock.
 
     Parameters
@@ -128,7 +128,7 @@ def foreign_series(
     whole = frozenset(
         one.column for one in source.signals if one.scale == 1.0 and one.kind != "float"
     )
-    return Series(source.name, time_s, values, whole, period_s)
+    return SourceSeries(source.name, time_s, values, whole, period_s)
 
 
 def _signal(one: ForeignSignal, frames: Frames) -> _Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.errors import BadInput
-from bowden.recording.align import Series, align, foreign_series
+from bowden.recording.align import SourceSeries, align, foreign_series
 from bowden.recording.clock import ClockFit, clock_finding, device_seconds, fit_clock, unwrap_s
 from bowden.recording.collect import FrameId, Frames, collect
 from bowden.recording.losses import (
@@ -161,7 +161,7 @@ def _with_others(
     decoded: Decoded, found: dict[FrameId, Frames], side: SideFile, source: str
 ) -> Decoded:
     """Add the channels of other drives and nodes, on the first drive's clock."""
-    series: list[Series] = []
+    series: list[SourceSeries] = []
     findings: list[str] = []
     others: dict[int, Decoded] = {}
     clock = decoded.clock
@@ -180,7 +180,7 @@ def _with_others(
         host_s = other.clock.host_time_s(other.time_s + other.start_s)
         time_s = clock.device_time_s(host_s) - decoded.start_s
         held = frozenset(f.column for pdo in drive.pdos for f in pdo.fields if f.scale == 1.0)
-        series.append(Series(name, time_s, other.channels, held, drive.sample_period_s))
+        series.append(SourceSeries(name, time_s, other.channels, held, drive.sample_period_s))
     if clock is not None:
         series += [
             foreign_series(one, found[FrameId(one.cob_id, one.extended)], clock, decoded.start_s)
