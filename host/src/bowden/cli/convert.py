@@ -1,4 +1,7 @@
-"""Turn other recordings into the exchange form (CSV).
+"""Turn recordings into the exchange form (CSV), or into a form for other tools.
+
+The ending of OUT says which: .csv (also .gz), .parquet, .mat, .mcap (JSON messages, for robotics
+tools) or .mf4 (MDF 4). Names keep their units, metadata goes along.
 
 With --map, any table (CSV and the like, Parquet, .mat, also .gz): the mapping file says which
 column is which channel, with units, signs, zeros and gaps. Without it, by the file or by --from:
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """examples:
   bowden convert run.blf run.csv
+  bowden convert run.blf run.parquet                       also .mat .mcap .mf4
   bowden convert bench.mat run.csv --map bench.yaml
   bowden convert logs recordings --map bench.yaml          every table of a folder, and session.yaml
   bowden convert Tool_5_Maryland_L_3_05.TXT tool.csv --from mrd
@@ -52,7 +56,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("recording", metavar="IN", type=Path, help="a file, or a folder of files")
     parser.add_argument(
-        "target", metavar="OUT", type=Path, nargs="?", help="OUT.csv[.gz], or a folder"
+        "target",
+        metavar="OUT",
+        type=Path,
+        nargs="?",
+        help="OUT.csv[.gz], OUT.parquet, .mat, .mcap, .mf4; or a folder",
     )
     parser.add_argument("--output", metavar="OUT", type=Path, help="the same as OUT")
     form = parser.add_mutually_exclusive_group()
@@ -166,9 +174,9 @@ def _read_folder(args: argparse.Namespace) -> tuple[list[Recording], SessionFile
 
 def _write(recording: Recording, target: Path, source: Path) -> dict[str, object]:
     """Write a recording; tell people, and return for programs, what is in it."""
-    from bowden.recording.csv_file import write_csv  # noqa: PLC0415
+    from bowden.recording.export import write_recording  # noqa: PLC0415
 
-    write_csv(recording, target)
+    write_recording(recording, target)
     out = console()
     time_s = recording.time_s
     duration_s = float(time_s[-1] - time_s[0])

@@ -41,6 +41,7 @@ COMMANDS = {
     "apply": "write a model, reduced to what the drive supports, to the drive",
     "record": "record both encoders, motor torque and load cell over CAN",
     "recover": "make a whole capture of what a killed recorder has left",
+    "replay": "send a recording onto a bus as its drives sent it",
     "simulate": "run the offline model on a recording's inputs",
     "compare": "compare recordings with the offline model",
     "calibrate": "fit named parameters of a model to recordings",
@@ -49,7 +50,7 @@ COMMANDS = {
     "experiment": "run one of the paper's experiments on the offline model",
     "estimate": "stiffness, friction or pretension from recordings, with intervals",
     "sweep": "run an experiment over a grid or random draws of parameters",
-    "convert": "turn other recordings into the exchange form (CSV)",
+    "convert": "turn recordings into the exchange form (CSV), Parquet, MAT, MCAP or MF4",
 }
 
 EXIT_DONE, EXIT_BAD_INPUT, EXIT_DRIVE_FAILED = 0, 2, 3

@@ -127,6 +127,13 @@ class Connection:
                 "are bit rate and termination right?"
             ) from error
 
+    def send_frame(self, frame: can.Message) -> None:
+        """Send a frame as it is, also an extended one; DriveFailed as in `send`."""
+        try:
+            self.bus.send(frame)
+        except (can.CanError, OSError) as error:
+            raise DriveFailed(f"the CAN adapter cannot send ({error})") from error
+
     def receive(self, timeout_s: float) -> can.Message | None:
         """Handle the next frame, or return None after at most `timeout_s`.
 
