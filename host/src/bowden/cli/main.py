@@ -39,6 +39,7 @@ COMMANDS = {
     "config": "keep a drive's configuration in a file: dump, diff, apply, restore",
     "configure": "write a model's rig into the drive and read it back",
     "apply": "write a model, reduced to what the drive supports, to the drive",
+    "watch": "watch a drive live in the terminal; stop, start, mark by key",
     "record": "record both encoders, motor torque and load cell over CAN",
     "recover": "make a whole capture of what a killed recorder has left",
     "replay": "send a recording onto a bus as its drives sent it",

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from bowden.drive.bus_load import BusLoad
 from bowden.drive.client import Drive
 from bowden.drive.dictionary import BITRATE, HASH, lookup
 from bowden.drive.faults import describe_address, describe_emergency
@@ -25,9 +26,6 @@ State = Literal["ok", "warning", "failed", "not checked"]
 LISTEN_S = 0.5
 #: Above this share of the bit rate, frames of low priority come late.
 BUSY_SHARE = 0.7
-_FRAME_BITS = (
-    47 + 3
-)  # classic frame without data, with its interframe space; stuff bits not counted
 #: Undervoltage is a fault of the drive; this only names a supply that is not there at all.
 _NO_SUPPLY_V = 1.0
 _SAMPLES = 20
@@ -77,17 +75,13 @@ def check_bus(drive: Drive) -> CheckResult:
     """Listen: error frames mean a wrong bit rate or wiring; much traffic delays samples."""
     connection = drive.connection
     errors_before = connection.error_frames
-    bits = 0
-    frames = 0
+    load = BusLoad(connection)
     end = connection.clock() + LISTEN_S
     while (left := end - connection.clock()) > 0:
-        frame = connection.receive(max(left, 1e-3))
-        if frame is not None and not frame.is_error_frame:
-            frames += 1
-            bits += _FRAME_BITS + 8 * len(frame.data)
-    rate = float(connection.adapter.get("bitrate", BITRATE))
-    share = bits / LISTEN_S / rate
-    found = f"{frames / LISTEN_S:.0f} frames/s, {share:.0%} of {rate / 1e6:g} Mbit/s"
+        if (frame := connection.receive(max(left, 1e-3))) is not None:
+            load.count(frame)
+    rate_hz, share = load.take()
+    found = f"{rate_hz:.0f} frames/s, {share:.0%} of {load.bitrate / 1e6:g} Mbit/s"
     if errors := connection.error_frames - errors_before:
         return CheckResult(
             "bus",

@@ -76,6 +76,8 @@ class Connection:
         self._errors = 0
         self._next_beat: float | None = None
         self._tap: Callable[[can.Message], None] | None = None
+        #: Each gets every frame that `receive` handles, in the caller's thread.
+        self.observers: list[Callable[[can.Message], None]] = []
         self._tap_lock = threading.Lock()
         self._frames: queue.SimpleQueue[can.Message | BaseException] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -151,6 +153,8 @@ class Connection:
         service, node_id = frame.arbitration_id & 0x780, frame.arbitration_id & 0x7F
         if service in _FROM_NODE and node_id:
             self._heard[node_id] = self.clock()
+        for observe in self.observers:
+            observe(frame)
         if not frame.is_remote_frame:
             self.network.notify(frame.arbitration_id, frame.data, frame.timestamp)
         return frame

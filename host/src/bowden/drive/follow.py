@@ -70,11 +70,11 @@ class Follower:
         # Frames of the sample that is just coming in are not lost yet.
         return max(0, len(self._pdos) * self.samples + 1 - self._frames)
 
-    def count(self, frame: can.Message) -> None:
-        """Take a frame; those of others change nothing."""
+    def count(self, frame: can.Message) -> dict[str, int] | None:
+        """Take a frame and return its raw values; those of others change nothing."""
         layout = self._pdos.get(frame.arbitration_id)
         if layout is None or len(frame.data) != layout.size:
-            return
+            return None
         now = layout.decode(bytes(frame.data))
         self._angles.update((name, now[name]) for name in _ANGLES if name in now)
         if frame.arbitration_id == self._first:
@@ -88,6 +88,7 @@ class Follower:
             self.last_host_s = frame.timestamp
             self._last_at = self._clock()
         self._frames += 1
+        return now
 
     def moved(self, motion_rad: float) -> str | None:
         """Return which angle has moved by more than so much since `begin`; None if none has."""

@@ -1,0 +1,358 @@
+"""A drive watched and run live: what `bowden watch` and `bowden studio` show and do.
+
+One thread (the owner's) calls `turn` again and again: it handles the bus, does what was requested,
+polls slow values. Any other thread may call `request`, `snapshot`, `samples_after` and `alive`.
+Safety: the motor runs only while whoever shows it says `alive` often enough; a screen that hangs or
+a page that is lost stops the drive, and so does the end of the session, however it ends. Should
+this program hang itself, the drive misses its heartbeat and stops.
+"""
+
+from __future__ import annotations
+
+import math
+import queue
+import threading
+from collections import deque
+from contextlib import ExitStack, suppress
+from itertools import takewhile
+from pathlib import Path
+
+import can
+
+from bowden.drive.bus_load import BusLoad
+from bowden.drive.client import Drive
+from bowden.drive.dictionary import lookup
+from bowden.drive.faults import describe_emergency
+from bowden.drive.follow import Follower
+from bowden.drive.live_state import (
+    Command,
+    EndRecording,
+    MarkMoment,
+    Snapshot,
+    StartMotor,
+    StartRecording,
+    StopMotor,
+)
+from bowden.drive.power import BRIDGE_ON, Run, is_fault, power_state, powered, safe_stop
+from bowden.drive.provenance import read_layouts, run_metadata, side_file
+from bowden.errors import BadInput, DriveFailed
+from bowden.recording.capture_writer import CaptureWriter
+
+#: The motor stops when nobody has said `alive` for so long.
+ALIVE_WITHIN_S = 1.0
+#: Samples kept for whoever draws them.
+KEPT = 8192
+_LOAD_EVERY_S = 0.5
+_POLL_EVERY_S = 0.1
+_LOST_S = 1.0
+#: Values that no PDO carries by default; a group is read at once, one group every `_POLL_EVERY_S`.
+_TENSIONS = tuple(f"model_tension.{end}_{cable}" for cable in "ab" for end in ("motor", "load"))
+POLLED = (
+    _TENSIONS,
+    ("bus_voltage", "conduit_temperature"),
+    _TENSIONS,
+    ("mode_of_operation_display", "compensation_active_law"),
+)
+TUNNEL = ("tunnel_half_width", "tunnel_stiffness", "tunnel_torque_limit")
+#: What a row of `samples_after` holds behind the sample's number and its time.
+PLOTTED = ("motor_angle", "load_angle", "motor_torque", "load_torque")
+
+
+_SCALES = {name: lookup(name).scale or 1.0 for name in PLOTTED}
+
+Row = tuple[float, ...]
+
+
+class LiveSession:
+    """One drive, watched until `close`; a context manager.
+
+    Parameters
+    ----------
+    drive : Drive
+        Connected. What it is doing is not changed by watching it; when it sends no samples, it is
+        asked to (NMT operational), and put back at the end.
+
+    Raises
+    ------
+    DriveFailed
+        It does not answer.
+    """
+
+    def __init__(self, drive: Drive) -> None:
+        self.drive = drive
+        self._clock = drive.connection.clock
+        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._rows: deque[Row] = deque(maxlen=KEPT)
+        self._values: dict[str, float] = {}
+        self._raw: dict[str, int] = {}
+        self._layouts = read_layouts(drive)
+        self._first = self._layouts[0].cob_id
+        self._follower = Follower(drive, self._layouts)
+        self._load = BusLoad(drive.connection)
+        self._motor: ExitStack | None = None
+        self._run: Run | None = None
+        self._writer: CaptureWriter | None = None
+        self._last_recording: str | None = None
+        self._message = ""
+        self._alive_at = self._load_at = self._poll_at = self._clock()
+        self._rates = 0.0, 0.0
+        self._samples_before, self._rate_hz = 0, 0.0
+        self._started_at_sample = 0
+        self._recorded_from_us = 0
+        self._poll_place = 0
+        self.tunnel = {name: drive.read(name) for name in TUNNEL}
+        self.ratio = drive.read("load_pulley_radius") / drive.read("motor_pulley_radius")
+        self._sends_for_us = drive.next_nmt_state() != "OPERATIONAL"
+        self._snapshot = Snapshot(drive.node_id, tunnel=self.tunnel, ratio=self.ratio)
+        drive.connection.observers.append(self._observe)
+        if self._sends_for_us:
+            drive.nmt("OPERATIONAL")
+
+    def __enter__(self) -> LiveSession:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --- from any thread ----------------------------------------------------------------------
+
+    def request(self, command: Command) -> None:
+        """Ask for something; it is done in the next turn, its outcome is the snapshot's message."""
+        self._commands.put(command)
+
+    def alive(self) -> None:
+        """Say that somebody watches and can stop the drive."""
+        self._alive_at = self._clock()
+
+    def snapshot(self) -> Snapshot:
+        """Return what is known now."""
+        with self._lock:
+            return self._snapshot
+
+    def samples_after(self, number: int) -> list[Row]:
+        """Return the kept samples after one: its number, device time in s, then `PLOTTED`."""
+        with self._lock:
+            new = list(takewhile(lambda row: row[0] > number, reversed(self._rows)))
+        return new[::-1]
+
+    # --- from the owner's thread --------------------------------------------------------------
+
+    def turn(self, longest_s: float = 0.02) -> None:
+        """Handle frames for at most so long, then what was requested, then what is due.
+
+        Raises
+        ------
+        DriveFailed
+            The adapter failed. `close` still has to be called.
+        """
+        end = self._clock() + longest_s
+        while (left := end - self._clock()) > 0:
+            self.drive.connection.receive(max(left, 1e-3))
+        self._stop_unwatched()
+        self._check_motor()
+        while not self._commands.empty():
+            self._obey(self._commands.get())
+        self._check_writer()
+        self._poll()
+        self._publish()
+
+    def close(self) -> None:
+        """Stop what was started here, close the capture, leave the drive as it was found.
+
+        Raises
+        ------
+        DriveFailed
+            The bridge is not known to be off.
+        """
+        connection = self.drive.connection
+        try:
+            self._end_recording()
+        finally:
+            try:
+                self._stop_ours()
+            finally:
+                if self._observe in connection.observers:
+                    connection.observers.remove(self._observe)
+                if self._sends_for_us:
+                    with suppress(DriveFailed):
+                        self.drive.nmt("PRE-OPERATIONAL")
+                self._publish()
+
+    def _observe(self, frame: can.Message) -> None:
+        self._load.count(frame)
+        if frame.arbitration_id == self._first and self._raw:
+            self._keep_sample()  # whatever came since the one before belongs to it
+        raw = self._follower.count(frame)
+        if raw is not None:
+            self._raw.update(raw)
+
+    def _keep_sample(self) -> None:
+        """Keep the sample that the frames so far make up."""
+        raw = self._raw
+        row = (
+            float(self._follower.samples),
+            raw["device_time"] * 1e-6,
+            *(raw[name] * scale if name in raw else math.nan for name, scale in _SCALES.items()),
+        )
+        with self._lock:
+            self._rows.append(row)
+
+    def _obey(self, command: Command) -> None:
+        try:
+            match command:
+                case StartMotor(run):
+                    self._start(run)
+                case StopMotor():
+                    self._stop("stopped")
+                case StartRecording(path, notes):
+                    self._start_recording(path, notes)
+                case EndRecording():
+                    self._end_recording()
+                case MarkMoment(text):
+                    self._mark(text)
+        except (DriveFailed, BadInput) as failure:
+            self._message = str(failure)
+
+    def _start(self, run: Run) -> None:
+        if self._motor is not None:
+            raise DriveFailed("the drive runs already")
+        if power_state(self._raw.get("statusword", 0)) in BRIDGE_ON:
+            raise DriveFailed("another program runs this drive: stop it first")
+        with ExitStack() as stack:
+            stack.enter_context(powered(self.drive, run))
+            self._motor, self._run = stack.pop_all(), run
+        self._started_at_sample = self._follower.samples
+        self._message = f"running: {run.mode.word}"
+
+    def _stop(self, why: str) -> None:
+        """Take the torque away; also from a drive that is not ours."""
+        if self._motor is not None:
+            self._stop_ours()
+        else:
+            safe_stop(self.drive)
+        if self._sends_for_us:
+            self.drive.nmt("OPERATIONAL")
+        self._message = why
+
+    def _stop_ours(self) -> None:
+        motor, self._motor, self._run = self._motor, None, None
+        if motor is not None:
+            motor.close()
+
+    def _stop_unwatched(self) -> None:
+        if self._motor is None or self._clock() - self._alive_at <= ALIVE_WITHIN_S:
+            return
+        try:
+            self._stop("stopped: nobody was watching")
+        except DriveFailed as failure:
+            self._message = str(failure)
+
+    def _check_motor(self) -> None:
+        """Turn the bridge off when the drive has left operation by itself."""
+        if self._motor is None or self._follower.samples <= self._started_at_sample + 1:
+            return
+        state = power_state(self._raw.get("statusword", 0))
+        silent = self.drive.connection.silence_s(self.drive.node_id) > _LOST_S
+        if state == "operation enabled" and not silent:
+            return
+        why = "nothing comes from the drive" if silent else self._fault() or f"drive: {state}"
+        try:
+            self._stop(why)
+        except DriveFailed as failure:
+            self._message = f"{why}; {failure}"
+
+    def _start_recording(self, path: Path, notes: str) -> None:
+        if self._writer is not None:
+            raise BadInput(str(path), "a recording under way", "its end first")
+        if path.exists():
+            raise BadInput(str(path), "a file with that name", "a new name")
+        told = {"notes": notes} if notes else {}
+        metadata = told | run_metadata(self.drive, self._run)
+        self._writer = CaptureWriter(path, side_file([self.drive], [self._layouts], metadata))
+        self._recorded_from_us = self._follower.elapsed_us
+        self.drive.connection.set_tap(self._writer.write)
+        self._message = f"recording into {path.name}"
+
+    def _end_recording(self) -> None:
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        self.drive.connection.set_tap(None)
+        if codes := self.drive.emergencies:
+            writer.note(emergencies=[describe_emergency(code) for code in codes])
+        writer.close()
+        if writer.failure is not None:
+            raise BadInput(str(writer.path), writer.failure, f"a disk with room; see {writer.part}")
+        self._last_recording = str(writer.path)
+        lost = writer.decoded.frames_lost if writer.decoded else 0
+        self._message = f"{writer.path.name}: {writer.side.samples} samples, {lost} frames lost"
+
+    def _check_writer(self) -> None:
+        if self._writer is not None and self._writer.failure is not None:
+            try:
+                self._end_recording()
+            except BadInput as failure:
+                self._message = str(failure)
+
+    def _mark(self, text: str) -> None:
+        last = self._follower.last
+        if self._writer is None or last is None:
+            raise BadInput("mark", "no recording under way", "start one first")
+        self._writer.mark(text, last["device_time"], self._follower.last_host_s)
+        self._message = f"mark: {text}"
+
+    def _poll(self) -> None:
+        now = self._clock()
+        if now - self._load_at >= _LOAD_EVERY_S:
+            span_s = now - self._load_at
+            self._rate_hz = (self._follower.samples - self._samples_before) / span_s
+            self._samples_before = self._follower.samples
+            self._rates = self._load.take()
+            self._load_at = now
+        if now < self._poll_at or self.drive.connection.silence_s(self.drive.node_id) > _LOST_S:
+            return
+        self._poll_at = now + _POLL_EVERY_S
+        names = POLLED[self._poll_place]
+        self._poll_place = (self._poll_place + 1) % len(POLLED)
+        try:
+            self._values |= {name: self.drive.read(name) for name in names}
+        except DriveFailed as failure:
+            self._message = str(failure)
+
+    def _fault(self) -> str | None:
+        if not is_fault(self._raw.get("statusword", 0)):
+            return None
+        codes = self.drive.emergencies
+        return describe_emergency(codes[-1]) if codes else "a fault from before: bowden info"
+
+    def _publish(self) -> None:
+        drive, raw = self.drive, self._raw
+        silent = drive.connection.silence_s(drive.node_id) > _LOST_S
+        state = power_state(raw["statusword"]) if "statusword" in raw else "no samples"
+        for name, value in raw.items():
+            self._values[name] = lookup(name).to_value(value)
+        recorded_us = self._follower.elapsed_us - self._recorded_from_us if self._writer else 0
+        shown = Snapshot(
+            node_id=drive.node_id,
+            nmt_state=drive.nmt_state,
+            power_state="vanished" if silent else state,
+            is_on=state in BRIDGE_ON,
+            is_ours=self._motor is not None,
+            fault=self._fault(),
+            values=dict(self._values),
+            tunnel=self.tunnel,
+            ratio=self.ratio,
+            samples=self._follower.samples,
+            lost=self._follower.lost,
+            rate_hz=self._rate_hz,
+            frames_per_s=self._rates[0],
+            bus_share=self._rates[1],
+            error_frames=drive.connection.error_frames,
+            recording=str(self._writer.path) if self._writer else None,
+            recorded_s=recorded_us / 1e6,
+            last_recording=self._last_recording,
+            message=self._message,
+        )
+        with self._lock:
+            self._snapshot = shown

@@ -1,0 +1,92 @@
+"""What can be asked of a `LiveSession`, and what it says of its drive. Data only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bowden.drive.meanings import ModeOfOperation
+from bowden.drive.power import Run
+from bowden.errors import BadInput
+
+
+@dataclass(frozen=True)
+class StartMotor:
+    """Turn the bridge on and run."""
+
+    run: Run
+
+
+@dataclass(frozen=True)
+class StopMotor:
+    """Quick stop, bridge off; also of a drive that somebody else's program runs."""
+
+
+@dataclass(frozen=True)
+class StartRecording:
+    """Write everything on the bus to a capture from now on."""
+
+    path: Path
+    notes: str = ""
+
+
+@dataclass(frozen=True)
+class EndRecording:
+    """Close the capture."""
+
+
+@dataclass(frozen=True)
+class MarkMoment:
+    """Set a mark in the capture under way."""
+
+    text: str
+
+
+Command = StartMotor | StopMotor | StartRecording | EndRecording | MarkMoment
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What is known of the drive now; SI units, names as in the dictionary."""
+
+    node_id: int
+    nmt_state: str = "UNKNOWN"
+    power_state: str = "unknown"
+    is_on: bool = False
+    is_ours: bool = False
+    fault: str | None = None
+    values: dict[str, float] = field(default_factory=dict)
+    tunnel: dict[str, float] = field(default_factory=dict)
+    ratio: float = 1.0
+    samples: int = 0
+    lost: int = 0
+    rate_hz: float = 0.0
+    frames_per_s: float = 0.0
+    bus_share: float = 0.0
+    error_frames: int = 0
+    recording: str | None = None
+    recorded_s: float = 0.0
+    last_recording: str | None = None
+    message: str = ""
+
+
+def mode_named(word: str, torque_nm: float | None) -> Run:
+    """Return what to run for a word of `ModeOfOperation`: ``tunnel`` or ``torque``."""
+    if word == "tunnel":
+        return Run(ModeOfOperation.TUNNEL)
+    if word == "torque" and torque_nm is not None:
+        return Run(ModeOfOperation.TORQUE, torque_nm)
+    raise BadInput("mode", f"{word} at {torque_nm} N m", "tunnel, or torque with a torque")
+
+
+def tension_profile(values: dict[str, float]) -> Sequence[tuple[str, float, float]]:
+    """Return each cable's name and its tensions at motor and load, N, by the drive's model."""
+    return [
+        (
+            f"cable {cable}",
+            values.get(f"model_tension.motor_{cable}", 0.0),
+            values.get(f"model_tension.load_{cable}", 0.0),
+        )
+        for cable in "ab"
+    ]
