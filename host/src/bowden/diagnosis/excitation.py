@@ -13,7 +13,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.estimation.gate.mistakes import thinned
+from bowden.estimation.gate.answer import thinned
 from bowden.model import Inputs, Mode, Model, ModelError, simulate
 from bowden.model.effects.effect import Excitation as Word
 from bowden.recording.recording import Recording

@@ -18,6 +18,7 @@ NAMES = {
     "motor_torque_nm": "motor torque",
     "load_torque_nm": "load torque",
 }
+TORQUES = ("motor_torque_nm", "load_torque_nm")
 
 
 @dataclass(frozen=True)

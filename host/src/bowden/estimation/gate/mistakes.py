@@ -1,157 +1,155 @@
-"""How a recording can be written wrongly, and which mistake would explain that it fits no model.
+"""How a recording can be written wrongly: units, signs, channels in each other's place.
 
-`quality` uses it. Each mistake is undone in turn, the model is simulated, and the answers are
-compared: degrees for radians, milli-units, a sign, two channels in each other's place.
+`mistakes_of` lists them, each with its prior probability and the words that name it; `units` asks
+under which of them the model explains what was measured. Takes a `Model` for its radii and counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bowden.model import Mode, Model, ModelError
+from bowden.estimation.gate.encoders import ANGLES, counts_per_turn, units_of_angle
+from bowden.estimation.gate.finding import NAMES, TORQUES
+from bowden.model import Model
 from bowden.recording.recording import Recording
-from bowden.signals.noise import noise_sigma
-from bowden.signals.prediction import PREDICTED, simulate_recording
 
-_Floats = NDArray[np.float64]
+MOTOR_ENDS, LOAD_ENDS = (ANGLES[0], TORQUES[0]), (ANGLES[1], TORQUES[1])
 
-DOUBTFUL = 0.1  # of the larger of both: below, no sign or unit can be wrong
-ALIKE = 0.35  # a correction must bring a recording at least so near
-BETTER = 0.33  # of what it was: a missing effect is not made smaller by another sign or unit
-STEP_S = 5e-3
-
-ANGLES = ("motor_angle_rad", "load_angle_rad")
-TORQUES = ("motor_torque_nm", "load_torque_nm")
+USUAL = math.log(1e-3)  # log prior of a mistake that people make
+RARE = math.log(1e-5)  # of one that has been seen
+TORQUE_CONSTANT = "torque_constant_nm_per_a"  # in a recording's metadata, after any prefix
 
 
 @dataclass(frozen=True)
-class Reading:
-    """A recording against the model's answer.
+class Mistake:
+    """One way to write a recording wrongly.
 
     Parameters
     ----------
-    simulated : dict of str to ndarray of shape (n,)
-        The predicted channels; empty where the model cannot run it.
-    differences : dict of str to float
-        RMS of measured minus simulated over the larger RMS of both, for each predicted channel
-        that moves and stands out from its noise; angles about their means.
+    kind : str
+        ``units``, ``sign``, ``swapped``, or ``none``.
+    words : str
+        What seems to be wrong.
+    factors : mapping of str to float
+        Written over true, for the channels that are not 1.
+    swapped : mapping of str to str
+        Under which name a channel was written.
+    log_prior : float
+        Natural logarithm of its probability beside a recording that is right.
     """
 
-    simulated: dict[str, _Floats]
-    differences: dict[str, float]
+    kind: str
+    words: str
+    factors: Mapping[str, float] = field(default_factory=dict)
+    swapped: Mapping[str, str] = field(default_factory=dict)
+    log_prior: float = USUAL
 
-    @property
-    def worst(self) -> float:
-        """The largest difference; infinite where the model cannot run it."""
-        if not self.simulated:
-            return float("inf")
-        return max(self.differences.values(), default=0.0)
-
-    @property
-    def worst_channel(self) -> str:
-        """Whose it is."""
-        return max(self.differences, key=lambda name: self.differences[name], default=TORQUES[1])
+    def undone(self, one: Recording) -> Recording:
+        """Return the recording as it would be without the mistake."""
+        right = one.with_channels({name: one[said] for name, said in self.swapped.items()})
+        return right.with_channels({name: right[name] / f for name, f in self.factors.items()})
 
 
-def thinned(one: Recording) -> Recording:
-    """Return every k-th sample: enough to tell a sign or a unit."""
-    stride = max(1, int(STEP_S / float(np.median(np.diff(one.time_s)))))
-    return one.select(slice(None, None, stride))
+RIGHT = Mistake("none", "nothing", log_prior=0.0)
 
 
-def read_with(model: Model, mode: Mode, one: Recording) -> Reading:
-    """Simulate a recording and compare the predicted channels."""
-    try:
-        trajectory = simulate_recording(model, mode, one)
-    except ModelError:
-        return Reading({}, {})
-    simulated, differences = {}, {}
-    for name in PREDICTED[mode]:
-        measured: _Floats = getattr(one, name)
-        answer: _Floats = getattr(trajectory, name)
-        if not np.all(np.isfinite(answer)):
-            return Reading({}, {})
-        simulated[name] = answer
-        if name in ANGLES:
-            measured, answer = measured - measured.mean(), answer - answer.mean()
-        size = max(_rms(measured), _rms(answer))
-        if size > 5.0 * noise_sigma(measured, one.time_s) and np.ptp(measured) > 0.0:
-            differences[name] = _rms(measured - answer) / size
-    return Reading(simulated, differences)
+def mistakes_of(model: Model, one: Recording) -> Iterator[Mistake]:
+    """List the mistakes that this recording's channels allow; the unmistaken one is first."""
+    yield RIGHT
+    changing = {name for name in NAMES if name in one.channels and np.ptp(one[name]) > 0.0}
+    for mistake in (*_signs(), *_units(model, one), *_swaps()):
+        if changing.issuperset((*mistake.factors, *mistake.swapped)):
+            yield mistake
 
 
-def best_correction(
-    model: Model, mode: Mode, one: Recording, as_read: Reading
-) -> tuple[str, str] | None:
-    """Find the mistake whose correction makes a recording fit.
-
-    Returns
-    -------
-    (str, str) or None
-        Its kind (``units``, ``sign``, ``swapped``) and what was found, in words. Among equals the
-        simplest; None where no correction brings it near the model.
-    """
-    best: tuple[float, str, str] | None = None
-    for kind, words, correct in _corrections():
-        worst = read_with(model, mode, correct(one)).worst
-        if best is None or worst < 0.95 * best[0]:
-            best = (worst, kind, words)
-    if best is None or best[0] > ALIKE or best[0] > BETTER * as_read.worst:
-        return None
-    before = "not at all" if not np.isfinite(as_read.worst) else f"{100 * as_read.worst:.0f} %"
-    return best[1], f"{best[2]} (off by {before} as read, {100 * best[0]:.0f} % once corrected)"
+def _signs() -> Iterator[Mistake]:
+    for names in (
+        *((name,) for name in NAMES),
+        MOTOR_ENDS,
+        TORQUES,
+        (ANGLES[0], TORQUES[1]),
+    ):
+        words = f"{both(names)} {'has' if len(names) == 1 else 'have'} the wrong sign"
+        yield Mistake("sign", words, dict.fromkeys(names, -1.0))
 
 
-_Correction = Callable[[Recording], Recording]
-
-
-def _corrections() -> Iterator[tuple[str, str, _Correction]]:
-    """List the mistakes, simplest first: kind, words, and what undoes it."""
-    for name in (*ANGLES, *TORQUES):
-        yield "sign", f"{_word(name)} has the wrong sign", _scaled((name,), -1.0)
-    yield "sign", "the motor's end has the wrong signs", _scaled((ANGLES[0], TORQUES[0]), -1.0)
-    yield "sign", "both torques have the wrong sign", _scaled(TORQUES, -1.0)
-    yield (
-        "sign",
-        "motor angle and load torque have the wrong signs",
-        _scaled((ANGLES[0], TORQUES[1]), -1.0),
-    )
+def _units(model: Model, one: Recording) -> Iterator[Mistake]:
     for names in (*((name,) for name in ANGLES), ANGLES):
-        words = " and ".join(map(_word, names))
-        yield "units", f"{words} seems to be in degrees", _scaled(names, np.pi / 180.0)
-        yield "units", f"{words} seems to be scaled down by 57.3", _scaled(names, 180.0 / np.pi)
-    for names in (*((name,) for name in (*ANGLES, *TORQUES)), ANGLES, TORQUES):
-        words = " and ".join(map(_word, names))
-        yield "units", f"{words} seems to be 1000 times too large", _scaled(names, 1e-3)
-        yield "units", f"{words} seems to be 1000 times too small", _scaled(names, 1e3)
-    yield "swapped", "motor and load angle are in each other's place", _swapped(ANGLES)
-    yield "swapped", "motor and load torque are in each other's place", _swapped(TORQUES)
-    yield "swapped", "the motor's and the load's channels are in each other's place", _swapped_ends
+        known = [units_of_angle(counts_per_turn(model, name)) for name in names]
+        for unit in known[0]:
+            if all(unit in each for each in known):
+                factors = {name: each[unit] for name, each in zip(names, known, strict=True)}
+                yield _in_unit(names, unit, factors)
+                if unit == "degrees":  # radians that somebody took for degrees
+                    words = f"{both(names)} {_seems(names)} to be 57.3 times too small"
+                    inverse = {name: 1.0 / factor for name, factor in factors.items()}
+                    yield Mistake("units", words, inverse, log_prior=RARE)
+    pair = model.transmission
+    for unit, motor, load in (
+        ("mN m", 1e3, 1e3),
+        ("N cm", 1e2, 1e2),
+        ("kN m", 1e-3, 1e-3),
+        ("N at the pulley's radius", 1 / pair.motor_pulley_radius_m, 1 / pair.load_pulley_radius_m),
+    ):
+        every = dict(zip(TORQUES, (motor, load), strict=True))
+        prior = USUAL if unit != "kN m" else RARE
+        for names in (*((name,) for name in TORQUES), TORQUES):
+            yield _in_unit(names, unit, {name: every[name] for name in names}, prior)
+    for key, value in one.metadata.items():
+        if key.endswith(TORQUE_CONSTANT) and _positive(value):
+            constant = float(value)
+            unit = f"A, at the recording's torque constant of {constant:g} N m/A"
+            yield _in_unit(TORQUES[:1], unit, {TORQUES[0]: 1.0 / constant})
 
 
-def _scaled(names: tuple[str, ...], factor: float) -> _Correction:
-    def correct(one: Recording) -> Recording:
-        return one.with_channels({name: factor * one[name] for name in names})
-
-    return correct
-
-
-def _swapped(names: tuple[str, str]) -> _Correction:
-    first, second = names
-    return lambda one: one.with_channels({first: one[second], second: one[first]})
+def _in_unit(
+    names: tuple[str, ...], unit: str, factors: Mapping[str, float], log_prior: float = USUAL
+) -> Mistake:
+    much = " and ".join(_many(factor) for factor in dict.fromkeys(factors.values()))
+    return Mistake(
+        "units", f"{both(names)} {_seems(names)} to be in {unit} ({much})", factors, {}, log_prior
+    )
 
 
-def _swapped_ends(one: Recording) -> Recording:
-    return _swapped(TORQUES)(_swapped(ANGLES)(one))
+def of_free_scale(name: str, factor: float, log_prior: float) -> Mistake:
+    """Return the mistake of a torque in a unit that nobody listed."""
+    words = f"{NAMES[name]} seems to be {_many(factor)}"
+    if name == TORQUES[0] and factor > 1.0:
+        words += f": in A, for a torque constant of {1.0 / factor:.2g} N m/A?"
+    return Mistake("units", words, {name: factor}, {}, log_prior)
 
 
-def _word(name: str) -> str:
-    return name.rpartition("_")[0].replace("_", " ")
+def _swaps() -> Iterator[Mistake]:
+    for words, pairs in (
+        ("motor and load angle", (ANGLES,)),
+        ("motor and load torque", (TORQUES,)),
+        ("the motor's and the load's channels", (ANGLES, TORQUES)),
+    ):
+        swapped = {a: b for pair in pairs for a, b in (pair, pair[::-1])}
+        yield Mistake("swapped", f"{words} are in each other's place", {}, swapped)
 
 
-def _rms(values: _Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _many(factor: float) -> str:
+    if factor >= 1.0:
+        return f"{factor:.4g} times too large"
+    return f"{1.0 / factor:.4g} times too small"
+
+
+def both(names: tuple[str, ...]) -> str:
+    """Return channels in words."""
+    return " and ".join(NAMES[name] for name in names)
+
+
+def _seems(names: tuple[str, ...]) -> str:
+    return "seems" if len(names) == 1 else "seem"
+
+
+def _positive(text: str) -> bool:
+    try:
+        return 0.0 < float(text) < math.inf
+    except ValueError:
+        return False

@@ -1,128 +1,128 @@
 """Whether units, signs and places of channels are this rig's, against geometry and model.
 
-Takes a `Model` and one `Recording`, returns findings; `mistakes` lists how a recording can be
-written wrongly.
+Takes a `Model` and one `Recording`, returns findings. Each way to write a recording wrongly
+(`mistakes`) is undone and the model asked again (`readings`); how well it then explains what was
+measured, with gain, zero, delay and a smooth discrepancy free, is weighed against how rare the
+mistake is.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowden.estimation.gate.answer import LONGEST_S, Answer, answer, thinned, usable_mode
+from bowden.estimation.gate.encoders import ANGLES
+from bowden.estimation.gate.explain import RATIO_SIGMA
 from bowden.estimation.gate.finding import NAMES, Finding
-from bowden.estimation.gate.mistakes import DOUBTFUL, Reading, best_correction, read_with, thinned
+from bowden.estimation.gate.mistakes import RIGHT
+from bowden.estimation.gate.readings import (
+    EXPLAINED,
+    FAR,
+    MOST_SURPRISE,
+    STOP_LOG_ODDS,
+    SURPRISE,
+    Readings,
+)
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
 from bowden.signals.noise import noise_sigma
 
-_Floats = NDArray[np.float64]
-
-LEAST_STROKE_RAD = 0.05  # a load that turns back by less is still on its way
-SLIDES = 0.05  # of the pulleys' ratio: a stroke that ends so near it is of this rig
-STROKE_END = np.array([0.7, 0.97])  # of the way
-RATIO_TOLERANCE = 0.2  # elastic cables and backlash make a few per cent
-FAR = 0.6  # of the larger of measured and simulated
+LACKS = 3.0  # times what a model usually lacks, beside which a ratio is read
+SURE = 4.0  # sigmas
 STILL_SHARE = 0.05  # of what the model expects to move
 
 
 def check_against_model(model: Model, mode: Mode, one: Recording, name: str) -> Iterator[Finding]:
     """Look for dead channels, wrong units, signs and places, and for another rig."""
-    thin = thinned(one)
-    as_read = read_with(model, mode, thin)
-    still = list(_still(thin, as_read, mode, name))
+    used = usable_mode(one, mode)
+    if used is None:
+        return
+    thin = thinned(one, LONGEST_S)
+    as_read = answer(model, used, thin)
+    still = list(_still(thin, as_read, used, name))
     yield from still
     if still:
         return
-    if as_read.worst > DOUBTFUL:
-        correction = best_correction(model, mode, thin, as_read)
-        if correction is not None:
-            kind, words = correction
-            yield Finding(kind, name, words, "SI units and the signs of the physics page", "stop")
+    reading = Readings(model, used, thin, as_read)
+    worst = reading.worst()
+    if worst > EXPLAINED:
+        mistake, log_odds = reading.likeliest()
+        left = reading.left_by(mistake, MOST_SURPRISE)
+        if mistake.kind != "none" and log_odds > STOP_LOG_ODDS and left < FAR:
+            found = f"{mistake.words}; {_odds(log_odds)} that it is not as the file says"
+            yield Finding(
+                mistake.kind, name, found, "SI units and the signs of the physics page", "stop"
+            )
             return
-    yield from _ratio(model, mode, thin, as_read, name)
-    if as_read.worst > FAR:
+    yield from _ratio(as_read, model, name)
+    if reading.left_by(RIGHT, MOST_SURPRISE) > FAR:
         yield Finding(
             "far",
-            f"{name}, {NAMES[as_read.worst_channel]}",
-            f"{100 * as_read.worst:.0f} % of it is not what the model says",
-            f"{100 * FAR:.0f} % at most from a rig like the model file's",
+            name,
+            "the model cannot run it"
+            if as_read is None
+            else "it differs from what the model says by more than a gain, a zero and a smooth "
+            "discrepancy explain",
+            f"{100 * (1.0 - FAR):.0f} % explained, with a gain near 1, by a rig like the model "
+            "file's",
             "warn",
         )
 
 
-def _still(one: Recording, as_read: Reading, mode: Mode, name: str) -> Iterator[Finding]:
+def _odds(log_odds: float) -> str:
+    return f"odds of {math.exp(log_odds):.0f} to 1" if log_odds < math.log(1e4) else "certain"
+
+
+def _still(one: Recording, as_read: Answer | None, mode: Mode, name: str) -> Iterator[Finding]:
     """Find channels that do not move although the rig does."""
-    load, motor = float(np.ptp(one.load_angle_rad)), float(np.ptp(one.motor_angle_rad))
-    torque = float(np.ptp(one.motor_torque_nm))
-    if max(load, motor, torque) == 0.0:
+    ranges = {k: float(np.ptp(one[k])) for k in NAMES if k in one.channels}
+    if max(ranges.values(), default=0.0) == 0.0:
         yield Finding("constant", name, "nothing moves", "motion or changing torque", "stop")
         return
-    for channel, words in NAMES.items():
-        values: _Floats = getattr(one, channel)
-        simulated = as_read.simulated.get(channel)
+    simulated = {} if as_read is None else as_read.simulated
+    load, motor = ranges.get("load_angle_rad"), ranges.get("motor_angle_rad", 0.0)
+    for channel, seen in ranges.items():
+        values = one[channel]
         sigma = noise_sigma(values, one.time_s)
-        expected = float(np.ptp(simulated)) if simulated is not None else 0.0
+        expected = float(np.ptp(simulated[channel])) if channel in simulated else 0.0
         if channel == "load_angle_rad" and channel in mode.columns:
             # A locked load is fine, but then the motor can only wind up the cables.
-            driven = as_read.simulated.get("motor_angle_rad")
+            driven = simulated.get("motor_angle_rad")
             if load == 0.0 and driven is not None and motor > 5.0 * float(np.ptp(driven)) + 0.2:
                 expected = motor
-        seen = float(np.ptp(values))
-        if seen <= max(STILL_SHARE * expected, 0.0) and seen <= 10.0 * sigma and expected > 1e-3:
+        if seen <= STILL_SHARE * expected and seen <= 10.0 * sigma and expected > 1e-3:
             yield Finding(
                 "constant",
-                f"{name}, {words}",
+                f"{name}, {NAMES[channel]}",
                 f"it stays at {float(values[0]):.4g}",
                 f"changes of about {expected:.2g}, since the rest of the rig moves",
                 "stop",
             )
 
 
-def _ratio(
-    model: Model, mode: Mode, one: Recording, as_read: Reading, name: str
-) -> Iterator[Finding]:
-    """Compare how far the motor turns when the load does."""
-    load, motor = one.load_angle_rad, one.motor_angle_rad
-    pair = model.transmission
-    pulleys = ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
-    backlash = float(np.ptp(motor - ratio * load))
-    if float(np.std(load)) == 0.0 or float(np.ptp(load)) * ratio < 2.0 * min(backlash, 0.5):
-        return
-    slope = float(np.cov(motor, load)[0, 1] / np.var(load))
-    simulated = as_read.simulated.get("motor_angle_rad")
-    if mode is Mode.TORQUE_POSITION and simulated is not None:
-        ratio = float(np.cov(simulated, load)[0, 1] / np.var(load))
-    if abs(slope / ratio - 1.0) <= RATIO_TOLERANCE:
-        return
-    if not np.any(np.abs(_end_of_strokes(load, motor) / pulleys - 1.0) < SLIDES):
+def _ratio(as_read: Answer | None, model: Model, name: str) -> Iterator[Finding]:
+    """Compare how far the motor turns when the load does with the pulleys."""
+    channels = {} if as_read is None else as_read.channels
+    forces = [one.explained(1.0) for key, one in channels.items() if key not in ANGLES]
+    if any(one.surprise > SURPRISE for one in forces):
+        return  # a model that is wrong about forces is wrong about what they wind up
+    for angle in ANGLES:
+        channel = channels.get(angle)
+        if channel is None or not channel.geometric:
+            continue
+        ratio, sigma = channel.ratio(LACKS)
+        if abs(ratio - 1.0) <= SURE * math.hypot(sigma, RATIO_SIGMA):
+            continue
+        pair = model.transmission
+        pulleys = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        motor = pulleys * (ratio if angle == ANGLES[0] else 1.0 / ratio)
         yield Finding(
             "rig",
             name,
-            f"the motor turns {slope:.3g} rad for a rad of the load",
-            f"{ratio:.3g} from the model file's pulleys: is it this rig?",
+            f"the motor turns {motor:.3g} rad for a rad of the load",
+            f"{pulleys:.3g} from the model file's pulleys: other counts per turn, or another rig?",
             "stop",
         )
-
-
-def _end_of_strokes(load: _Floats, motor: _Floats) -> _Floats:
-    """Return the motor's turn for a rad of the load, late in each long stroke.
-
-    By then both cables slide all along, as a rule, and friction takes nothing more of the motion.
-    """
-    turns, outward, extreme = [0], 1.0, 0
-    for i, angle in enumerate(load):
-        if outward * (angle - load[extreme]) > 0.0:
-            extreme = i
-        elif outward * (load[extreme] - angle) > LEAST_STROKE_RAD:
-            turns.append(extreme)
-            outward, extreme = -outward, i
-    travels = np.abs(np.diff(load[turns]))
-    slopes = []
-    for first, last, travel in zip(turns, turns[1:], travels, strict=False):
-        way = np.maximum.accumulate(np.abs(load[first : last + 1] - load[first]))
-        late, end = first + np.searchsorted(way, STROKE_END * travel)
-        if travel > LEAST_STROKE_RAD and load[end] != load[late]:
-            slopes.append((motor[end] - motor[late]) / (load[end] - load[late]))
-    return np.array(slopes)
