@@ -40,6 +40,7 @@ COMMANDS = {
     "configure": "write a model's rig into the drive and read it back",
     "apply": "write a model, reduced to what the drive supports, to the drive",
     "watch": "watch a drive live in the terminal; stop, start, mark by key",
+    "studio": "the bench in a browser: live loop, stop, record, compare, diagnose",
     "record": "record both encoders, motor torque and load cell over CAN",
     "recover": "make a whole capture of what a killed recorder has left",
     "replay": "send a recording onto a bus as its drives sent it",

@@ -21,7 +21,9 @@ import can
 
 from bowden.drive.bus_load import BusLoad
 from bowden.drive.client import Drive
+from bowden.drive.configuration import difference, write
 from bowden.drive.dictionary import lookup
+from bowden.drive.entry_text import find, parse
 from bowden.drive.faults import describe_emergency
 from bowden.drive.follow import Follower
 from bowden.drive.live_state import (
@@ -32,6 +34,7 @@ from bowden.drive.live_state import (
     StartMotor,
     StartRecording,
     StopMotor,
+    WriteValues,
 )
 from bowden.drive.power import BRIDGE_ON, Run, is_fault, power_state, powered, safe_stop
 from bowden.drive.provenance import read_layouts, run_metadata, side_file
@@ -101,8 +104,8 @@ class LiveSession:
         self._started_at_sample = 0
         self._recorded_from_us = 0
         self._poll_place = 0
-        self.tunnel = {name: drive.read(name) for name in TUNNEL}
-        self.ratio = drive.read("load_pulley_radius") / drive.read("motor_pulley_radius")
+        self._changes: list[dict[str, object]] = []
+        self._read_tunnel()
         self._sends_for_us = drive.next_nmt_state() != "OPERATIONAL"
         self._snapshot = Snapshot(drive.node_id, tunnel=self.tunnel, ratio=self.ratio)
         drive.connection.observers.append(self._observe)
@@ -211,6 +214,8 @@ class LiveSession:
                     self._end_recording()
                 case MarkMoment(text):
                     self._mark(text)
+                case WriteValues(values, dry_run):
+                    self._write_values(values, dry_run)
         except (DriveFailed, BadInput) as failure:
             self._message = str(failure)
 
@@ -302,6 +307,23 @@ class LiveSession:
         self._writer.mark(text, last["device_time"], self._follower.last_host_s)
         self._message = f"mark: {text}"
 
+    def _write_values(self, values: dict[str, float | str], dry_run: bool) -> None:
+        wanted = {name: _in_unit(name, value) for name, value in values.items()}
+        changes = difference(self.drive, wanted)
+        if not dry_run:
+            write(self.drive, changes)
+            self._read_tunnel()
+        self._changes = [
+            {"name": c.name, "before": c.before, "after": c.wanted, "unit": c.unit} for c in changes
+        ]
+        done = "would change" if dry_run else "changed and read back"
+        self._message = f"{len(changes)} entries {done}"
+
+    def _read_tunnel(self) -> None:
+        self.tunnel = {name: self.drive.read(name) for name in TUNNEL}
+        radii = (self.drive.read(f"{end}_pulley_radius") for end in ("load", "motor"))
+        self.ratio = next(radii) / next(radii)
+
     def _poll(self) -> None:
         now = self._clock()
         if now - self._load_at >= _LOAD_EVERY_S:
@@ -352,7 +374,14 @@ class LiveSession:
             recording=str(self._writer.path) if self._writer else None,
             recorded_s=recorded_us / 1e6,
             last_recording=self._last_recording,
+            changes=self._changes,
             message=self._message,
         )
         with self._lock:
             self._snapshot = shown
+
+
+def _in_unit(name: str, value: float | str) -> float:
+    """Return a value in its entry's unit; of a word, the number that it stands for."""
+    entry = find(name)
+    return entry.to_value(parse(entry, value))

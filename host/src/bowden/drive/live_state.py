@@ -43,7 +43,15 @@ class MarkMoment:
     text: str
 
 
-Command = StartMotor | StopMotor | StartRecording | EndRecording | MarkMoment
+@dataclass(frozen=True)
+class WriteValues:
+    """Show what would change in the configuration, or write it and read it back; bridge off."""
+
+    values: dict[str, float | str]
+    dry_run: bool
+
+
+Command = StartMotor | StopMotor | StartRecording | EndRecording | MarkMoment | WriteValues
 
 
 @dataclass(frozen=True)
@@ -68,10 +76,11 @@ class Snapshot:
     recording: str | None = None
     recorded_s: float = 0.0
     last_recording: str | None = None
+    changes: list[dict[str, object]] = field(default_factory=list)
     message: str = ""
 
 
-def mode_named(word: str, torque_nm: float | None) -> Run:
+def run_named(word: str, torque_nm: float | None) -> Run:
     """Return what to run for a word of `ModeOfOperation`: ``tunnel`` or ``torque``."""
     if word == "tunnel":
         return Run(ModeOfOperation.TUNNEL)

@@ -1,0 +1,1 @@
+"""`bowden studio`: the bench in a browser, on this machine only."""

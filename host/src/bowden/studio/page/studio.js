@@ -1,0 +1,211 @@
+// The page of `bowden studio`: draws what the server sends, sends what the user asks for.
+// While it draws it says "alive"; when it does not, the server stops the motor.
+"use strict";
+
+const ALIVE_EVERY_MS = 200;
+const KEPT_S = 5, LOOP_S = 2.5;
+const MOST_POINTS = 400; // drawn of a curve; the sample rate is 1 kHz
+const [NUMBER, TIME, , LOAD_ANGLE, , LOAD_TORQUE] = [0, 1, 2, 3, 4, 5];
+
+const at = (id) => document.getElementById(id);
+const style = getComputedStyle(document.documentElement);
+const colour = (name) => style.getPropertyValue(name).trim();
+
+let rows = [];
+let curve = [[], []];
+let now = null;
+let isNew = false;
+let socket = null;
+
+function order(message) {
+  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/live`);
+  socket.onmessage = (event) => take(JSON.parse(event.data));
+  socket.onclose = () => {
+    at("state").textContent = "no connection: the drive is stopped";
+    at("state").className = "bad";
+    setTimeout(connect, 1000);
+  };
+}
+
+function take(message) {
+  if (message.refused) { at("message").textContent = message.refused; return; }
+  if (message.curve) curve = message.curve;
+  if (message.rows && message.rows.length) {
+    if (rows.length && message.rows[0][NUMBER] <= rows[rows.length - 1][NUMBER]) rows = [];
+    rows.push(...message.rows);
+    const oldest = rows[rows.length - 1][NUMBER] - KEPT_S * 1000;
+    const first = rows.findIndex((row) => row[NUMBER] > oldest);
+    if (first > 0) rows = rows.slice(first);
+    isNew = true;
+  }
+  if (message.now) { now = message.now; showState(); }
+}
+
+// The prescribed torque at an angle: a straight line between two points of the server's curve.
+function wanted(angle) {
+  const [x, y] = curve;
+  if (!x.length) return null;
+  const place = (angle - x[0]) / (x[1] - x[0]);
+  const left = Math.min(Math.max(Math.floor(place), 0), x.length - 2);
+  const share = Math.min(Math.max(place - left, 0), 1);
+  return y[left] + share * (y[left + 1] - y[left]);
+}
+
+function thinned(list) {
+  const step = Math.max(Math.ceil(list.length / MOST_POINTS), 1);
+  return list.filter((_, place) => (list.length - 1 - place) % step === 0);
+}
+
+const colours = () => ({ ink: colour("--ink"), soft: colour("--soft"), line: colour("--line"), marker: colour("--red") });
+const loop = new Plot(at("loop"), "load angle, rad", "torque by the cables on the load, N m");
+const time = new Plot(at("time"), "time, s", "torque at the load, N m");
+
+let drawn = 0, countedSince = performance.now();
+
+function draw() {
+  requestAnimationFrame(draw);
+  if (!isNew || document.hidden) return;
+  isNew = false;
+  const newest = rows[rows.length - 1];
+  const recent = thinned(rows.filter((row) => row[NUMBER] > newest[NUMBER] - LOOP_S * 1000));
+  const used = colours();
+  const prescribed = (name, x, y) => ({ name, x, y, colour: used.soft, width: 2.5, dash: true });
+  const felt = (x, y) => ({ name: "felt", x, y, colour: colour("--blue"), width: 1.5 });
+  loop.draw([
+    prescribed("prescribed", ...curve),
+    felt(recent.map((row) => row[LOAD_ANGLE]), recent.map((row) => row[LOAD_TORQUE])),
+  ], [newest[LOAD_ANGLE], newest[LOAD_TORQUE]], used);
+  const shown = thinned(rows);
+  const times = shown.map((row) => row[TIME] - newest[TIME]);
+  time.draw([
+    prescribed("wanted", times, shown.map((row) => wanted(row[LOAD_ANGLE]))),
+    felt(times, shown.map((row) => row[LOAD_TORQUE])),
+  ], null, used);
+  drawn += 1;
+  const span = performance.now() - countedSince;
+  if (span >= 1000) {
+    document.documentElement.dataset.picturesPerS = (1000 * drawn / span).toFixed(1);
+    drawn = 0; countedSince = performance.now();
+  }
+}
+
+function showState() {
+  at("node").textContent = `node ${now.node_id}`;
+  const who = now.is_ours ? "" : now.is_on ? " (by another program)" : "";
+  at("state").textContent = now.power_state + who + (now.recording ? `  · recording ${now.recorded_s.toFixed(1)} s` : "");
+  at("state").className = now.fault ? "bad" : now.is_on ? "on" : "";
+  at("rates").textContent = `${now.rate_hz.toFixed(0)} samples/s, ${now.lost} frames lost, bus ${(100 * now.bus_share).toFixed(0)} %`;
+  at("fault").hidden = !now.fault;
+  at("fault").textContent = now.fault || "";
+  at("message").textContent = now.has_drive ? now.message : `another page has the drive; stop works here, too. ${now.message}`;
+  at("recording").textContent = now.recording ? "end the recording" : "record";
+  at("name").disabled = Boolean(now.recording);
+  showTensions();
+  showRecordings();
+  showJob();
+  for (const input of at("configure").querySelectorAll("input"))
+    if (!input.value && input.name in now.tunnel) input.value = Number(now.tunnel[input.name].toPrecision(6));
+  at("changes").replaceChildren(...now.changes.map((change) => {
+    const line = document.createElement("tr");
+    for (const text of [change.name, `${+change.before.toPrecision(6)} → ${+change.after.toPrecision(6)} ${change.unit}`]) {
+      const cell = document.createElement("td");
+      cell.textContent = text;
+      line.append(cell);
+    }
+    return line;
+  }));
+}
+
+function showTensions() {
+  const names = [["motor_a", "cable a, motor"], ["load_a", "cable a, load"], ["motor_b", "cable b, motor"], ["load_b", "cable b, load"]];
+  const values = names.map(([key]) => now.values[`model_tension.${key}`] ?? 0);
+  const most = Math.max(...values, 10);
+  if (!at("tensions").children.length)
+    at("tensions").append(...names.map(([, text]) => {
+      const line = document.createElement("div");
+      line.className = "bar";
+      line.append(text, document.createElement("i"), document.createElement("span"));
+      return line;
+    }));
+  [...at("tensions").children].forEach((line, place) => {
+    line.querySelector("i").style.width = `${100 * values[place] / most}%`;
+    line.querySelector("span").textContent = `${values[place].toFixed(1)} N`;
+  });
+}
+
+let listed = null;
+function showRecordings() {
+  if (now.recordings.join() === listed) return;
+  listed = now.recordings.join();
+  if (!now.recording) suggestName();
+  at("recordings").replaceChildren(...now.recordings.map((name) => {
+    const label = document.createElement("label"), box = document.createElement("input");
+    box.type = "checkbox"; box.value = name;
+    label.append(box, ` ${name}`);
+    return label;
+  }));
+}
+
+// The next free name: run_2 after run_1.
+function suggestName() {
+  const stem = at("name").value.replace(/_\d+$/, "") || "run";
+  let number = 1;
+  while (now.recordings.some((name) => name.startsWith(`${stem}_${number}.`))) number += 1;
+  at("name").value = `${stem}_${number}`;
+}
+
+let shownReport = "";
+function showJob() {
+  const job = now.job;
+  if (job.state === "none") return;
+  const verdict = job.result && job.result.verdict ? `: ${job.result.verdict} ${(job.result.effects || []).map((one) => one.name).join(", ")}` : "";
+  at("job").textContent = `${job.do} ${job.state}${verdict}${job.why ? `: ${job.why}` : ""}`;
+  at("apply").hidden = !(job.do === "diagnose" && job.state === "done" && job.result.model);
+  if (job.state === "done" && job.report !== shownReport) {
+    shownReport = job.report;
+    at("report").hidden = false;
+    at("report").querySelector("iframe").src = `/report/${job.report}?${Date.now()}`;
+  }
+  if (job.state === "running") shownReport = "";
+}
+
+function wire() {
+  at("stop").onclick = () => order({ do: "stop" });
+  // In every place, also in a field: nobody looks for the focus before pressing stop.
+  document.addEventListener("keydown", (event) => {
+    if (event.code !== "Space") return;
+    order({ do: "stop" });
+    if (!(event.target instanceof HTMLInputElement && event.target.type !== "radio" && event.target.type !== "checkbox")) event.preventDefault();
+  }, true);
+  at("start").onsubmit = (event) => {
+    event.preventDefault();
+    const mode = at("start").elements.mode.value;
+    order({ do: "start", mode, torque_nm: mode === "torque" ? Number(at("torque").value) : null });
+  };
+  at("record").onsubmit = (event) => {
+    event.preventDefault();
+    order(now && now.recording ? { do: "end_recording" } : { do: "record", name: at("name").value });
+  };
+  at("mark").onclick = () => order({ do: "mark", text: "mark" });
+  at("configure").onsubmit = (event) => {
+    event.preventDefault();
+    const values = Object.fromEntries([...new FormData(at("configure"))].map(([name, text]) => [name, Number(text)]));
+    order({ do: "configure", values, dry_run: event.submitter.value === "diff" });
+  };
+  at("examine").onsubmit = (event) => {
+    event.preventDefault();
+    const recordings = [...at("recordings").querySelectorAll(":checked")].map((box) => box.value);
+    if (recordings.length) order({ do: event.submitter.value, recordings });
+    else at("message").textContent = "choose a recording first";
+  };
+  at("apply").onclick = () => order({ do: "apply_model", dry_run: false });
+  setInterval(() => { if (!document.hidden) order({ do: "alive" }); }, ALIVE_EVERY_MS);
+}
+
+wire();
+connect();
+requestAnimationFrame(draw);

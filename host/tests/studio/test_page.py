@@ -1,0 +1,117 @@
+"""The page in a real browser: headless Chromium, driven by Playwright, on the simulated rig."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+
+import pytest
+from bowden.recording.read import read_recording
+from playwright.sync_api import Page, expect, sync_playwright
+
+from .conftest import Studio
+
+CHROMIUM = next(
+    (
+        path
+        for name in ("chromium", "chromium-browser", "google-chrome")
+        if (path := shutil.which(name))
+    ),
+    None,
+)
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium on this machine (Debian: apt-get install chromium)"
+)
+SLOW_MS = 60_000  # a busy machine
+
+
+@pytest.fixture
+def page(studio: Studio) -> Iterator[Page]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 1000})
+        problems: list[str] = []
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on(
+            "console",
+            lambda message: problems.append(message.text) if message.type == "error" else None,
+        )
+        page.set_default_timeout(SLOW_MS)
+        expect.set_options(timeout=SLOW_MS)
+        page.goto(studio.access.address)
+        expect(page.locator("#state")).to_contain_text("switch on disabled")
+        yield page
+        browser.close()
+        assert problems == []
+
+
+def start(page: Page) -> None:
+    page.click("text=start the motor")
+    expect(page.locator("#state")).to_contain_text("operation enabled")
+
+
+def coloured_pixels(page: Page, name: str) -> int:
+    """Count the pixels of a canvas on which something is drawn."""
+    script = """canvas => { const data = canvas.getContext('2d')
+        .getImageData(0, 0, canvas.width, canvas.height).data;
+        let count = 0; for (let i = 3; i < data.length; i += 4) count += data[i] > 0;
+        return count; }"""
+    return int(page.locator(f"#{name}").evaluate(script))
+
+
+def test_run_see_the_loop_record_stop(page: Page, studio: Studio) -> None:
+    assert "token" not in page.url
+    start(page)
+    assert studio.motor_is_on
+    page.click("#recording")
+    expect(page.locator("#state")).to_contain_text(re.compile(r"recording [2-9]\."))
+    assert coloured_pixels(page, "loop") > 2000
+    assert coloured_pixels(page, "time") > 2000
+    page.click("#mark")
+    page.click("#recording")
+    expect(page.locator("#recordings label")).to_have_text(" run_1.blf")
+    # The space bar stops, also while somebody types a name.
+    page.focus("#name")
+    page.keyboard.press("Space")
+    expect(page.locator("#state")).to_contain_text("switch on disabled")
+    assert not studio.motor_is_on
+    recording = read_recording(studio.folder / "run_1.blf")
+    assert recording.metadata["marks"].endswith("mark")
+    page.check("#recordings input")
+    page.click("text=compare with the model")
+    expect(page.locator("#job")).to_contain_text("compare done")
+    report = page.frame_locator("iframe")
+    expect(report.locator("h1")).to_have_text("Measured and simulated")
+
+
+def test_the_stop_is_always_in_sight_and_works(page: Page, studio: Studio) -> None:
+    start(page)
+    page.set_viewport_size({"width": 420, "height": 700})
+    page.mouse.wheel(0, 5000)
+    expect(page.locator("#stop")).to_be_in_viewport()
+    box = page.locator("#stop").bounding_box()
+    assert box is not None
+    assert box["width"] * box["height"] > 8000
+    page.click("#stop")
+    expect(page.locator("#state")).to_contain_text("switch on disabled")
+    assert not studio.motor_is_on
+
+
+def test_losing_the_page_stops_the_motor(page: Page, studio: Studio) -> None:
+    start(page)
+    lost_s = studio.bus.time_s
+    page.goto("about:blank")
+    while studio.motor_is_on and studio.bus.time_s < lost_s + 10:
+        pass
+    assert studio.bus.time_s - lost_s < 1.5
+
+
+def test_the_diff_is_shown_before_it_is_written(page: Page, studio: Studio) -> None:
+    page.fill("[name=tunnel_half_width]", "0.1")
+    page.click("text=what would change?")
+    expect(page.locator("#changes")).to_contain_text("tunnel_half_width")
+    assert studio.bench.session.snapshot().tunnel["tunnel_half_width"] == pytest.approx(0.05)
+    page.click("text=write to the drive")
+    expect(page.locator("#message")).to_contain_text("changed and read back")
+    assert studio.bench.session.snapshot().tunnel["tunnel_half_width"] == pytest.approx(0.1)
