@@ -46,6 +46,7 @@ def studio(tmp_path: Path) -> Iterator[Studio]:
     connection = Connection(bus, clock=lambda: bus.time_s, threaded=False)
     listening = socket.socket()
     listening.bind((HOST, 0))
+    listening.listen()  # the first request waits until the server is there
     access = Access(listening.getsockname()[1])
     with LiveSession(Drive(connection)) as session:
         bench = StudioBench(session, tmp_path, model)
