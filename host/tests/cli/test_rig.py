@@ -81,6 +81,8 @@ def test_a_recording_whose_rig_is_killed_is_cut_and_kept(
     rig.send_signal(signal.SIGTERM)
     _, told = recorder.communicate()
     assert recorder.returncode == 3, told
+    assert "cut short: node 16 has vanished" in told  # the summary
+    told = told.splitlines()[-1] + "\n"
     assert told.startswith("bowden record: ")
     # Killed before or after the drive was enabled: either way nothing is left half-written.
     assert not list(tmp_path.glob("*.part*"))

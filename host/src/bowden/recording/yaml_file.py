@@ -47,8 +47,9 @@ def read_yaml(path: Path, schema: type[_File], what: str) -> _File:
     BadInput
         Not readable, not YAML (with the line), or not of the schema (all problems, with fields).
     """
+    text = read_text(path, what)
     try:
-        tree = YAML(typ="safe", pure=True).load(read_text(path, what))
+        tree = YAML(typ="safe", pure=True).load(text)
     except MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise BadInput(f"{path}{line}", error.problem or "no YAML", what) from error
