@@ -66,6 +66,56 @@ typedef enum {
 } configuration_origin_outcome_t;
 enum { CONFIGURATION_ORIGIN_OUTCOME_COUNT = 6 };
 
+/* checks of the supervision */
+enum {
+    SUPERVISION_OVERCURRENT = 1 << 0,  /* bridge overcurrent */
+    SUPERVISION_ENCODER = 1 << 1,      /* an encoder is broken */
+    SUPERVISION_LOAD_CELL = 1 << 2,    /* load cell stuck or out of range */
+    SUPERVISION_CLOCK = 1 << 3,        /* crystal failed */
+    SUPERVISION_BUS_OFF = 1 << 4,      /* recovered from bus-off */
+    SUPERVISION_TICK_OVERRUN = 1 << 5, /* a control tick was not finished in its period */
+    SUPERVISION_RX_OVERRUN = 1 << 6,   /* CAN frames lost */
+    SUPERVISION_CONVERTER = 1 << 7,    /* no new samples of current, load cell, bus voltage */
+    SUPERVISION_RESTARTED = 1 << 8,    /* the firmware crashed or hung and was started anew */
+    SUPERVISION_CAN_PASSIVE =
+        1 << 9, /* the CAN controller went error-passive while the bridge was on */
+    SUPERVISION_CURRENT_MODEL =
+        1 << 10, /* the measured current does not follow from the voltage on the motor */
+    SUPERVISION_CURRENT_ZERO = 1 << 11,  /* the current sensor reads too much with the bridge off */
+    SUPERVISION_CURRENT_ERROR = 1 << 12, /* the motor current does not follow its command */
+    SUPERVISION_ENDS_APART =
+        1 << 13, /* motor and load angle are further apart than the cables can stretch */
+    SUPERVISION_MOTOR_SPEED =
+        1 << 14, /* the motor is faster than motor_speed_limit, or its encoder jumped */
+    SUPERVISION_LOAD_SPEED =
+        1 << 15, /* the load is faster than load_speed_limit, or its encoder jumped */
+    SUPERVISION_UNDERVOLTAGE = 1 << 16, /* bus voltage too low */
+    SUPERVISION_OVERVOLTAGE = 1 << 17,  /* bus voltage too high */
+    SUPERVISION_MOTOR_HEAT =
+        1
+        << 18, /* the motor carries more than its continuous current although it is limited (I2t) */
+    SUPERVISION_BRIDGE_HEAT = 1 << 19,    /* the bridge carries more than its continuous current
+                                             although it is limited (I2t) */
+    SUPERVISION_CONDUIT_HEAT = 1 << 20,   /* the conduit is hotter than conduit_temperature_limit */
+    SUPERVISION_LOAD_ANGLE = 1 << 21,     /* the load is outside load_angle_min to load_angle_max */
+    SUPERVISION_HEARTBEAT = 1 << 22,      /* the host went silent while the drive ran */
+    SUPERVISION_HOST_RESTARTED = 1 << 23, /* the watched host restarted while the drive ran */
+    SUPERVISION_COMMAND_LATE = 1 << 24,  /* no command came from the host within command_deadline */
+    SUPERVISION_CONFIGURATION = 1 << 25, /* configuration cannot run */
+    SUPERVISION_BITS = 26,               /* from the lowest to the highest */
+};
+
+/* the limit that cuts the torque in this tick; no fault */
+enum {
+    LIMITS_ACTIVE_MOTOR_TORQUE = 1 << 0,  /* motor_torque_limit */
+    LIMITS_ACTIVE_BOARD_CURRENT = 1 << 1, /* the largest current of the board */
+    LIMITS_ACTIVE_MOTOR_HEAT = 1 << 2,    /* the motor is near its continuous current (I2t) */
+    LIMITS_ACTIVE_BRIDGE_HEAT = 1 << 3,   /* the bridge is near its continuous current (I2t) */
+    LIMITS_ACTIVE_CONDUIT_HEAT = 1
+                                 << 4, /* the conduit is within 10 K of conduit_temperature_limit */
+    LIMITS_ACTIVE_BITS = 5,            /* from the lowest to the highest */
+};
+
 /* of the cable pair, from the model */
 typedef enum {
     SLIP_STATE_STUCK = 0,    /* part of each cable is at standstill */
@@ -148,9 +198,11 @@ enum {
     STATUSWORD_SWITCH_ON_DISABLED = 1 << 6, /* switch on disabled */
     STATUSWORD_REMOTE = 1 << 9,             /* the controlword is obeyed */
     STATUSWORD_TARGET_REACHED = 1 << 10,    /* halted, and the torque is 0 */
-    STATUSWORD_INTERNAL_LIMIT =
-        1 << 11,          /* a limit of the drive cuts the torque that is asked for */
-    STATUSWORD_BITS = 12, /* from the lowest to the highest */
+    STATUSWORD_INTERNAL_LIMIT = 1 << 11, /* a limit of the drive cuts the torque that is asked for:
+                                            limits_active says which */
+    STATUSWORD_NO_DEADLINE =
+        1 << 14,          /* command_deadline is 0: a host that falls silent is not noticed by it */
+    STATUSWORD_BITS = 15, /* from the lowest to the highest */
 };
 
 /* how a quick stop takes the torque away; then the drive is in switch on disabled */

@@ -34,6 +34,7 @@ ALLOWED_INCLUDES: Final[dict[str, tuple[str, ...]]] = {
     "core": ("core/",),
     "canopen": ("canopen/", "board/board.h"),
     "drive": ("drive/", "core/", "canopen/", "board/board.h"),
+    "drive/supervision": ("drive/", "core/", "canopen/", "board/board.h"),
     "board/native": ("board/native/", "board/board.h", "drive/", "core/"),
 }
 OTHER_BOARDS: Final = ("board/board.h", "drive/drive.h")  # and the board's own folder
@@ -106,7 +107,7 @@ def compile_all(firmware: Path, output: Path) -> list[Path]:
     """Objects of core, canopen and drive for the Cortex-M4."""
     objects = []
     for folder in CROSS_COMPILED:
-        for source in sorted((firmware / folder).glob("*.c")):
+        for source in sorted((firmware / folder).rglob("*.c")):
             target = output / f"{folder}_{source.stem}.o"
             run(f"{TOOLS}gcc", *FLAGS, "-c", str(source), "-o", str(target))
             objects.append(target)

@@ -22,6 +22,7 @@ NMT_RESET_NODE: Final = 0x81
 CONTROLWORD: Final = 0x6040
 STATUSWORD: Final = 0x6041
 MODE: Final = 0x6060
+COMMAND_DEADLINE: Final = 0x2140
 FAULT_BIT: Final = 1 << 3
 ANSWER_WITHIN_S: Final = 0.1
 STEP_WITHIN_S: Final = 0.01  # for a change of the drive's state
@@ -146,8 +147,14 @@ class LockstepHost(Generic[AnyWire]):
         """Read the CiA 402 statusword."""
         return int.from_bytes(self.read(STATUSWORD), "little")
 
-    def enable(self, mode: int) -> None:
-        """Start the node and bring the drive to Operation enabled, checking each state."""
+    def enable(self, mode: int, guarded: bool = False) -> None:
+        """Start the node and bring the drive to Operation enabled, checking each state.
+
+        `guarded`: the drive keeps its deadline for commands; else this host, which sends nothing
+        while time passes, opts out of it first.
+        """
+        if not guarded and any(self.read(COMMAND_DEADLINE)):
+            self.write(COMMAND_DEADLINE, 0, 0, 2)
         self.nmt(NMT_START)
         self.write(MODE, 0, mode, 1)
         for controlword, mask, state in ((6, 0x6F, 0x21), (7, 0x6F, 0x23), (15, 0x6F, 0x27)):

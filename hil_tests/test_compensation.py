@@ -117,12 +117,25 @@ def test_an_encoder_that_does_not_fit_the_cables_leaves_coulomb_feed_forward(
     # 0.6 rad at the motor: 12 mm of cable that both encoders disagree by
     sensing = Sensing(encoder_eccentricity_rad=0.6, load_cell_gain_error=0.0)
     host = compensating(benches, Rig(cable=SOFT, sensing=sensing))
+    write(host, "stretch_tolerance", 0.1)  # else the supervision stops the drive
     host.enable(TUNNEL)
     host.listen(1.2)
     assert read(host, "statusword") & STATE == ENABLED
     assert any(
         level == COULOMB_RUNG and causes & ENCODER_SLIPPED for level, causes in warnings(host)
     )
+
+
+@pytest.mark.parametrize(("law", "warns"), [(0, set()), (MODEL_INVERSION, {WARNING})])
+def test_an_encoder_that_leaves_the_cables_stops_the_drive(
+    benches: Benches, law: int, warns: set[int]
+) -> None:
+    benches.expected = {0x7320} | warns
+    sensing = Sensing(encoder_eccentricity_rad=0.6)
+    host = compensating(benches, Rig(cable=SOFT, sensing=sensing), law)
+    host.enable(TUNNEL)
+    host.listen(1.2)
+    assert not host.bus.bench.actuators.bridge_enabled
 
 
 def test_torque_that_the_cables_hold_when_the_law_starts_is_no_broken_cell(

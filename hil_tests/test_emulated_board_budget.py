@@ -20,7 +20,7 @@ pytestmark = NEEDS_ELF
 # more, so that what makes one slower is noticed.
 CEILINGS = {
     "control tick (PendSV)": TICK_CYCLES / 2 / CYCLES_PER_INSTRUCTION,
-    "current loop (ADC)": 300,
+    "current loop (ADC)": 400,
     "supervision (SysTick)": 180,
     "frame received (CAN1_RX0)": 220,
     "index pulse (EXTI9_5)": 40,

@@ -6,12 +6,15 @@ The times are those of docs/hardware.md.
 
 from __future__ import annotations
 
+import math
+
 import can
 import pytest
 from bowden_rig.rig.parameters import Hand, Rig, Sensing
 
 from hil_tests.board_bench import FAULT, NEEDS_ELF, TICK_US, Board, off_after_us, running
 from hil_tests.emulated.records import CanFault, Options, ResetCause
+from hil_tests.lockstep_host import CONTROLWORD
 from hil_tests.targets import board_map
 
 pytestmark = NEEDS_ELF
@@ -59,15 +62,17 @@ def test_a_stuck_converter_that_reads_too_much_current_opens_the_bridge_at_once(
     board.restart_after_fault()
 
 
-@pytest.mark.parametrize("code", [500, 2048, 2100, 3000])
-def test_a_stuck_converter_is_seen_in_the_next_tick(code: int) -> None:
+@pytest.mark.parametrize(
+    ("code", "told"), [(500, 0x7200), (2048, 0x5210), (2100, 0x5210), (3000, 0x7200)]
+)
+def test_a_stuck_converter_is_seen_in_the_next_tick(code: int, told: int) -> None:
     board = running()
     start_us = board.chip.time_us
     board.chip.stick_adc(1, code)
     board.run(0.01)
     # a window that is stuck from its first sample to its last, and the tick that reads it
     assert off_after_us(board, start_us) < 3 * TICK_US
-    assert board.emergencies() == [0x5210]
+    assert board.emergencies()[0] == told  # a jump of the current is noticed before the rest
     assert board.state() == FAULT
     board.chip.stick_adc(1, None)
     board.run(0.01)
@@ -121,17 +126,38 @@ def test_a_load_cell_at_a_rail_is_seen_in_the_next_tick(
     board.restart_after_fault()
 
 
+STEP = 16  # counts of the motor a tick: 200 rad/s, and a load that the operator could turn so fast
+SPUN_UP = 8 * sum(range(STEP))  # counts
+
+
+def turn_both(board: Board, counts: int, step: int = STEP) -> None:
+    """Turn both ends together for a tick, as cables that do not stretch do."""
+    board.chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, counts)
+    board.chip.set_encoder(board_map.LOAD_ENCODER_TIMER, round(counts * 5 / 5.2))
+    board.chip.set_motor(step / 2000 * 2 * math.pi / 250e-6, 24.0)
+    board.chip.run_until(board.chip.time_us + TICK_US)
+
+
+def turning() -> Board:
+    """Return a board whose motor is brought to STEP, a count a tick more every 2 ms."""
+    board, counts = running(0.0), 0
+    for step in range(STEP):
+        for _ in range(8):
+            counts += step
+            turn_both(board, counts, step)
+    assert board.chip.bridge().enabled
+    return board
+
+
 def test_an_index_that_fails_to_come_is_seen_in_two_turns() -> None:
-    board = running(0.0)
+    board = turning()
     chip, turn = board.chip, 2000
-    for counts in range(0, turn + 50, 50):
-        chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, counts)
-        chip.run_until(chip.time_us + TICK_US)
+    for counts in range(SPUN_UP, turn + STEP, STEP):
+        turn_both(board, counts)
     chip.break_encoder_wire(board_map.MOTOR_ENCODER_TIMER, "index", 0)
-    for counts in range(turn + 50, 3 * turn + 200, 50):
+    for counts in range(turn + STEP, 3 * turn + 200, STEP):
         assert chip.bridge().enabled or counts > 3 * turn
-        chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, counts)
-        chip.run_until(chip.time_us + TICK_US)
+        turn_both(board, counts)
     chip.run_until(chip.time_us + 2 * TICK_US)
     assert not chip.bridge().enabled
     assert faults(board) == [0x7305]
@@ -139,18 +165,14 @@ def test_an_index_that_fails_to_come_is_seen_in_two_turns() -> None:
 
 @pytest.mark.parametrize("line", ["a", "b"])
 def test_an_encoder_wire_that_breaks_is_seen_at_the_next_index(line: str) -> None:
-    board = running(0.0)
+    board = turning()
     chip, turn = board.chip, 2000
-    for counts in range(0, 2 * turn + 1, 50):  # the index is learnt
-        chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, counts)
-        chip.run_until(chip.time_us + TICK_US)
+    for counts in range(SPUN_UP, 3 * turn - 112, STEP):  # the index is learnt
+        turn_both(board, counts)
     assert chip.bridge().enabled
-    chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, 2 * turn + 700)
-    chip.run_until(chip.time_us + TICK_US)
     chip.break_encoder_wire(board_map.MOTOR_ENCODER_TIMER, line, 1)
-    for counts in range(2 * turn + 750, 3 * turn, 50):
-        chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, counts)
-        chip.run_until(chip.time_us + TICK_US)
+    for counts in range(3 * turn - 112, 3 * turn, STEP):  # 7 mm: the cables could stretch so far
+        turn_both(board, counts)
     assert chip.bridge().enabled  # until the index there is nothing to see
     start_us = chip.time_us
     chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, 3 * turn + 10)
@@ -180,6 +202,67 @@ def faults(board: Board) -> list[int]:
     return found
 
 
+# ---- the current: against voltage and speed, and its zero ----
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"), [("stuck", 0.0), ("sign", 0.0), ("offset", 3.0), ("offset", -3.0)]
+)
+def test_a_current_sensor_that_lies_is_found_in_a_few_periods(kind: str, size: float) -> None:
+    """It was 16 A after 1.5 ms and 37 A after a second, with the bridge on and nothing told."""
+    board = running(0.1)
+    start_us = board.chip.time_us
+    board.chip.break_current_sense(kind, size)
+    board.run(0.002)
+    assert off_after_us(board, start_us) < 20 * 50.0
+    assert board.chip.bridge().current_a < 5.0
+    board.run(0.01)
+    assert board.emergencies() == [0x7200]
+
+
+def test_a_current_sensor_that_freezes_is_found_when_the_torque_changes() -> None:
+    board = running(0.1)
+    board.chip.break_current_sense("frozen", 0.0)
+    board.run(0.02)
+    start_us = board.chip.time_us
+    board.host.write(0x2040, 0, 300_000, 3)
+    board.run(0.01)
+    assert off_after_us(board, start_us) < 4000 + 20 * 50.0  # from 0.1 to 0.18 N m by the slew
+    board.run(0.02)
+    assert board.emergencies() == [0x7200]
+
+
+def test_a_motor_resistance_of_a_hot_winding_is_no_fault() -> None:
+    board = running(0.4)
+    board.host.disable()
+    board.host.write(0x214B, 0, 430_000, 4)  # the drive believes in 0.43 ohm; it has 0.6
+    board.run(0.06)
+    board.enable(0.4)
+    board.run(0.2)
+    assert board.chip.bridge().enabled
+
+
+@pytest.mark.parametrize("offset_a", [-0.2, 0.3])
+def test_the_current_zero_is_measured_while_the_bridge_is_off(offset_a: float) -> None:
+    board = Board(hand=Hand(motion="locked"))
+    board.chip.break_current_sense("offset", offset_a)
+    board.run(0.05)
+    board.enable(0.1)
+    board.run(0.05)
+    # half a code, and the converter's noise over 256 samples
+    assert board.chip.bridge().mean_current_a == pytest.approx(0.1 / 0.06, abs=0.02)
+
+
+def test_a_current_zero_that_is_far_off_refuses_to_start_and_says_why() -> None:
+    board = Board(hand=Hand(motion="locked"))
+    board.chip.break_current_sense("offset", 0.8)
+    board.run(0.05)
+    with pytest.raises(RuntimeError, match="statusword"):
+        board.enable(0.1)
+    assert not board.chip.bridge().enabled
+    assert board.emergencies() == [0x7210]
+
+
 # ---- the clock ----
 
 
@@ -190,7 +273,7 @@ def test_the_crystal_stops_while_the_motor_runs() -> None:
     board.run(0.1)
     assert off_after_us(board, start_us) < 1.0  # the clock security system, without the core
     assert board.restarts() == [ResetCause.SOFTWARE | ResetCause.PIN]
-    assert board.emergencies() == [0x5300]  # running on the internal oscillator now
+    assert board.emergencies() == [0x5300, 0x6010]  # on the internal oscillator, and restarted
     assert board.state() == FAULT
     assert board.chip.word("crash_record", 2) == 2  # NMI
 
@@ -305,4 +388,7 @@ def test_frames_that_are_lost_are_told() -> None:
     board.chip.set_babbling(None)
     board.run(0.05)
     assert board.emergencies() == [0x8110]
-    board.restart_after_fault()
+    for controlword in (0x00, 0x80):
+        board.host.write(CONTROLWORD, 0, controlword, 2)
+    board.run(0.01)
+    assert board.state() == 0x40

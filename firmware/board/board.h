@@ -38,6 +38,8 @@ enum {
     BOARD_FAULT_CONVERTER = 1 << 7,    /* no analogue samples, or all inputs read alike */
     BOARD_FAULT_RESTARTED = 1 << 8,    /* first tick after a crash or a reset by the watchdog */
     BOARD_FAULT_CAN_PASSIVE = 1 << 9,  /* error-passive while the bridge is on */
+    BOARD_FAULT_CURRENT_MODEL = 1 << 10, /* current does not follow from voltage and speed */
+    BOARD_FAULT_CURRENT_ZERO = 1 << 11, /* current without a bridge, when it is to be switched on */
 };
 
 /* Most words that a board keeps across power-off. */
@@ -105,6 +107,7 @@ typedef enum {
 typedef struct {
     uint8_t node_id;        /* CANopen node id, 1 .. 127 */
     uint32_t serial_number; /* 0x1018 sub 4; 32 bits of the chip's unique id */
+    int32_t current_max_ua; /* the most that its bridge is to drive; 0: it has no such limit */
     reset_cause_t reset;
     board_crash_t crash;
     const uint32_t *saved; /* what was kept last; read in drive_init() only */

@@ -2,6 +2,7 @@
 #include "heartbeat.h"
 
 #define US_PER_MS UINT32_C(1000)
+#define BOOT_UP 0
 
 void heartbeat_configure(heartbeat_t *heartbeat, const od_t *od, uint32_t now_us) {
     const uint32_t consumer = od_value(od, 0x1016, 1); /* node id << 16 | milliseconds */
@@ -10,26 +11,32 @@ void heartbeat_configure(heartbeat_t *heartbeat, const od_t *od, uint32_t now_us
         .period_us = od_value(od, 0x1017, 0) * US_PER_MS,
         .sent_us = now_us,
         .timeout_us = watched != 0 ? (consumer & 0xFFFF) * US_PER_MS : 0,
+        .heard_us = now_us,
         .watched_node_id = watched,
     };
 }
 
-void heartbeat_receive(heartbeat_t *heartbeat, const can_frame_t *frame, uint32_t now_us) {
+bool heartbeat_receive(heartbeat_t *heartbeat, const can_frame_t *frame, uint32_t now_us) {
     if (heartbeat->timeout_us == 0 || frame->length != 1 ||
         frame->cob_id != HEARTBEAT_COB_ID + heartbeat->watched_node_id) {
-        return;
+        return false;
+    }
+    if (frame->data[0] == BOOT_UP) {
+        heartbeat->restarted = true;
+        return false;
     }
     heartbeat->heard_us = now_us;
-    heartbeat->watching = true;
     heartbeat->lost = false;
+    return true;
 }
 
 void heartbeat_tick(heartbeat_t *heartbeat, uint8_t node_id, uint8_t state, uint32_t now_us,
                     frame_queue_t *tx) {
     /* Only hearing it again takes `lost` back: the wrap of the clock must not. */
-    if (heartbeat->watching && now_us - heartbeat->heard_us > heartbeat->timeout_us) {
+    if (heartbeat->timeout_us != 0 && now_us - heartbeat->heard_us > heartbeat->timeout_us) {
         heartbeat->lost = true;
     }
+    heartbeat->restarted = false;
     if (heartbeat->period_us != 0 && now_us - heartbeat->sent_us >= heartbeat->period_us) {
         heartbeat->sent_us = now_us;
         heartbeat_send(node_id, state, tx);

@@ -144,6 +144,7 @@ static od_abort_t write_object(node_t *node) {
         abort = od_write(&node->od, sdo->index, sdo->sub, sdo->buffer, sdo->size);
     }
     if (abort == OD_DONE) {
+        node->commanded |= entry->role == OD_COMMAND;
         reconfigure(node, sdo->index);
     }
     return abort;
@@ -184,9 +185,9 @@ static void set_or_clear(node_t *node, bool present, uint16_t code, const can_fr
 }
 
 static void receive_process_data(node_t *node, const can_frame_t *frame) {
-    if (frame->cob_id == SYNC_COB_ID) {
-        pdo_sync(&node->pdo, &node->od);
-    } else if (!pdo_receive(&node->pdo, &node->od, frame)) {
+    const bool news = frame->cob_id == SYNC_COB_ID ? pdo_sync(&node->pdo, &node->od)
+                                                   : pdo_receive(&node->pdo, &node->od, frame);
+    if (!news) {
         return;
     }
     set_or_clear(node, pdo_any_too_short(&node->pdo), NODE_ERROR_PDO_LENGTH, frame);
@@ -205,7 +206,7 @@ void node_receive(node_t *node, const can_frame_t *frame) {
             receive_sdo(node, frame);
         }
     } else if (frame->cob_id > HEARTBEAT_COB_ID) {
-        heartbeat_receive(&node->heartbeat, frame, node->now_us);
+        node->commanded |= heartbeat_receive(&node->heartbeat, frame, node->now_us);
     } else if (state == NMT_OPERATIONAL) {
         receive_process_data(node, frame);
     }
@@ -281,6 +282,16 @@ bool node_reset_requested(const node_t *node) {
 
 bool node_host_lost(const node_t *node) {
     return node->heartbeat.lost;
+}
+
+bool node_host_restarted(const node_t *node) {
+    return node->heartbeat.restarted;
+}
+
+bool node_take_commanded(node_t *node) {
+    const bool commanded = pdo_take_accepted(&node->pdo) || node->commanded;
+    node->commanded = false;
+    return commanded;
 }
 
 can_frame_t node_heartbeat(const node_t *node) {

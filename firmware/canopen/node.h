@@ -33,6 +33,7 @@ typedef struct {
     pdo_t pdo;
     emcy_t emcy;
     frame_queue_t tx;
+    bool commanded;            /* the host has written a command, or its heartbeat has come */
     storage_request_t storage; /* the drive carries it out, sets it back, node_storage_done() */
     const uint32_t *image;     /* what is kept across power-off; not owned */
     uint32_t image_words;
@@ -83,9 +84,16 @@ uint8_t node_state(const node_t *node);
 /* Has a reset of the node been commanded? The board restarts the drive then; the node is silent. */
 bool node_reset_requested(const node_t *node);
 
-/* Is the heartbeat of 0x1016 overdue? It is watched from its first arrival; true until it is back.
- */
+/* Is the heartbeat of 0x1016 overdue? It is watched from its configuration on; true until it is
+ * back. */
 bool node_host_lost(const node_t *node);
+
+/* Has the host of 0x1016 started anew since the last node_tick()? */
+bool node_host_restarted(const node_t *node);
+
+/* Has the host given a sign of life since the last call: an RPDO that was accepted, an SDO write to
+ * an entry of role command, or the heartbeat of 0x1016? */
+bool node_take_commanded(node_t *node);
 
 /* The heartbeat that the node would send now. */
 can_frame_t node_heartbeat(const node_t *node);

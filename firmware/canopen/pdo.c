@@ -151,6 +151,15 @@ void pdo_configure(pdo_t *pdo, const od_t *od) {
             .event_us = od_value(od, index, EVENT) * US_PER_MS,
         };
     }
+    pdo->by_sync = false;
+    for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
+        const pdo_map_t *map = &pdo->rpdo[i].map;
+        pdo->by_sync = pdo->by_sync || (map->exists && !is_event_type(map->type));
+    }
+    for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
+        const pdo_map_t *map = &pdo->tpdo[i].map;
+        pdo->by_sync = pdo->by_sync || (map->exists && !is_event_type(map->type));
+    }
 }
 
 void pdo_start(pdo_t *pdo) {
@@ -197,6 +206,12 @@ static void withhold(pdo_t *pdo, const pdo_map_t *map, const can_frame_t *frame)
     }
 }
 
+bool pdo_take_accepted(pdo_t *pdo) {
+    const bool accepted = pdo->accepted;
+    pdo->accepted = false;
+    return accepted;
+}
+
 bool pdo_take_withheld(pdo_t *pdo, uint16_t *value) {
     const bool has = pdo->has_withheld;
     *value = has ? pdo->withheld : *value;
@@ -219,8 +234,11 @@ bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame) {
             rpdo->refused = !apply(&rpdo->map, od, frame);
             if (rpdo->refused) {
                 withhold(pdo, &rpdo->map, frame);
+            } else {
+                pdo->accepted = true;
             }
         } else {
+            pdo->accepted = true;
             withhold(pdo, &rpdo->map, frame);
             rpdo->frame = *frame;
             rpdo->waiting = true;
@@ -229,7 +247,10 @@ bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame) {
     return taken;
 }
 
-void pdo_sync(pdo_t *pdo, const od_t *od) {
+bool pdo_sync(pdo_t *pdo, const od_t *od) {
+    if (!pdo->by_sync) {
+        return false;
+    }
     for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
         rpdo_t *rpdo = &pdo->rpdo[i];
         if (rpdo->waiting) {
@@ -248,6 +269,7 @@ void pdo_sync(pdo_t *pdo, const od_t *od) {
             tpdo->wanted = true;
         }
     }
+    return true;
 }
 
 static bool timer_ran_out(const tpdo_t *tpdo, uint32_t now_us) {

@@ -58,6 +58,8 @@ typedef struct {
 } tpdo_t;
 
 typedef struct {
+    bool accepted; /* an RPDO was taken, or waits for SYNC, since pdo_take_accepted() */
+    bool by_sync;  /* any PDO follows SYNC */
     bool has_withheld;
     uint16_t withheld; /* value of the urgent entry in the last frame that was not taken */
     rpdo_t rpdo[PDO_RX_MAX];
@@ -78,14 +80,18 @@ void pdo_start(pdo_t *pdo);
 /* Handles a frame that may be an RPDO. Returns true if it is one. */
 bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame);
 
-/* Handles a SYNC: applies waiting RPDOs, marks the TPDOs whose turn it is. */
-void pdo_sync(pdo_t *pdo, const od_t *od);
+/* Handles a SYNC: applies waiting RPDOs, marks the TPDOs whose turn it is. False: no PDO follows
+ * SYNC, and nothing has changed. */
+bool pdo_sync(pdo_t *pdo, const od_t *od);
 
 /* Will pdo_tick() send anything? */
 bool pdo_due(const pdo_t *pdo, uint32_t now_us);
 
 /* Sends every TPDO that is due. */
 void pdo_tick(pdo_t *pdo, const od_t *od, uint32_t now_us, frame_queue_t *tx);
+
+/* Has an RPDO been accepted since the last call? */
+bool pdo_take_accepted(pdo_t *pdo);
 
 /* Takes the withheld value of the urgent entry; false when there is none. */
 bool pdo_take_withheld(pdo_t *pdo, uint16_t *value);

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xF59F0338)
+#define DICTIONARY_HASH UINT32_C(0x44DE2170)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 192
+#define DICTIONARY_COUNT 211
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -108,6 +108,10 @@ typedef struct {
     uint32_t configuration_origin_first_entry;         /* 0x200B */
     uint16_t configuration_origin_entries;             /* 0x200B */
     uint32_t configuration_origin_schema_hash;         /* 0x200B */
+    uint32_t supervision_present;                      /* 0x200C */
+    uint32_t supervision_latched;                      /* 0x200D */
+    uint32_t fault_reset_refused;                      /* 0x200E */
+    uint8_t limits_active;                             /* 0x200F */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */
@@ -172,6 +176,21 @@ typedef struct {
     uint8_t adaptation_enabled;                        /* 0x213B */
     uint32_t adapted_friction_factor_ppm;              /* 0x213C */
     uint32_t adapted_pretension_factor_ppm;            /* 0x213D */
+    uint16_t command_deadline_ms;                      /* 0x2140 */
+    uint32_t bus_voltage_min_mv;                       /* 0x2141 */
+    uint32_t bus_voltage_max_mv;                       /* 0x2142 */
+    uint32_t motor_speed_limit_mrad_per_s;             /* 0x2143 */
+    uint32_t load_speed_limit_mrad_per_s;              /* 0x2144 */
+    uint32_t stretch_tolerance_nm;                     /* 0x2145 */
+    uint32_t motor_current_continuous_ua;              /* 0x2146 */
+    uint32_t motor_thermal_time_ms;                    /* 0x2147 */
+    uint32_t bridge_current_continuous_ua;             /* 0x2148 */
+    uint32_t bridge_thermal_time_ms;                   /* 0x2149 */
+    uint32_t conduit_temperature_limit_mdegc;          /* 0x214A */
+    uint32_t motor_resistance_uohm;                    /* 0x214B */
+    uint32_t motor_inductance_nh;                      /* 0x214C */
+    int32_t load_angle_min_urad;                       /* 0x214D */
+    int32_t load_angle_max_urad;                       /* 0x214E */
     uint16_t error_code;                               /* 0x603F */
     uint16_t controlword;                              /* 0x6040 */
     uint16_t statusword;                               /* 0x6041 */
@@ -193,8 +212,18 @@ enum {
     EMCY_NO_ERROR_REGISTER = 0x00,
     EMCY_OVERCURRENT = 0x2310, /* bridge overcurrent */
     EMCY_OVERCURRENT_REGISTER = 0x03,
+    EMCY_MOTOR_HEAT = 0x2350, /* the motor carries more than its continuous current although it is
+                                 limited (I2t) */
+    EMCY_MOTOR_HEAT_REGISTER = 0x03,
+    EMCY_OVERVOLTAGE = 0x3210, /* bus voltage too high */
+    EMCY_OVERVOLTAGE_REGISTER = 0x05,
     EMCY_UNDERVOLTAGE = 0x3220, /* bus voltage too low */
     EMCY_UNDERVOLTAGE_REGISTER = 0x05,
+    EMCY_CONDUIT_HEAT = 0x4110, /* the conduit is hotter than conduit_temperature_limit */
+    EMCY_CONDUIT_HEAT_REGISTER = 0x09,
+    EMCY_BRIDGE_HEAT = 0x4310, /* the bridge carries more than its continuous current although it is
+                                  limited (I2t) */
+    EMCY_BRIDGE_HEAT_REGISTER = 0x09,
     EMCY_CONVERTER_FAULT = 0x5210, /* no new samples of current, load cell, bus voltage */
     EMCY_CONVERTER_FAULT_REGISTER = 0x81,
     EMCY_CLOCK_FAULT = 0x5300, /* crystal failed */
@@ -208,8 +237,16 @@ enum {
     EMCY_CONFIGURATION_CHANGED_REGISTER = 0x81,
     EMCY_CONFIGURATION_REFUSED = 0x6320, /* configuration cannot run */
     EMCY_CONFIGURATION_REFUSED_REGISTER = 0x81,
+    EMCY_CURRENT_MODEL =
+        0x7200, /* the measured current does not follow from the voltage on the motor */
+    EMCY_CURRENT_MODEL_REGISTER = 0x03,
+    EMCY_CURRENT_ZERO = 0x7210, /* the current sensor reads too much with the bridge off */
+    EMCY_CURRENT_ZERO_REGISTER = 0x03,
     EMCY_ENCODER_FAULT = 0x7305, /* an encoder is broken */
     EMCY_ENCODER_FAULT_REGISTER = 0x81,
+    EMCY_ENDS_APART =
+        0x7320, /* motor and load angle are further apart than the cables can stretch */
+    EMCY_ENDS_APART_REGISTER = 0x81,
     EMCY_LOAD_CELL_FAULT = 0x7380, /* load cell stuck or out of range */
     EMCY_LOAD_CELL_FAULT_REGISTER = 0x81,
     EMCY_CAN_OVERRUN = 0x8110, /* CAN frames lost */
@@ -218,6 +255,10 @@ enum {
     EMCY_CAN_PASSIVE_REGISTER = 0x11,
     EMCY_HEARTBEAT_LOST = 0x8130, /* the host went silent while the drive ran */
     EMCY_HEARTBEAT_LOST_REGISTER = 0x11,
+    EMCY_COMMAND_LATE = 0x8131, /* no command came from the host within command_deadline */
+    EMCY_COMMAND_LATE_REGISTER = 0x11,
+    EMCY_HOST_RESTARTED = 0x8132, /* the watched host restarted while the drive ran */
+    EMCY_HOST_RESTARTED_REGISTER = 0x11,
     EMCY_BUS_OFF_RECOVERED = 0x8140, /* recovered from bus-off */
     EMCY_BUS_OFF_RECOVERED_REGISTER = 0x11,
     EMCY_PROTOCOL_ERROR =
@@ -225,6 +266,15 @@ enum {
     EMCY_PROTOCOL_ERROR_REGISTER = 0x11,
     EMCY_PDO_LENGTH = 0x8210, /* RPDO shorter than its mapping */
     EMCY_PDO_LENGTH_REGISTER = 0x11,
+    EMCY_CURRENT_ERROR = 0x8331, /* the motor current does not follow its command */
+    EMCY_CURRENT_ERROR_REGISTER = 0x03,
+    EMCY_MOTOR_SPEED =
+        0x8480, /* the motor is faster than motor_speed_limit, or its encoder jumped */
+    EMCY_MOTOR_SPEED_REGISTER = 0x81,
+    EMCY_LOAD_SPEED = 0x8481, /* the load is faster than load_speed_limit, or its encoder jumped */
+    EMCY_LOAD_SPEED_REGISTER = 0x81,
+    EMCY_LOAD_ANGLE = 0x8612, /* the load is outside load_angle_min to load_angle_max */
+    EMCY_LOAD_ANGLE_REGISTER = 0x81,
     EMCY_COMPENSATION_FALLBACK = 0xFF01, /* a warning: a lesser compensation law runs than the one
                                             configured; the drive does not stop */
     EMCY_COMPENSATION_FALLBACK_REGISTER = 0x81,

@@ -1,14 +1,12 @@
 /* drive.c: see drive.h. */
 #include "drive.h"
 
-#include "supervision.h"
+#include "publish.h"
 
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
 /* A host writes many entries in a row; the model starts anew once, 50 ms after the last. */
 #define SETTLED_TICKS (TICKS_PER_SECOND / 20u)
-
-#define I24_MAX 8388607
 
 /* Tells the host where the configuration comes from, and warns unless it is all that was saved by
  * this firmware. Detail: the first entry that was not taken, the outcome in the high byte. */
@@ -35,6 +33,7 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
     };
     node_init(&drive->node, DICTIONARY, DICTIONARY_COUNT, &drive->dictionary, identity->node_id, 0);
     dictionary_t *dictionary = &drive->dictionary;
+    drive->current_max_ua = identity->current_max_ua;
     dictionary->identity_serial_number = identity->serial_number;
     dictionary->reset_cause = (uint8_t)identity->reset;
     dictionary->crash_record_crashes = identity->crash.crashes;
@@ -68,7 +67,7 @@ static state_command_t effective_command(const drive_t *drive) {
                             drive->parameters.quick_stop_ramps);
 }
 
-static bool is_halted(const drive_t *drive) {
+bool drive_is_halted(const drive_t *drive) {
     return drive->state == STATE_OPERATION_ENABLED &&
            (drive->dictionary.controlword & CONTROLWORD_HALT) != 0;
 }
@@ -99,17 +98,18 @@ static void configure(drive_t *drive, const board_sensors_t *sensors) {
     drive->parameters = parameters_of(dictionary);
     drive->configured = false;
     drive->saturations = 0;
+    const transmission_settings_t settings = parameters_transmission(dictionary);
     if (dictionary->configuration_error == 0) {
-        const transmission_settings_t settings = parameters_transmission(dictionary);
         drive->configured = transmission_configure(&drive->transmission, &settings);
     }
+    supervision_configure(&drive->supervision, dictionary, &settings.cable, drive->current_max_ua);
     rendering_configure(&drive->rendering, dictionary, &drive->transmission, drive->configured);
     drive->motor_zero_counts = sensors->motor_encoder_counts;
     drive->load_zero_counts = sensors->load_encoder_counts;
 }
 
-/* While the bridge is off: takes a changed configuration when it has settled, before the next step
- * up, or in the first tick. Returns true in the tick that takes it. */
+/* While the bridge is off: checks a changed configuration, and takes it when it has settled, before
+ * the next step up, or in the first tick. Returns true in a tick that did so. */
 static bool follow_configuration(drive_t *drive, const board_sensors_t *sensors) {
     if (state_bridge_on(drive->state)) {
         return false;
@@ -125,81 +125,66 @@ static bool follow_configuration(drive_t *drive, const board_sensors_t *sensors)
     const bool now = drive->state == STATE_NOT_READY_TO_SWITCH_ON ||
                      leads_up(drive->state, effective_command(drive));
     if (revision == drive->configured_revision || !(now || drive->settled_ticks == SETTLED_TICKS)) {
-        return false;
+        return drive->settled_ticks == 0;
     }
     configure(drive, sensors);
     return true;
 }
 
-/* ---- measured quantities ---- */
-
-/* later - earlier of counters that may wrap; the compilers used define the cast as modulo 2^32. */
-static int32_t counts_since(int32_t later, int32_t earlier) {
-    return (int32_t)((uint32_t)later - (uint32_t)earlier);
-}
-
-static void publish_sensors(drive_t *drive, const board_sensors_t *sensors) {
-    const parameters_t *parameters = &drive->parameters;
-    dictionary_t *dictionary = &drive->dictionary;
-    uint32_t *count = &drive->saturations;
-    dictionary->motor_encoder_counts = sensors->motor_encoder_counts;
-    dictionary->load_encoder_counts = sensors->load_encoder_counts;
-    dictionary->motor_angle_urad =
-        fixed_scale(sensors->motor_encoder_counts, parameters->motor_urad_per_count, count);
-    dictionary->load_angle_urad =
-        fixed_scale(sensors->load_encoder_counts, parameters->load_urad_per_count, count);
-    const int32_t torque =
-        fixed_scale(sensors->motor_current_ua, parameters->torque_per_current, count);
-    dictionary->motor_torque_unm = fixed_clamp(torque, -I24_MAX, I24_MAX);
-    const int32_t cell = fixed_scale(
-        fixed_subtract(sensors->load_cell_counts, parameters->load_cell_zero_counts, count),
-        parameters->load_cell_magnitude, count);
-    const int32_t load_torque = parameters->load_cell_inverted ? -cell : cell;
-    dictionary->load_torque_unm = fixed_clamp(load_torque, -I24_MAX, I24_MAX);
-    dictionary->motor_current_ua = sensors->motor_current_ua;
-    dictionary->bus_voltage_mv = sensors->bus_voltage_mv;
-    dictionary->conduit_temperature_mdegc = sensors->conduit_temperature_mdegc;
-}
-
 /* ---- state ---- */
 
-static void raise_fault(drive_t *drive, fault_t fault) {
-    drive->dictionary.error_code = fault.code;
-    node_error_set(&drive->node, fault.code, fault.register_bits, fault.detail);
-}
-
-/* `late`: the last tick took a configuration. That takes longer than a period, so the overrun that
- * the board reports is none; the bridge is off, and a step up waits for a tick that is on time.
- * While a compensation is configured, a broken load cell and a refused model are not faults: the
- * ladder (fallback.h) has a rung without them. */
-static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late) {
-    dictionary_t *dictionary = &drive->dictionary;
-    const state_command_t wanted = effective_command(drive);
-    const bool waits = drive->took_configuration && !command_lowers(drive->state, wanted);
-    const state_command_t command = waits ? COMMAND_NONE : wanted;
-    const bool up = leads_up(drive->state, wanted);
-    const bool running = state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON);
+/* `running`: current flows or is about to. `late`: the last tick took a configuration. That takes
+ * longer than a period, so the overrun that the board reports is none; the bridge is off, and a
+ * step up waits for a tick that is on time. While a compensation is configured, a broken load cell
+ * and a refused model are not faults: the ladder (fallback.h) has a rung without them. */
+static supervision_inputs_t watched(drive_t *drive, const board_sensors_t *sensors, bool up,
+                                    bool late) {
+    const dictionary_t *dictionary = &drive->dictionary;
+    uint32_t ignored = 0;
     const bool compensates = drive->rendering.law != COMPENSATION_LAW_NONE;
     const uint32_t expected =
         (late ? BOARD_FAULT_TICK_OVERRUN : 0u) | (compensates ? BOARD_FAULT_LOAD_CELL : 0u);
-    fault_t fault =
-        supervision_check(sensors->faults & ~expected, sensors->bus_voltage_mv,
-                          up || is_powered(drive->state), running && node_host_lost(&drive->node));
-    if (fault.code == EMCY_NO_ERROR && up && !drive->configured && !compensates) {
-        fault = supervision_configuration_refused(dictionary->configuration_error);
-    }
+    return (supervision_inputs_t){
+        .board_faults = sensors->faults & ~expected,
+        .powered = up || is_powered(drive->state),
+        .running = state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON),
+        .in_fault = drive->state == STATE_FAULT,
+        .configuration_refused = up && !drive->configured && !compensates,
+        .host_commanded = node_take_commanded(&drive->node),
+        .heartbeat_lost = node_host_lost(&drive->node),
+        .host_restarted = node_host_restarted(&drive->node),
+        .motor_counts = sensors->motor_encoder_counts,
+        .load_counts = sensors->load_encoder_counts,
+        .apart_nm = fixed_subtract(drive->motor_arc_nm, drive->load_arc_nm, &ignored),
+        .load_angle_urad = dictionary->load_angle_urad,
+        .motor_torque_unm = dictionary->motor_torque_unm,
+        .commanded_ua = drive->commanded_ua,
+        .motor_current_ua = sensors->motor_current_ua,
+        .bus_voltage_mv = sensors->bus_voltage_mv,
+        .conduit_mdegc = sensors->conduit_temperature_mdegc,
+    };
+}
+
+static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late) {
     const drive_state_t before = drive->state;
-    drive->state = state_next(before, command,
+    const state_command_t wanted = effective_command(drive);
+    const bool waits = drive->took_configuration && !command_lowers(before, wanted);
+    const supervision_inputs_t inputs = watched(drive, sensors, leads_up(before, wanted), late);
+    supervision_t *supervision = &drive->supervision;
+    supervision_step(supervision, &inputs);
+    drive->state = state_next(before, waits ? COMMAND_NONE : wanted,
                               (state_events_t){
-                                  .fault = fault.code != EMCY_NO_ERROR,
+                                  .fault = supervision->present != 0,
                                   .fault_reset = drive->asked.fault_reset,
                                   .quick_stop_done = drive->command.torque_unm == 0,
                               });
+    const uint16_t code = supervision_latch(supervision, &drive->node, &inputs);
     if (drive->state == STATE_FAULT_REACTION_ACTIVE) {
-        raise_fault(drive, fault);
-    } else if (before == STATE_FAULT && drive->state != STATE_FAULT) {
-        supervision_clear(&drive->node);
-        dictionary->error_code = EMCY_NO_ERROR;
+        drive->dictionary.error_code = code;
+    } else if (before == STATE_FAULT && drive->asked.fault_reset) {
+        const bool taken = drive->state != STATE_FAULT;
+        supervision_reset(supervision, &drive->node, taken);
+        drive->dictionary.error_code = taken ? EMCY_NO_ERROR : drive->dictionary.error_code;
     }
     command_done(&drive->asked);
     drive->node.od.config_locked = state_bridge_on(drive->state);
@@ -222,7 +207,7 @@ static int32_t tunnel_angle_urad(drive_t *drive) {
 }
 
 static int32_t target_torque_unm(drive_t *drive) {
-    if (drive->state != STATE_OPERATION_ENABLED || is_halted(drive)) {
+    if (drive->state != STATE_OPERATION_ENABLED || drive_is_halted(drive)) {
         return 0;
     }
     switch (drive->dictionary.mode_of_operation) {
@@ -244,10 +229,12 @@ static void step_command(drive_t *drive, int32_t wanted_unm) {
     torque_course_t course = TORQUE_FOLLOWS;
     if (drive->state == STATE_QUICK_STOP_ACTIVE) {
         course = parameters->quick_stop;
-    } else if (is_halted(drive)) {
+    } else if (drive_is_halted(drive)) {
         course = parameters->halt;
     }
-    torque_command_step(&drive->command, &parameters->torque, course, wanted_unm);
+    torque_command_settings_t settings = parameters->torque;
+    settings.limit_unm = fixed_clamp(drive->supervision.limits.torque_unm, 0, settings.limit_unm);
+    torque_command_step(&drive->command, &settings, course, wanted_unm);
 }
 
 /* ---- the model and what it gives ---- */
@@ -255,99 +242,24 @@ static void step_command(drive_t *drive, int32_t wanted_unm) {
 /* The motor torque that is to be given, from the one that is asked for. */
 static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
     const dictionary_t *dictionary = &drive->dictionary;
-    const parameters_t *parameters = &drive->parameters;
-    uint32_t *count = &drive->saturations;
-    const int32_t motor_counts =
-        counts_since(dictionary->motor_encoder_counts, drive->motor_zero_counts);
-    const int32_t load_counts =
-        counts_since(dictionary->load_encoder_counts, drive->load_zero_counts);
-    /* without compensation nobody looks at the motor's place: then it is free to turn for ever */
-    uint32_t ignored = 0;
-    uint32_t *motor_count = drive->rendering.law == COMPENSATION_LAW_NONE ? &ignored : count;
     const int32_t cell_unm = dictionary->load_torque_unm;
     return rendering_step(
         &drive->rendering, &drive->transmission,
         &(rendering_inputs_t){
-            .active = drive->state == STATE_OPERATION_ENABLED && !is_halted(drive) &&
+            .active = drive->state == STATE_OPERATION_ENABLED && !drive_is_halted(drive) &&
                       dictionary->mode_of_operation != MODE_OF_OPERATION_NONE,
             .load_cell_broken = (sensors->faults & BOARD_FAULT_LOAD_CELL) != 0,
-            .load_cell_saturated = cell_unm == I24_MAX || cell_unm == -I24_MAX,
+            .load_cell_saturated = cell_unm == PUBLISH_I24_MAX || cell_unm == -PUBLISH_I24_MAX,
             .load_cell_counts = sensors->load_cell_counts,
             .asked_unm = target_torque_unm(drive),
-            .motor_arc_nm =
-                fixed_scale(motor_counts, parameters->motor_arc_nm_per_count, motor_count),
-            .load_arc_nm = fixed_scale(load_counts, parameters->load_arc_nm_per_count, count),
+            .motor_arc_nm = drive->motor_arc_nm,
+            .load_arc_nm = drive->load_arc_nm,
             .motor_torque_unm = dictionary->motor_torque_unm,
             .load_cell_unm = cell_unm,
         });
 }
 
-static void publish_model(drive_t *drive) {
-    dictionary_t *dictionary = &drive->dictionary;
-    transmission_t *transmission = &drive->transmission;
-    uint32_t *count = &drive->saturations;
-    if (rendering_publish(&drive->rendering, dictionary)) {
-        supervision_tell_fallback(&drive->node, dictionary->compensation_fallback,
-                                  dictionary->compensation_rung);
-    }
-    if (!drive->configured) {
-        return;
-    }
-    const int32_t zero_urad =
-        fixed_scale(drive->motor_zero_counts, drive->parameters.motor_urad_per_count, count);
-    dictionary->model_motor_angle_urad =
-        fixed_add(zero_urad, transmission_motor_angle_urad(transmission), count);
-    dictionary->model_load_torque_unm = transmission_load_torque_unm(transmission);
-    dictionary->model_tension_motor_a_un = (uint32_t)transmission->a.end[CABLE_PROXIMAL].tension_un;
-    dictionary->model_tension_load_a_un = (uint32_t)transmission->a.end[CABLE_DISTAL].tension_un;
-    dictionary->model_tension_motor_b_un = (uint32_t)transmission->b.end[CABLE_PROXIMAL].tension_un;
-    dictionary->model_tension_load_b_un = (uint32_t)transmission->b.end[CABLE_DISTAL].tension_un;
-}
-
 /* ---- the tick ---- */
-
-static void publish_state(drive_t *drive, const board_sensors_t *sensors) {
-    dictionary_t *dictionary = &drive->dictionary;
-    const uint32_t by_model = drive->transmission.saturations;
-    const uint32_t room = UINT32_MAX - by_model;
-    dictionary->saturation_count =
-        by_model + (drive->saturations < room ? drive->saturations : room);
-    const bool no_taut = (drive->transmission.flags & TRANSMISSION_NO_TAUT_CABLE) != 0;
-    uint16_t flags = drive->transmission.flags & (TRANSMISSION_SLACK_A | TRANSMISSION_SLACK_B);
-    if (no_taut) {
-        flags |= MODEL_FLAGS_NO_TAUT_CABLE;
-    }
-    if (dictionary->saturation_count > 0) {
-        flags |= MODEL_FLAGS_SATURATED;
-    }
-    if (drive->command.limited) {
-        flags |= MODEL_FLAGS_TORQUE_LIMIT;
-    }
-    dictionary->model_flags = flags;
-    uint16_t status = (uint16_t)(state_status_bits(drive->state) | STATUSWORD_REMOTE);
-    if (sensors->bus_voltage_mv >= SUPERVISION_BUS_VOLTAGE_MIN_MV) {
-        status |= STATUSWORD_VOLTAGE_ENABLED;
-    }
-    if (drive->command.limited) {
-        status |= STATUSWORD_INTERNAL_LIMIT;
-    }
-    if (is_halted(drive) && drive->command.torque_unm == 0) {
-        status |= STATUSWORD_TARGET_REACHED;
-    }
-    dictionary->statusword = status;
-    dictionary->mode_of_operation_display = dictionary->mode_of_operation;
-    dictionary->motor_torque_command_unm = drive->command.torque_unm;
-    dictionary->tx_overflow_count = node_tx_overflow_count(&drive->node);
-}
-
-static void count_sample(drive_t *drive, const board_sensors_t *sensors) {
-    dictionary_t *dictionary = &drive->dictionary;
-    if (node_sample_due(&drive->node, sensors->time_us)) {
-        dictionary->sample_counter++;
-        dictionary->sample_counter_low = (uint8_t)dictionary->sample_counter;
-        dictionary->device_time_us = sensors->time_us;
-    }
-}
 
 void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_t *actuators) {
     const bool late = drive->took_configuration;
@@ -358,13 +270,14 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     step_command(drive, render(drive, sensors));
     publish_model(drive);
     publish_state(drive, sensors);
-    count_sample(drive, sensors);
+    publish_sample(drive, sensors);
     node_follow_bus(&drive->node, sensors->bus);
     node_tick(&drive->node, sensors->time_us);
+    drive->commanded_ua = fixed_scale(drive->command.torque_unm,
+                                      drive->parameters.current_per_torque, &drive->saturations);
     *actuators = (board_actuators_t){
         .bridge_enabled = state_bridge_on(drive->state),
-        .motor_current_ua = fixed_scale(drive->command.torque_unm,
-                                        drive->parameters.current_per_torque, &drive->saturations),
+        .motor_current_ua = drive->commanded_ua,
     };
     if (saving_step(&drive->saving, &drive->node, sensors->store, actuators)) {
         node_error_clear(&drive->node, EMCY_CONFIGURATION_CHANGED);

@@ -24,6 +24,7 @@
 #include "rendering.h"
 #include "saving.h"
 #include "state.h"
+#include "supervision/supervision.h"
 #include "torque_command.h"
 
 typedef struct {
@@ -42,7 +43,11 @@ typedef struct {
     bool configured;           /* the model runs */
     int32_t motor_zero_counts; /* encoders where the model started */
     int32_t load_zero_counts;
-    uint32_t saturations; /* of the drive's own arithmetic since configuration */
+    uint32_t saturations;              /* of the drive's own arithmetic since configuration */
+    int32_t motor_arc_nm, load_arc_nm; /* from where the model started */
+    int32_t commanded_ua;              /* in the last tick */
+    int32_t current_max_ua;            /* of the board */
+    supervision_t supervision;
     saving_t saving;
 } drive_t;
 
@@ -56,6 +61,9 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
 
 /* Takes a frame from the bus. It takes effect at once (SDO) or in the next tick. */
 void drive_receive(drive_t *drive, const can_frame_t *frame);
+
+/* Does the host's halt hold the torque at 0? */
+bool drive_is_halted(const drive_t *drive);
 
 /* The next frame for the bus, if there is one. */
 bool drive_transmit(drive_t *drive, can_frame_t *frame);

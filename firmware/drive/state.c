@@ -23,29 +23,40 @@ state_command_t state_command(uint16_t controlword) {
     }
 }
 
-typedef struct {
-    drive_state_t from;
-    state_command_t command;
-    drive_state_t to;
-} transition_t;
-
-/* The transitions by command, with their numbers in CiA 402. */
-static const transition_t TRANSITIONS[] = {
-    {STATE_SWITCH_ON_DISABLED, COMMAND_SHUTDOWN, STATE_READY_TO_SWITCH_ON},        /* 2 */
-    {STATE_READY_TO_SWITCH_ON, COMMAND_SWITCH_ON, STATE_SWITCHED_ON},              /* 3 */
-    {STATE_READY_TO_SWITCH_ON, COMMAND_ENABLE_OPERATION, STATE_SWITCHED_ON},       /* 3, then 4 */
-    {STATE_READY_TO_SWITCH_ON, COMMAND_DISABLE_VOLTAGE, STATE_SWITCH_ON_DISABLED}, /* 7 */
-    {STATE_READY_TO_SWITCH_ON, COMMAND_QUICK_STOP, STATE_SWITCH_ON_DISABLED},      /* 7 */
-    {STATE_SWITCHED_ON, COMMAND_ENABLE_OPERATION, STATE_OPERATION_ENABLED},        /* 4 */
-    {STATE_SWITCHED_ON, COMMAND_SHUTDOWN, STATE_READY_TO_SWITCH_ON},               /* 6 */
-    {STATE_SWITCHED_ON, COMMAND_DISABLE_VOLTAGE, STATE_SWITCH_ON_DISABLED},        /* 10 */
-    {STATE_SWITCHED_ON, COMMAND_QUICK_STOP, STATE_SWITCH_ON_DISABLED},             /* 10 */
-    {STATE_OPERATION_ENABLED, COMMAND_SWITCH_ON, STATE_SWITCHED_ON},               /* 5 */
-    {STATE_OPERATION_ENABLED, COMMAND_SHUTDOWN, STATE_READY_TO_SWITCH_ON},         /* 8 */
-    {STATE_OPERATION_ENABLED, COMMAND_DISABLE_VOLTAGE, STATE_SWITCH_ON_DISABLED},  /* 9 */
-    {STATE_OPERATION_ENABLED, COMMAND_QUICK_STOP, STATE_QUICK_STOP_ACTIVE},        /* 11 */
-    {STATE_QUICK_STOP_ACTIVE, COMMAND_DISABLE_VOLTAGE, STATE_SWITCH_ON_DISABLED},  /* 12 */
+/* Where a command leads, by state, with the numbers of CiA 402; 0: it leads nowhere. */
+static const uint8_t TRANSITIONS[STATE_FAULT + 1][COMMAND_QUICK_STOP + 1] = {
+    [STATE_SWITCH_ON_DISABLED] =
+        {
+            [COMMAND_SHUTDOWN] = STATE_READY_TO_SWITCH_ON, /* 2 */
+        },
+    [STATE_READY_TO_SWITCH_ON] =
+        {
+            [COMMAND_SWITCH_ON] = STATE_SWITCHED_ON,              /* 3 */
+            [COMMAND_ENABLE_OPERATION] = STATE_SWITCHED_ON,       /* 3, then 4 */
+            [COMMAND_DISABLE_VOLTAGE] = STATE_SWITCH_ON_DISABLED, /* 7 */
+            [COMMAND_QUICK_STOP] = STATE_SWITCH_ON_DISABLED,      /* 7 */
+        },
+    [STATE_SWITCHED_ON] =
+        {
+            [COMMAND_ENABLE_OPERATION] = STATE_OPERATION_ENABLED, /* 4 */
+            [COMMAND_SHUTDOWN] = STATE_READY_TO_SWITCH_ON,        /* 6 */
+            [COMMAND_DISABLE_VOLTAGE] = STATE_SWITCH_ON_DISABLED, /* 10 */
+            [COMMAND_QUICK_STOP] = STATE_SWITCH_ON_DISABLED,      /* 10 */
+        },
+    [STATE_OPERATION_ENABLED] =
+        {
+            [COMMAND_SWITCH_ON] = STATE_SWITCHED_ON,              /* 5 */
+            [COMMAND_SHUTDOWN] = STATE_READY_TO_SWITCH_ON,        /* 8 */
+            [COMMAND_DISABLE_VOLTAGE] = STATE_SWITCH_ON_DISABLED, /* 9 */
+            [COMMAND_QUICK_STOP] = STATE_QUICK_STOP_ACTIVE,       /* 11 */
+        },
+    [STATE_QUICK_STOP_ACTIVE] =
+        {
+            [COMMAND_DISABLE_VOLTAGE] = STATE_SWITCH_ON_DISABLED, /* 12 */
+        },
 };
+
+_Static_assert(STATE_NOT_READY_TO_SWITCH_ON == 0, "no command leads there");
 
 drive_state_t state_next(drive_state_t state, state_command_t command, state_events_t events) {
     if (state == STATE_FAULT_REACTION_ACTIVE) { /* the bridge is off already: nothing left to do */
@@ -64,12 +75,8 @@ drive_state_t state_next(drive_state_t state, state_command_t command, state_eve
     if (state == STATE_QUICK_STOP_ACTIVE && events.quick_stop_done) {
         return STATE_SWITCH_ON_DISABLED; /* 12 */
     }
-    for (uint32_t i = 0; i < sizeof TRANSITIONS / sizeof TRANSITIONS[0]; i++) {
-        if (TRANSITIONS[i].from == state && TRANSITIONS[i].command == command) {
-            return TRANSITIONS[i].to;
-        }
-    }
-    return state;
+    const drive_state_t next = (drive_state_t)TRANSITIONS[state][command];
+    return next != STATE_NOT_READY_TO_SWITCH_ON ? next : state;
 }
 
 uint16_t state_status_bits(drive_state_t state) {

@@ -42,16 +42,28 @@ class Actuators(NamedTuple):
 
 
 class Drive:
-    """One drive in its own memory, with a board whose sensors a test sets by name."""
+    """One drive in its own memory, with a board whose sensors a test sets by name.
 
-    def __init__(self, node_id: int = NODE_ID, start_us: int = 0) -> None:
+    No host and no rig: while current flows it is what was commanded, encoders stay where a test
+    puts them. `guarded`: the drive's supervision is as it comes; else the checks that need a host
+    or a rig are opened wide.
+    """
+
+    def __init__(
+        self, node_id: int = NODE_ID, start_us: int = 0, guarded: bool = False, **board: int
+    ) -> None:
         self.raw = ffi.new("drive_t *")
         self.sensors = ffi.new("board_sensors_t *", {"bus_voltage_mv": 24000, "time_us": start_us})
         self._actuators = ffi.new("board_actuators_t *")
         self.node_id = node_id
         self.values = self.raw.dictionary
         self._sent: list[Frame] = []
-        lib.drive_init(self.raw, ffi.new("board_identity_t *", {"node_id": node_id}))
+        lib.drive_init(self.raw, ffi.new("board_identity_t *", {"node_id": node_id, **board}))
+        if not guarded:
+            self.values.command_deadline_ms = 0
+            self.values.stretch_tolerance_nm = 2**31 - 1
+            self.values.motor_speed_limit_mrad_per_s = 2**31 - 1
+            self.values.load_speed_limit_mrad_per_s = 2**31 - 1
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Hand a frame to the drive."""
@@ -75,6 +87,8 @@ class Drive:
         for _ in range(ticks):
             lib.drive_tick(self.raw, self.sensors, self._actuators)
             self.sensors.time_us = (self.sensors.time_us + TICK_US) & 0xFFFFFFFF
+            if self._actuators.bridge_enabled:
+                self.sensors.motor_current_ua = self._actuators.motor_current_ua
             self._sent += self._pop()
         found = self._actuators
         return Actuators(

@@ -6,8 +6,8 @@ either. Its integral over time counts until 20 ms after the bridge is off: what 
 in the cables, the motor no longer makes.
 
 Ceilings. 20 ms of the motor's full torque at the load is less than a person can answer: the short
-latency of the stretch reflex is 20 to 50 ms. 0.05 J lifts a forearm and hand of 1.5 kg by 3.4 mm,
-and is half of the least energy that ISO/TS 15066 allows in a transient contact (0.11 J, face).
+latency of the stretch reflex is 20 to 50 ms. 0.05 J lifts a forearm and hand of 1.5 kg by
+3.4 mm.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ from hil_tests.fault_campaign.situations import (
 )
 from hil_tests.lockstep_host import LockstepHost
 
-HORIZON_S: Final = 0.5
+HORIZON_S: Final = 0.6  # the command deadline of 0.5 s is within it
 STEP_S: Final = 0.02  # of the controlwords
 CONFIGURED_S: Final = 0.06  # a configuration is taken 50 ms after its last entry
 DEAD_SUPPLY_MV: Final = 5000

@@ -14,6 +14,7 @@ from hil_tests.render.rigs import LENGTH_M, RenderRig
 from hil_tests.render.tasks import Task
 
 SEGMENTS: Final = 20
+MOST_CONTINUOUS_A: Final = 60.0  # range of the entries
 # The default of this entry is chosen for the model inversion, which corrects with the cell what is
 # left over. Force control alone wants more: on developing seeds its error falls by a third.
 INTEGRAL_GAIN_HZ: Final = 20.0
@@ -73,6 +74,9 @@ def entries(rig: RenderRig, law: Law, task: Task) -> dict[str, float]:
         "tunnel_half_width": tunnel.half_width_rad,
         "tunnel_stiffness": tunnel.stiffness_nm_per_rad,
         "tunnel_torque_limit": tunnel.limit_nm,
+        # motor and amplifier are as large as the torque: heat is not what is measured
+        "motor_current_continuous": min(rig.rig.motor.current_limit_a, MOST_CONTINUOUS_A),
+        "bridge_current_continuous": min(rig.rig.motor.current_limit_a, MOST_CONTINUOUS_A),
         "motor_inertia": belief.motor_inertia_kg_m2,
         "compensation_law": law.number,
         "compensation_use_load_cell": float(law.load_cell),

@@ -128,7 +128,7 @@ def run(
     begins : callable, optional
         Called when the drive is configured and enabled.
     """
-    target = target or make_target("native")
+    target = target or make_target("native", rig=rig.rig)
     bench = Bench(SimulatedRig(fitted(rig.rig, target.capabilities), rig.seed), target)
     host = LockstepHost(VirtualBus(bench))
     host.await_boot()

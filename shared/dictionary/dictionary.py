@@ -13,11 +13,13 @@ from typing import Literal
 
 from shared.dictionary.schema import (
     Access,
+    Check,
     Device,
     DictionaryFile,
     Emergency,
     Entry,
     Meaning,
+    NamedBit,
     Pdo,
     Role,
     SchemaError,
@@ -26,6 +28,7 @@ from shared.dictionary.schema import (
 from shared.dictionary.wire_types import WIRE_TYPES, WireType
 
 HASH_NAME = "schema_hash"
+SUPERVISION = "supervision"  # the meanings of entries that show its checks
 PDO_SLOTS = 8  # entries of at least 8 bits in a frame of 64
 NO_RTR = 0x4000_0000  # bit 30 of a TPDO's COB-ID: remote frames are not answered
 PDO_DOES_NOT_EXIST = 0x8000_0000  # bit 31 of a COB-ID
@@ -113,6 +116,7 @@ class Dictionary:
     rpdos: tuple[Pdo, ...]
     tpdos: tuple[Pdo, ...]
     emergencies: tuple[Emergency, ...]
+    supervision: tuple[Check, ...]
     hash: int
 
     @property
@@ -148,13 +152,14 @@ def expand(file: DictionaryFile) -> Dictionary:
             objects.append(_pdo_communication(f"{kind}{pdo.number}", base, pdo))
             objects.append(_pdo_mapping(f"{kind}{pdo.number}", base + 0x200, pdo, names))
     objects.sort(key=lambda o: o.index)
-    digest = _hash(file.device, objects, file.emergencies)
+    digest = _hash(file, objects)
     return Dictionary(
         device=file.device,
         objects=tuple(_with_hash(o, digest) for o in objects),
         rpdos=tuple(file.pdos.rpdo),
         tpdos=tuple(file.pdos.tpdo),
         emergencies=tuple(file.emergencies),
+        supervision=tuple(sorted(file.supervision, key=lambda check: check.bit)),
         hash=digest,
     )
 
@@ -169,7 +174,7 @@ def _named_values(file: DictionaryFile) -> Iterator[tuple[int, str, Value | Entr
 
 def _enumerations(file: DictionaryFile, problems: list[str]) -> dict[str, Enumeration]:
     """Collect the enumeration of each entry that has one, by the entry's full name."""
-    found: dict[str, Enumeration] = {}
+    found: dict[str, Enumeration] = {SUPERVISION: _checks(file)}
     shared: list[tuple[str, str, str, bool]] = []
     for index, name, value in _named_values(file):
         where = f"0x{index:04X} {name}"
@@ -189,6 +194,18 @@ def _enumerations(file: DictionaryFile, problems: list[str]) -> dict[str, Enumer
         else:
             problems.append(f"{where}: {other} has no {'bits' if is_bits else 'values'} of its own")
     return found
+
+
+def _checks(file: DictionaryFile) -> Enumeration:
+    """Name the bits of the entries that show the supervision."""
+    texts = {emergency.name: emergency.doc for emergency in file.emergencies}
+    bits = [
+        NamedBit.model_validate(
+            {"bit": c.bit, "name": c.name, "doc": texts.get(c.emergency, c.watches)}
+        )
+        for c in sorted(file.supervision, key=lambda check: check.bit)
+    ]
+    return Enumeration(SUPERVISION, True, tuple(bits), "checks of the supervision")
 
 
 def _object(entry: Entry, meanings: dict[str, Enumeration], problems: list[str]) -> Object | None:
@@ -310,7 +327,7 @@ def mapping_word(obj: Object, variable: Variable) -> int:
     return obj.index << 16 | variable.sub << 8 | variable.type.bits
 
 
-def _hash(device: Device, objects: list[Object], emergencies: list[Emergency]) -> int:
+def _hash(file: DictionaryFile, objects: list[Object]) -> int:
     """First 32 bits of the SHA-256 over what matters on the wire; words for people do not count."""
     rows = [
         [
@@ -334,8 +351,8 @@ def _hash(device: Device, objects: list[Object], emergencies: list[Emergency]) -
         for o in objects
         for v in o.variables
     ]
-    codes = [[e.code, e.name, e.register_bit] for e in emergencies]
-    text = json.dumps([device.product_code, rows, codes], separators=(",", ":"))
+    codes = [[e.code, e.name, e.register_bit] for e in file.emergencies]
+    text = json.dumps([file.device.product_code, rows, codes], separators=(",", ":"))
     return int.from_bytes(hashlib.sha256(text.encode("ascii")).digest()[:4], "big")
 
 

@@ -13,7 +13,9 @@ _AREAS = (
     (0x2040, 0x2100, "Commands"),
     (0x2100, 0x2110, "Configuration: the rig"),
     (0x2110, 0x2120, "Configuration: each of the two cables"),
-    (0x2120, 0x6000, "Configuration: the tunnel"),
+    (0x2120, 0x2130, "Configuration: the tunnel"),
+    (0x2130, 0x2140, "Configuration: the compensation"),
+    (0x2140, 0x6000, "Configuration: the supervision"),
     (0x6000, 0xA000, "CiA 402"),
 )
 
@@ -38,6 +40,7 @@ def text(dictionary: Dictionary) -> str:
         objects = [o for o in dictionary.objects if first <= o.index < end]
         if objects:
             parts.append(_area(title, objects))
+    parts.append(_supervision(dictionary))
     parts.append(_emergencies(dictionary))
     return "\n".join(parts)
 
@@ -116,3 +119,18 @@ def _shown(v: Variable, raw: int | str) -> str:
 def _emergencies(dictionary: Dictionary) -> str:
     rows = [f"| 0x{e.code:04X} | {e.name} | {e.doc} | {e.advice} |" for e in dictionary.emergencies]
     return _table("Emergencies (EMCY)", "code | name | meaning | what to do", rows)
+
+
+def _supervision(dictionary: Dictionary) -> str:
+    codes = {e.name: e.code for e in dictionary.emergencies}
+    rows = [
+        f"| {c.bit} | `{c.name}` | {c.watches} | {c.limit_text} | {_time_text(c.time_us)} |"
+        f" {c.when} | 0x{codes[c.emergency]:04X} |"
+        for c in dictionary.supervision
+    ]
+    head = "bit | check | watches | limit | for | counts | EMCY"
+    return _table("Supervision: what switches the bridge off", head, rows)
+
+
+def _time_text(time_us: int) -> str:
+    return f"{time_us / 1000:g} ms" if time_us else "at once"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from shared.dictionary.dictionary import Dictionary, Object, Variable
-from shared.dictionary.schema import Pdo
+from shared.dictionary.schema import Check, Pdo
 
 _MODULE = '''\
 """The drive's object dictionary: entries, PDO layouts, EMCY codes, hash.
@@ -19,7 +19,7 @@ types and what they can do (look up, encode, decode) are in `bowden.drive.entry`
 from __future__ import annotations
 
 from bowden.drive import meanings
-from bowden.drive.entry import Emergency, Entry, Layout, Table, array
+from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
 HASH = 0x{hash:08X}
 DEFAULT_NODE_ID = {node_id}
@@ -43,6 +43,10 @@ EMERGENCIES = (
 {emergencies}
 )
 
+SUPERVISION = (
+{supervision}
+)
+
 ENTRIES = TABLE.entries
 lookup = TABLE.lookup
 '''
@@ -64,6 +68,7 @@ def module(dictionary: Dictionary) -> str:
         rpdos="\n".join(_layout("rpdo", pdo) for pdo in dictionary.rpdos),
         tpdos="\n".join(_layout("tpdo", pdo) for pdo in dictionary.tpdos),
         emergencies="\n".join(codes),
+        supervision="\n".join(_check(c) for c in dictionary.supervision),
     )
 
 
@@ -124,6 +129,11 @@ def _layout(kind: str, pdo: Pdo) -> str:
         f"    Layout({kind + str(pdo.number)!r}, {_hex(pdo.cob_id, 3)}, {pdo.event_ms},"
         f" TABLE.several({names})),"
     )
+
+
+def _check(check: Check) -> str:
+    fields = (check.bit, check.name, check.watches, check.limit_text, check.emergency)
+    return f"    Check({', '.join(map(repr, fields))}),"
 
 
 def _hex(value: int, digits: int) -> str:

@@ -47,6 +47,7 @@ def lint(dictionary: Dictionary) -> list[str]:
     problems += _mandatory(dictionary)
     problems += _pdos(dictionary)
     problems += _emergencies(dictionary)
+    problems += _supervision(dictionary)
     return problems
 
 
@@ -216,3 +217,21 @@ def _emergencies(dictionary: Dictionary) -> Iterator[str]:
     for emergency in dictionary.emergencies:
         if emergency.code and not emergency.advice:
             yield f"emergency {emergency.name}: tells the user nothing to do"
+
+
+def _supervision(dictionary: Dictionary) -> Iterator[str]:
+    checks = dictionary.supervision
+    if [check.bit for check in checks] != list(range(len(checks))):
+        yield f"supervision: bits are {[c.bit for c in checks]}, not 0 .. {len(checks) - 1}"
+    for name in _repeated(check.name for check in checks):
+        yield f"supervision: {name} is there twice"
+    emergencies = {emergency.name for emergency in dictionary.emergencies}
+    entries = {o.full_name(v) for o in dictionary.objects for v in o.variables}
+    entries |= {f"{o.name}.1" for o in dictionary.objects if o.kind == "array"}
+    for check in checks:
+        if check.emergency not in emergencies:
+            yield f"supervision {check.name}: no emergency is called {check.emergency}"
+        if isinstance(check.limit, str) and check.limit not in entries:
+            yield f"supervision {check.name}: its limit {check.limit} is no entry"
+        if isinstance(check.limit, int) != (check.raw_unit is not None):
+            yield f"supervision {check.name}: a number as limit comes with raw_unit"

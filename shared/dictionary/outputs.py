@@ -9,6 +9,7 @@ from pathlib import Path
 from shared.dictionary import (
     c_laws,
     c_meanings,
+    c_supervision,
     c_table,
     dbc,
     docs_page,
@@ -52,6 +53,8 @@ def render(dictionary: Dictionary) -> dict[Path, str]:
         drive / "dictionary.c": _clang_format(c_table.source(dictionary)),
         Path("firmware/core/laws.h"): _clang_format(c_laws.header(dictionary)),
         Path("firmware/core/laws.c"): _clang_format(c_laws.source(dictionary)),
+        drive / "supervision/table.h": _clang_format(c_supervision.header(dictionary)),
+        drive / "supervision/table.c": _clang_format(c_supervision.source(dictionary)),
         Path("firmware/meanings.h"): _clang_format(c_meanings.header(dictionary)),
         Path("host/src/bowden/drive/dictionary.py"): host_module.module(dictionary),
         Path("host/src/bowden/drive/meanings.py"): host_meanings.module(dictionary),

@@ -136,6 +136,34 @@ class Emergency(_Strict):
     advice: str
 
 
+#: Units of limits that are no entries: for people, and how many of them is one raw unit.
+_UNITS = {"ua": ("A", 1e-6), "us": ("us", 1.0)}
+
+
+class Check(_Strict):
+    """One check of the supervision: a bit, what it watches, its limit, its time, its emergency.
+
+    `limit` is a number in `raw_unit` or the name of the entry that holds it.
+    """
+
+    bit: Annotated[int, Field(ge=0, le=30)]
+    name: Name
+    when: Literal["always", "powered", "running"]
+    watches: Annotated[str, Field(min_length=1)]
+    limit: Annotated[int, Field(gt=0)] | str | None = None
+    raw_unit: Literal["ua", "us"] | None = None
+    time_us: Annotated[int, Field(ge=0, le=1_000_000)]
+    emergency: Name
+
+    @property
+    def limit_text(self) -> str:
+        """Return the limit for people: the entry's name, or a number with its unit."""
+        if isinstance(self.limit, int):
+            unit, scale = _UNITS[self.raw_unit or ""]
+            return f"{self.limit * scale:g} {unit}"
+        return self.limit or ""
+
+
 class DictionaryFile(_Strict):
     """The whole file."""
 
@@ -143,6 +171,7 @@ class DictionaryFile(_Strict):
     entries: list[Entry]
     pdos: Pdos
     emergencies: list[Emergency]
+    supervision: list[Check]
 
 
 def parse_file(text: str, source: str) -> DictionaryFile:

@@ -14,6 +14,7 @@
 #include "erase.h"
 #include "fast_loop.h"
 #include "handlers.h"
+#include "motor_speed.h"
 #include "pwm.h"
 #include "registers.h"
 #include "store.h"
@@ -43,6 +44,9 @@ static board_actuators_t actuators;
 static encoders_t encoders;
 static uint32_t always, once; /* BOARD_FAULT_* */
 static uint32_t load_cell_quiet;
+static motor_speed_t motor_speed;
+static current_monitor_motor_t motor;
+static uint32_t motor_revision = UINT32_MAX; /* of the configuration that *motor is of */
 static store_t store;
 static bool room_wanted; /* a sector is to be erased for the next save */
 static uint32_t saved[BOARD_STORE_WORDS], saved_words;
@@ -118,6 +122,14 @@ static uint32_t find_faults(void) {
     if (latched.fast.overcurrent) {
         faults |= BOARD_FAULT_OVERCURRENT;
     }
+    if (latched.fast.current_model) {
+        faults |= BOARD_FAULT_CURRENT_MODEL;
+    }
+    const int32_t zero_ua = fast_loop_zero_ua();
+    if (zero_ua > SUPERVISION_CURRENT_ZERO_LIMIT_UA ||
+        zero_ua < -SUPERVISION_CURRENT_ZERO_LIMIT_UA) {
+        faults |= BOARD_FAULT_CURRENT_ZERO;
+    }
     /* Four inputs with one code all the time: it is the converter that is stuck. */
     const bool stuck = latched.fast.window.count > 0 && !latched.fast.inputs_differ;
     if (stuck || watchdog_current_loop_dead()) {
@@ -142,11 +154,25 @@ static void read_sensors(void) {
     sensors.motor_encoder_counts = encoders.motor.counts;
     sensors.load_encoder_counts = encoders.load.counts;
     if (scaling_window(&latched.fast.window, &analogue)) {
-        sensors.motor_current_ua = analogue.motor_current_ua;
+        sensors.motor_current_ua = analogue.motor_current_ua - fast_loop_zero_ua();
         sensors.load_cell_counts = analogue.load_cell_counts;
         sensors.bus_voltage_mv = analogue.bus_voltage_mv;
         sensors.conduit_temperature_mdegc = analogue.conduit_temperature_mdegc;
     }
+}
+
+/* Tells the 20 kHz loop what it needs to know of the motor. */
+static void describe_motor(void) {
+    const dictionary_t *dictionary = &drive.dictionary;
+    if (motor_revision != drive.configured_revision) {
+        motor_revision = drive.configured_revision;
+        motor = current_monitor_motor(dictionary->motor_resistance_uohm,
+                                      dictionary->motor_inductance_nh);
+    }
+    motor_speed_step(&motor_speed, sensors.motor_encoder_counts,
+                     dictionary->torque_constant_unm_per_a,
+                     dictionary->motor_encoder_resolution_counts_per_turn, &motor);
+    fast_loop_motor(&motor);
 }
 
 static void receive_frames(void) {
@@ -225,6 +251,7 @@ void pendsv_handler(void) {
     read_sensors();
     receive_frames();
     drive_tick(&drive, &sensors, &actuators);
+    describe_motor();
     fast_loop_command(actuators.motor_current_ua, actuators.bridge_enabled);
     if (actuators.reset_requested) {
         crash_restart();

@@ -9,10 +9,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "current_monitor.h"
 #include "scaling.h"
 
 /* A sample beyond it, 15 A, opens the bridge at once. */
-#define FAST_LOOP_CURRENT_MAX_UA 15000000
+#define FAST_LOOP_CURRENT_MAX_UA SUPERVISION_OVERCURRENT_LIMIT_UA
 
 /* The load cell's amplifier is broken or saturated when a code is this close to either end. */
 #define FAST_LOOP_RAIL_CODES 2
@@ -21,6 +22,7 @@
 typedef struct {
     scaling_window_t window;
     bool overcurrent;       /* by a sample, or by the bridge's own fault line */
+    bool current_model;     /* the current does not follow from the voltage */
     bool inputs_differ;     /* not every sample had the same code on all four inputs */
     bool load_cell_at_rail; /* any sample */
     bool load_cell_moved;   /* its code was not the same in all samples, the one before included */
@@ -29,6 +31,13 @@ typedef struct {
 /* Takes the report and starts a new one; false, and `taken` untouched, while the loop itself is at
  * work on it: then it goes into the next. Call it from a higher priority than the converter's. */
 bool fast_loop_take(fast_loop_report_t *taken);
+
+/* What the current sensor reads with the bridge off, mean of 256 samples: it is taken off every
+ * current. It is measured anew all the time that the bridge is off; the last one holds. */
+int32_t fast_loop_zero_ua(void);
+
+/* The motor for the current monitor; in every control tick. */
+void fast_loop_motor(const current_monitor_motor_t *motor);
 
 /* What to do from the next sample on. Bridge off takes effect at once; after an overcurrent the
  * bridge stays off until it has been commanded off. */

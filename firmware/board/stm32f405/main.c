@@ -13,6 +13,7 @@
 #include "clock.h"
 #include "control.h"
 #include "crash.h"
+#include "current_loop.h"
 #include "encoders.h"
 #include "handlers.h"
 #include "pins.h"
@@ -66,6 +67,7 @@ int main(void) {
     const board_identity_t identity = {
         .node_id = NODE_ID,
         .serial_number = serial_number(),
+        .current_max_ua = CURRENT_LOOP_REFERENCE_MAX_UA,
         .reset = reset,
         .crash = crash_report(),
     };

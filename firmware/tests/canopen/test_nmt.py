@@ -93,8 +93,10 @@ def test_silent_host_is_lost_after_its_time_and_found_again(
 ) -> None:
     node = make_node(now_us=start_us)
     assert node.write_u(0x1016, 1, 127 << 16 | 50, 4) == 0
-    node.run(200_000)
-    assert not node.lib.node_host_lost(node.node)  # never heard: not watched (CiA 301, 7.2.8.3.2.2)
+    node.run(50_000)
+    assert not node.lib.node_host_lost(node.node)
+    node.run(150_000)
+    assert node.lib.node_host_lost(node.node)  # never heard is no proof that it is there
     node.send(0x77F, b"\x05")
     node.run(50_000)
     assert not node.lib.node_host_lost(node.node)
@@ -112,6 +114,18 @@ def test_lost_host_stays_lost_when_the_clock_wraps(node: Any) -> None:
     for _ in range(6):
         node.tick(2**30)
         assert node.lib.node_host_lost(node.node)
+
+
+def test_a_host_that_restarts_is_told_until_the_next_tick(node: Any) -> None:
+    assert node.write_u(0x1016, 1, 127 << 16 | 50, 4) == 0
+    node.send(0x77F, b"\x05")
+    node.tick()
+    assert not node.lib.node_host_restarted(node.node)
+    node.send(0x77F, b"\0")
+    node.send(0x77F, b"\x05")  # alive again, but another than before
+    assert node.lib.node_host_restarted(node.node)
+    node.tick()
+    assert not node.lib.node_host_restarted(node.node)
 
 
 def test_watching_off_never_reports(node: Any) -> None:

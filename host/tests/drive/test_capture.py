@@ -119,10 +119,10 @@ def test_a_fault_cuts_and_is_named(rig: MakeRig, tmp_path: Path) -> None:
             drive.connection.stop_heartbeat()
 
     path = tmp_path / "run.blf"
-    with pytest.raises(DriveFailed, match=r"reports a fault: the host went silent.*8130h"):
+    with pytest.raises(DriveFailed, match=r"reports a fault: no command came from the host.*8131h"):
         record(drive, path, 5.0, run=TUNNEL, on_progress=hang)
-    check_cut(path, "8130h", at_least=600)
-    assert "8130h" in read_recording(path).metadata["emergencies"]
+    check_cut(path, "8131h", at_least=600)
+    assert "8131h" in read_recording(path).metadata["emergencies"]
 
 
 def test_a_restart_cuts(rig: MakeRig, tmp_path: Path) -> None:

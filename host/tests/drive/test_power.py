@@ -53,12 +53,12 @@ def test_a_host_that_dies_stops_the_drive(rig: MakeRig) -> None:
     drive, bus = rig()
     with pytest.raises(DriveFailed), powered(drive, TUNNEL):  # noqa: PT012
         drive.connection.stop_heartbeat()  # as if killed: nothing is sent any more
-        bus.advance(0.9)
+        bus.advance(0.4)  # command_deadline is 0.5 s
         assert bus.bench.actuators.bridge_enabled
         bus.advance(0.2)
         assert not bus.bench.actuators.bridge_enabled
         drive.connection.listen(0.1)
-        assert drive.emergencies == [0x8130]
+        assert drive.emergencies == [0x8131]
         raise DriveFailed("the test is over")
 
 

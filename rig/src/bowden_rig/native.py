@@ -16,7 +16,7 @@ import cffi
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden_rig.rig.parameters import Rig
+from bowden_rig.rig.parameters import Motor, Rig
 from bowden_rig.rig.rig import Actuators
 from bowden_rig.rig.sensors import Sensors
 from bowden_rig.target import (
@@ -78,6 +78,8 @@ class NativeTarget:
         1 .. 127.
     serial_number : int
         What the board reports in 0x1018 sub 4.
+    current_max_a : float, A
+        The most that its bridge drives.
     """
 
     name = "native"
@@ -93,11 +95,16 @@ class NativeTarget:
         return ""
 
     @staticmethod
-    def for_rig(node_id: int, rig: Rig) -> NativeTarget:  # noqa: ARG004  (it counts no encoders)
-        """Build a drive with that node id."""
-        return NativeTarget(node_id)
+    def for_rig(node_id: int, rig: Rig) -> NativeTarget:
+        """Build a drive with that node id, on a board that drives the rig's current."""
+        return NativeTarget(node_id, current_max_a=rig.motor.current_limit_a)
 
-    def __init__(self, node_id: int = DEFAULT_NODE_ID, serial_number: int = 1) -> None:
+    def __init__(
+        self,
+        node_id: int = DEFAULT_NODE_ID,
+        serial_number: int = 1,
+        current_max_a: float = Motor.current_limit_a,
+    ) -> None:
         self._ffi, self._lib = _library()
         new = self._ffi.new
         self._memory = new("char[]", int(self._lib.native_drive_size()) + DRIVE_ALIGNMENT)
@@ -109,6 +116,7 @@ class NativeTarget:
             {
                 "node_id": node_id,
                 "serial_number": serial_number,
+                "current_max_ua": round(1e6 * current_max_a),
                 "reset": self._lib.RESET_CAUSE_POWER_ON,
                 "saved": self._saved,
             },

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
-from bowden.cli.drive_arguments import add_drive_arguments
+from bowden.cli.drive_arguments import add_drive_arguments, warn_if_live
 from bowden.cli.output import add_json_argument, console, print_json, say
 from bowden.drive.bus_options import BusOptions, bus_options, open_connection
 from bowden.drive.capture import record
@@ -81,6 +81,7 @@ def _findings(options: BusOptions, node_id: int, signs_s: float | None) -> Itera
             node_is_there |= finding.check == "node" and finding.state != "failed"
             yield finding
         if node_is_there:
+            warn_if_live(drive)
             yield from _signs(drive, signs_s)
 
 

@@ -7,17 +7,27 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 
+from bowden.cli.output import console
 from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.client import Drive, connect
 from bowden.drive.dictionary import DEFAULT_NODE_ID
+from bowden.drive.power import BRIDGE_ON, power_state
 from bowden.errors import BadInput
+
+_NODE_HELP = f"the drive's node id (default {DEFAULT_NODE_ID})"
+
+
+def add_node_argument(parser: argparse.ArgumentParser) -> None:
+    """Add ``--node``."""
+    parser.add_argument(
+        "--node", "--node-id", type=int, default=DEFAULT_NODE_ID, metavar="N", help=_NODE_HELP
+    )
 
 
 def add_drive_arguments(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
     """Add ``--node``, ``--force`` and python-can's bus flags; `several`: ``--node`` repeats."""
-    text = f"the drive's node id (default {DEFAULT_NODE_ID})"
     if several:
         parser.add_argument(
             "--node",
@@ -25,21 +35,22 @@ def add_drive_arguments(parser: argparse.ArgumentParser, *, several: bool = Fals
             type=int,
             action="append",
             metavar="N",
-            help=f"{text}; repeat it for several drives, the first one's clock is the time",
+            help=f"{_NODE_HELP}; repeat it for several drives, the first one's clock is the time",
         )
     else:
-        parser.add_argument(
-            "--node", "--node-id", type=int, default=DEFAULT_NODE_ID, metavar="N", help=text
-        )
+        add_node_argument(parser)
     parser.add_argument(
         "--force", action="store_true", help="go on although the object dictionaries differ"
     )
     add_bus_arguments(parser)
 
 
-def connect_drive(args: argparse.Namespace) -> AbstractContextManager[Drive]:
-    """Open the bus and find the drive that the arguments name."""
-    return connect(bus_options(args), args.node, force=args.force)
+@contextmanager
+def connect_drive(args: argparse.Namespace) -> Iterator[Drive]:
+    """Open the bus, find the drive that the arguments name, and warn where its bridge is on."""
+    with connect(bus_options(args), args.node, force=args.force) as drive:
+        warn_if_live(drive)
+        yield drive
 
 
 @contextmanager
@@ -53,4 +64,17 @@ def connect_drives(args: argparse.Namespace) -> Iterator[list[Drive]]:
         for drive in drives[1:]:
             if not args.force:
                 drive.check_dictionary()
+        for drive in drives:
+            warn_if_live(drive)
         yield drives
+
+
+def warn_if_live(drive: Drive) -> None:
+    """Say in red that current may flow: somebody else has enabled this drive."""
+    state = power_state(drive.read_raw("statusword"))
+    if state in BRIDGE_ON:
+        console().print(
+            f"[bold red]node {drive.node_id}: its bridge is ON ({state}): the motor may move; "
+            f"`bowden stop --node {drive.node_id}` switches it off[/]",
+            soft_wrap=True,
+        )

@@ -6,7 +6,7 @@ import argparse
 
 from rich.table import Table
 
-from bowden.cli.drive_arguments import add_drive_arguments
+from bowden.cli.drive_arguments import add_drive_arguments, warn_if_live
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive, connect
@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Ask and show. Another dictionary is told, not refused: that is what one asks for."""
     with connect(bus_options(args), args.node, force=True) as drive:
+        warn_if_live(drive)
         document = describe(drive)
     if args.json:
         print_json(document)

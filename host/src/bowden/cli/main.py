@@ -34,6 +34,8 @@ COMMANDS = {
     "rig": "run the simulated rig on a CAN bus",
     "scan": "list the CANopen nodes on the bus",
     "info": "show identity, state and error history of a drive",
+    "faults": "list a drive's faults, present and latched, and what to do",
+    "stop": "switch a drive's bridge off, or those of all nodes",
     "doctor": "check adapter, bus, drive and sensors; say what to do next",
     "od": "read and write single values of the drive by name",
     "config": "keep a drive's configuration in a file: dump, diff, apply, restore",

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.drive.bus_options import add_bus_arguments, bus_options, open_connection
+from bowden.drive.power import BRIDGE_ON
 from bowden.drive.scan import Node, scan
 from bowden.errors import DriveFailed
 
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _table(nodes: list[Node]) -> Table:
-    table = Table("node", "name", "software", "serial", "NMT", "dictionary")
+    table = Table("node", "name", "software", "serial", "NMT", "dictionary", "state")
     fits = {True: "same", False: "differs", None: "not a bowden drive"}
     for node in nodes:
         serial = "" if node.serial_number is None else f"{node.serial_number:08X}h"
@@ -55,5 +56,8 @@ def _table(nodes: list[Node]) -> Table:
             serial,
             node.nmt_state.lower(),
             fits[node.dictionary_matches],
+            f"[bold red]{node.power_state}: bridge ON[/]"
+            if node.power_state in BRIDGE_ON
+            else node.power_state or "",
         )
     return table

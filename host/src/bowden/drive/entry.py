@@ -219,6 +219,27 @@ class Layout:
 
 
 @dataclass(frozen=True)
+class Check:
+    """One check of the drive's supervision; when it fails, the bridge is switched off.
+
+    Parameters
+    ----------
+    bit : int
+        Of the entries supervision_present, supervision_latched and fault_reset_refused.
+    name, watches, limit : str
+        For people; `limit` is empty where it has none of its own.
+    emergency : str
+        Name of its EMCY code.
+    """
+
+    bit: int
+    name: str
+    watches: str
+    limit: str
+    emergency: str
+
+
+@dataclass(frozen=True)
 class Emergency:
     """One EMCY code: what it means and what to do.
 

@@ -68,6 +68,47 @@ class ConfigurationOriginOutcome(NamedValue):
     LOST = 5, 'what was saved is damaged or of an unknown format: the defaults'
 
 
+class Supervision(NamedBits):
+    """Checks of the supervision."""
+
+    OVERCURRENT = 1 << 0, 'bridge overcurrent'
+    ENCODER = 1 << 1, 'an encoder is broken'
+    LOAD_CELL = 1 << 2, 'load cell stuck or out of range'
+    CLOCK = 1 << 3, 'crystal failed'
+    BUS_OFF = 1 << 4, 'recovered from bus-off'
+    TICK_OVERRUN = 1 << 5, 'a control tick was not finished in its period'
+    RX_OVERRUN = 1 << 6, 'CAN frames lost'
+    CONVERTER = 1 << 7, 'no new samples of current, load cell, bus voltage'
+    RESTARTED = 1 << 8, 'the firmware crashed or hung and was started anew'
+    CAN_PASSIVE = 1 << 9, 'the CAN controller went error-passive while the bridge was on'
+    CURRENT_MODEL = 1 << 10, 'the measured current does not follow from the voltage on the motor'
+    CURRENT_ZERO = 1 << 11, 'the current sensor reads too much with the bridge off'
+    CURRENT_ERROR = 1 << 12, 'the motor current does not follow its command'
+    ENDS_APART = 1 << 13, 'motor and load angle are further apart than the cables can stretch'
+    MOTOR_SPEED = 1 << 14, 'the motor is faster than motor_speed_limit, or its encoder jumped'
+    LOAD_SPEED = 1 << 15, 'the load is faster than load_speed_limit, or its encoder jumped'
+    UNDERVOLTAGE = 1 << 16, 'bus voltage too low'
+    OVERVOLTAGE = 1 << 17, 'bus voltage too high'
+    MOTOR_HEAT = 1 << 18, 'the motor carries more than its continuous current although it is limited (I2t)'
+    BRIDGE_HEAT = 1 << 19, 'the bridge carries more than its continuous current although it is limited (I2t)'
+    CONDUIT_HEAT = 1 << 20, 'the conduit is hotter than conduit_temperature_limit'
+    LOAD_ANGLE = 1 << 21, 'the load is outside load_angle_min to load_angle_max'
+    HEARTBEAT = 1 << 22, 'the host went silent while the drive ran'
+    HOST_RESTARTED = 1 << 23, 'the watched host restarted while the drive ran'
+    COMMAND_LATE = 1 << 24, 'no command came from the host within command_deadline'
+    CONFIGURATION = 1 << 25, 'configuration cannot run'
+
+
+class LimitsActive(NamedBits):
+    """The limit that cuts the torque in this tick; no fault."""
+
+    MOTOR_TORQUE = 1 << 0, 'motor_torque_limit'
+    BOARD_CURRENT = 1 << 1, 'the largest current of the board'
+    MOTOR_HEAT = 1 << 2, 'the motor is near its continuous current (I2t)'
+    BRIDGE_HEAT = 1 << 3, 'the bridge is near its continuous current (I2t)'
+    CONDUIT_HEAT = 1 << 4, 'the conduit is within 10 K of conduit_temperature_limit'
+
+
 class SlipState(NamedValue):
     """Of the cable pair, from the model."""
 
@@ -149,7 +190,8 @@ class Statusword(NamedBits):
     SWITCH_ON_DISABLED = 1 << 6, 'switch on disabled'
     REMOTE = 1 << 9, 'the controlword is obeyed'
     TARGET_REACHED = 1 << 10, 'halted, and the torque is 0'
-    INTERNAL_LIMIT = 1 << 11, 'a limit of the drive cuts the torque that is asked for'
+    INTERNAL_LIMIT = 1 << 11, 'a limit of the drive cuts the torque that is asked for: limits_active says which'
+    NO_DEADLINE = 1 << 14, 'command_deadline is 0: a host that falls silent is not noticed by it'
 
 
 class QuickStopOption(NamedValue):

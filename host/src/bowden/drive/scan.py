@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from bowden.drive.client import Drive
 from bowden.drive.connection import HOST_NODE_ID, Connection
 from bowden.drive.dictionary import HASH
+from bowden.drive.power import power_state
 from bowden.errors import DriveFailed
 
 _PACE_S = 0.005
@@ -34,6 +35,8 @@ class Node:
         As it tells it.
     dictionary_matches : bool or None
         Whether it has the object dictionary of this bowden; None when it is no bowden drive.
+    power_state : str or None
+        CiA 402 state; None when it does not tell one.
     """
 
     node_id: int
@@ -42,6 +45,7 @@ class Node:
     software_version: str | None
     serial_number: int | None
     dictionary_matches: bool | None
+    power_state: str | None = None
 
 
 def scan(connection: Connection) -> list[Node]:
@@ -71,4 +75,11 @@ def _identify(drive: Drive) -> Node:
         matches = drive.read_raw("dictionary_hash") == HASH
     except DriveFailed:
         matches = None
-    return Node(drive.node_id, drive.nmt_state, name, version, serial, matches)
+    return Node(drive.node_id, drive.nmt_state, name, version, serial, matches, _state(drive))
+
+
+def _state(drive: Drive) -> str | None:
+    try:
+        return power_state(drive.read_raw("statusword"))
+    except DriveFailed:
+        return None
