@@ -135,10 +135,10 @@ def model_file() -> str:
 def recording_format() -> str:
     """Return the page of the recording formats and all channels with a meaning."""
     rows = [
-        f"| `{c.name}` | {c.unit or '–'} | {c.end if c.end != 'none' else '–'} | {c.purpose} |"
+        f"| `{c.name}` | {c.unit or '–'} | {c.end if c.end != 'none' else '–'} | {c.source} | {c.purpose} |"
         for c in CHANNELS.values()
     ]
-    header = "| column | unit | end | |\n|---|---|---|---|"
+    header = "| column | unit | end | source | |\n|---|---|---|---|---|"
     return "\n".join([RECORDING_INTRODUCTION, header, *rows]) + "\n"
 
 

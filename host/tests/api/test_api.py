@@ -71,6 +71,14 @@ def test_a_model_explains_what_it_has_made(moved: bowden.Recording, tmp_path: Pa
     assert all(isinstance(figure, go.Figure) for figure in drawn.values())
 
 
+def test_every_channel_of_a_recording_is_drawn() -> None:
+    run = bowden.Recording(TIME, {"load_angle_rad": TIME, "handle_force_n": TIME, "status": TIME})
+    figure = bowden.figures(run)["time"]
+    axes = sorted(axis for axis in figure.layout if axis.startswith("yaxis"))
+    titles = [figure.layout[axis].title.text for axis in axes]
+    assert titles == ["load angle (°)", "handle force (N)"]
+
+
 def test_a_calibration_is_a_table_of_parameters(moved: bowden.Recording) -> None:
     found = bowden.calibrate(bowden.table_1(), moved, free=["rig.cable.pretension_n"], widen=True)
     table = bowden.to_dataframe(found)

@@ -19,6 +19,7 @@ from bowden.estimation import quantities as _quantities
 from bowden.estimation import verify as _verify
 from bowden.model import Mode, Model, format_model, parse_model
 from bowden.recording.atomic import replace_whole
+from bowden.recording.channels import MAIN_CHANNELS, SIMULATED_CHANNELS
 from bowden.recording.enabled import until_disabled
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
@@ -27,16 +28,6 @@ from bowden.signals.prediction import simulate_recording
 ModelLike = Model | str | Path
 RecordingLike = Recording | str | Path
 ModeName = Literal["torque-position", "position-torque", "position-position"]
-
-#: Series that a simulation adds to those of a recording.
-SIMULATED_CHANNELS = (
-    "motor_tension_a_n",
-    "load_tension_a_n",
-    "motor_tension_b_n",
-    "load_tension_b_n",
-    "slack",
-)
-_MAIN = ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm")
 
 
 def read_model(path: str | Path) -> Model:
@@ -107,7 +98,7 @@ def simulate(
     trajectory = simulate_recording(
         model_of(model), Mode(mode), run, before=None if before is None else _recording(before)
     )
-    series = {name: getattr(trajectory, name) for name in (*_MAIN, *SIMULATED_CHANNELS)}
+    series = {name: getattr(trajectory, name) for name in (*MAIN_CHANNELS, *SIMULATED_CHANNELS)}
     return replace_metadata(run.with_channels(series), mode=mode)
 
 

@@ -9,18 +9,13 @@ from plotly.subplots import make_subplots
 from bowden.diagnosis.compare import Comparison
 from bowden.diagnosis.diagnose import Diagnosis
 from bowden.errors import BadInput
+from bowden.recording.channels import MAIN_CHANNELS, channel
 from bowden.recording.recording import Recording
 from bowden.report import diagnosis_plots, plots
 from bowden.report.canvas import MEASURED, draw, dress
 from bowden.report.comparison import prescribed_load_torque
 
 POINTS = 4000
-_PANELS = (
-    ("motor_angle_rad", "motor angle (°)", True),
-    ("load_angle_rad", "load angle (°)", True),
-    ("motor_torque_nm", "motor torque (N m)", False),
-    ("load_torque_nm", "load torque (N m)", False),
-)
 
 
 def figures(result: object) -> dict[str, go.Figure]:
@@ -66,13 +61,21 @@ def figures(result: object) -> dict[str, go.Figure]:
 
 
 def _channels(recording: Recording) -> go.Figure:
-    """Draw the main channels that a recording has, one above the other."""
-    panels = [panel for panel in _PANELS if panel[0] in recording.channels]
+    """Draw every channel of a recording but states, one above the other, the main ones first."""
+    others = [name for name in recording.channels if name not in MAIN_CHANNELS]
+    panels = [
+        channel(name)
+        for name in (*MAIN_CHANNELS, *others)
+        if name in recording.channels and channel(name).kind != "state"
+    ]
     plot = make_subplots(rows=len(panels) or 1, cols=1, shared_xaxes=True, vertical_spacing=0.05)
     dress(plot, height=160 * (len(panels) or 1) + 60)
-    for row, (name, title, is_angle) in enumerate(panels, start=1):
-        values = recording[name]
+    for row, shown in enumerate(panels, start=1):
+        is_angle = shown.kind == "angle"
+        values = recording[shown.name]
         curve = (recording.time_s, np.degrees(values) if is_angle else values)
+        unit = "°" if is_angle else shown.unit
+        title = f"{shown.words} ({unit})" if unit else shown.words
         draw(plot, curve, title, MEASURED, points=POINTS, row=row, listed=False)
         plot.update_yaxes(title_text=title, row=row)
     plot.update_xaxes(title_text="time (s)", row=len(panels) or 1)

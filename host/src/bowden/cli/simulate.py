@@ -19,7 +19,7 @@ from bowden.cli.model_arguments import (
     read_model,
 )
 from bowden.cli.output import console
-from bowden.recording.channels import MAIN_CHANNELS
+from bowden.recording.channels import MAIN_CHANNELS, SIMULATED_CHANNELS
 
 if TYPE_CHECKING:
     from bowden.model import Trajectory
@@ -30,14 +30,6 @@ EXAMPLES = """examples:
   bowden simulate table_1.yaml --input second.csv --initial first.csv \\
       --mode position-position --output model.csv
 """
-
-ADDED_CHANNELS = (
-    "motor_tension_a_n",
-    "load_tension_a_n",
-    "motor_tension_b_n",
-    "load_tension_b_n",
-    "slack",
-)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -87,5 +79,5 @@ def simulated(recording: Recording, trajectory: Trajectory, args: argparse.Names
     }
     if args.initial:
         metadata["simulated_after"] = args.initial.name
-    series = {name: getattr(trajectory, name) for name in (*MAIN_CHANNELS, *ADDED_CHANNELS)}
+    series = {name: getattr(trajectory, name) for name in (*MAIN_CHANNELS, *SIMULATED_CHANNELS)}
     return replace(recording.with_channels(series), metadata=metadata)

@@ -17,7 +17,7 @@ from bowden.drive.entry import Entry, Layout
 from bowden.drive.meanings import CompensationLaw, ModeOfOperation, TunnelAngleSource
 from bowden.drive.power import Run
 from bowden.errors import DriveFailed
-from bowden.recording.channels import SUFFIX_OF_UNIT
+from bowden.recording.channels import name_with_unit
 from bowden.recording.side_file import OtherDrive, PdoField, PdoLayout, SideFile
 
 _PDO_DOES_NOT_EXIST = 1 << 31
@@ -104,8 +104,7 @@ def _field(entry: Entry, prefix: str) -> PdoField:
     if entry.name == "statusword":
         column = "status"
     else:
-        suffix = SUFFIX_OF_UNIT.get(entry.unit or "")
-        column = "_".join(filter(None, [entry.name.replace(".", "_"), suffix]))
+        column = name_with_unit(entry.name.replace(".", "_"), entry.unit)
     return PdoField(
         name=entry.name,
         bits=entry.bits,

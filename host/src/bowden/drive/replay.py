@@ -23,7 +23,7 @@ from bowden.drive.dictionary import HASH, TPDOS, lookup
 from bowden.drive.entry import Layout
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.blf import read_frames
-from bowden.recording.channels import TIME
+from bowden.recording.channels import TIME, name_with_unit
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
 from bowden.recording.side_file import OtherDrive, PdoLayout, SideFile, read_side_file
@@ -230,8 +230,7 @@ def _layouts_for(recording: Recording) -> list[Layout]:
 
 
 def _column(name: str) -> str:
-    suffix = {"rad": "_rad", "N m": "_nm"}.get(lookup(name).unit or "", "")
-    return f"{name}{suffix}"
+    return name_with_unit(name, lookup(name).unit)
 
 
 def _encoded(

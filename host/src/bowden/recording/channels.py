@@ -15,6 +15,7 @@ Kind = Literal[
     "time", "angle", "torque", "force", "current", "voltage", "temperature", "state", "other"
 ]
 End = Literal["motor", "load", "none"]
+Source = Literal["sensor", "drive", "simulation"]
 
 #: The name of the time base; every recording has it.
 TIME = "time_s"
@@ -58,6 +59,8 @@ class NamedChannel:
         The pulley that it belongs to: ``"motor"``, ``"load"`` or ``"none"``.
     purpose : str
         What it is for, in one line; empty for a channel that is not listed.
+    source : str
+        Where it comes from: ``"sensor"``, ``"drive"`` (what it does or wants), ``"simulation"``.
     """
 
     name: str
@@ -65,6 +68,7 @@ class NamedChannel:
     kind: Kind
     end: End
     purpose: str = ""
+    source: Source = "sensor"
 
     @property
     def words(self) -> str:
@@ -88,16 +92,30 @@ _LISTED = (
     NamedChannel("bus_voltage_v", "V", "voltage", "none", "supply of the drive's bridge"),
     NamedChannel("conduit_temperature_c", "degC", "temperature", "none", "for thermal friction"),
     NamedChannel(
-        "status", "", "state", "none", "CiA 402 statusword; tells when the drive is enabled"
+        "status",
+        "",
+        "state",
+        "none",
+        "CiA 402 statusword; tells when the drive is enabled",
+        "drive",
     ),
-    NamedChannel("compensation_active_law", "", "state", "none", "compensation law that runs"),
-    NamedChannel("wanted_load_torque_nm", "N m", "torque", "load", "what the drive is to render"),
-    NamedChannel("motor_tension_a_n", "N", "force", "motor", "simulated, cable a"),
-    NamedChannel("load_tension_a_n", "N", "force", "load", "simulated, cable a"),
-    NamedChannel("motor_tension_b_n", "N", "force", "motor", "simulated, cable b"),
-    NamedChannel("load_tension_b_n", "N", "force", "load", "simulated, cable b"),
     NamedChannel(
-        "slack", "", "state", "none", "simulated; bit 0 cable a, bit 1 cable b, bit 2 overload"
+        "compensation_active_law", "", "state", "none", "compensation law that runs", "drive"
+    ),
+    NamedChannel(
+        "wanted_load_torque_nm", "N m", "torque", "load", "what the drive is to render", "drive"
+    ),
+    NamedChannel("motor_tension_a_n", "N", "force", "motor", "cable a", "simulation"),
+    NamedChannel("load_tension_a_n", "N", "force", "load", "cable a", "simulation"),
+    NamedChannel("motor_tension_b_n", "N", "force", "motor", "cable b", "simulation"),
+    NamedChannel("load_tension_b_n", "N", "force", "load", "cable b", "simulation"),
+    NamedChannel(
+        "slack",
+        "",
+        "state",
+        "none",
+        "bit 0 cable a, bit 1 cable b, bit 2 overload",
+        "simulation",
     ),
 )
 
@@ -109,6 +127,9 @@ CHANNELS = {one.name: one for one in _LISTED}
 
 #: The four that the offline model takes and predicts, in the order of files.
 MAIN_CHANNELS = ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm")
+
+#: What a simulation adds to them.
+SIMULATED_CHANNELS = tuple(one.name for one in _LISTED if one.source == "simulation")
 
 
 def channel(name: str) -> NamedChannel:
@@ -132,3 +153,9 @@ def channel(name: str) -> NamedChannel:
     unit = UNIT_OF_SUFFIX.get(rest.rpartition("_")[2], "")
     end: End = "motor" if first == "motor" else "load" if first == "load" else "none"
     return NamedChannel(name, unit, _KIND_OF_UNIT.get(unit, "other"), end)
+
+
+def name_with_unit(stem: str, unit: str | None) -> str:
+    """Return a channel's name for a signal and its unit: ``bus_voltage``, V: ``bus_voltage_v``."""
+    suffix = SUFFIX_OF_UNIT.get(unit or "")
+    return f"{stem}_{suffix}" if suffix else stem
