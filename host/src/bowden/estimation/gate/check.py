@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from bowden.estimation.gate.course import check_course
 from bowden.estimation.gate.encoders import check_encoders
 from bowden.estimation.gate.finding import BadData, Finding, stops
 from bowden.estimation.gate.sensors import check_sensors
@@ -72,8 +73,8 @@ def _check_one(model: Model, one: Recording, mode: Mode, name: str) -> list[Find
         return found
     found += check_sensors(one, name)
     found += check_encoders(model, one, name)
-    if not any(finding.what == "units" for finding in found) and all(
-        channel in one.channels for channel in (*mode.columns, *mode.predicted)
-    ):
+    if not any(finding.what == "units" for finding in found):
         found += check_against_model(model, mode, one, name)
+    if not stops(found):
+        found += check_course(model, one, name)
     return found

@@ -12,6 +12,7 @@ the model does predict. So an effect cannot pass for a unit, nor hide one.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -165,7 +166,7 @@ class Channel:
         least: float,
     ) -> None:
         time_s = arguments.time_s
-        self.measured, self.noise = measured, noise
+        self.measured, self.noise, self.time_s = measured, noise, time_s
         self.usual = float(np.std(measured)) or 1.0
         self.geometric = bool(np.ptp(prediction.geometry) > 0.0)
         elastic = prediction.elastic - prediction.elastic.mean()
@@ -230,6 +231,12 @@ class Channel:
             surprise=max(_log_prior(1.0, sigma) - of_gain, 0.0)
             + (0.5 * float(prior[-1]) ** 2 if self.geometric else 0.0),
         )
+
+    def read_at(self, late_s: _Floats) -> Channel:
+        """Return the channel as it would be read so much later, sample by sample."""
+        other = copy.copy(self)
+        other.measured = np.interp(self.time_s + late_s, self.time_s, self.measured)
+        return other
 
     def ratio(self, far: float) -> tuple[float, float]:
         """Return the geometry's own gain and its sigma, where the model may lack `far` as much."""

@@ -1,0 +1,87 @@
+"""Faults on the way through a recording are named, with an effect missing in the model and without.
+
+What is recorded is the model's own answer, with counts and noise; a missing effect is put into the
+rig that records and left out of the model that is asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from bowden.estimation.gate.check import check_data
+from bowden.model import Inputs, Mode, Model, parse_model, simulate
+from bowden.recording.recording import Recording
+
+from ..rigs import TABLE_1, as_recording
+from .test_gate import sensed
+
+MODEL = parse_model(TABLE_1)
+VISCOUS = ("viscous_friction", {"mu_v_s_per_m": 0.3})
+RATE_HZ, LENGTH_S = 500.0, 24.0
+
+
+def recorded(model: Model) -> Recording:
+    """Strokes of several lengths under a slow motor torque."""
+    time_s = np.arange(round(LENGTH_S * RATE_HZ)) / RATE_HZ
+    load = 0.5 * np.sin(2.6 * time_s) * (0.7 + 0.3 * np.sin(0.5 * time_s))
+    torque = 0.15 * np.sin(1.1 * time_s + 0.3)
+    inputs = Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load)
+    return sensed(as_recording(simulate(model, Mode.TORQUE_POSITION, inputs)))
+
+
+RUNS = {"complete": recorded(MODEL), "effect missing": recorded(MODEL.with_effect(*VISCOUS))}
+
+
+def stepped(one: Recording) -> Recording:
+    return one.with_channels(load_torque_nm=one.load_torque_nm + 0.15 * (one.time_s > 10.0))
+
+
+def clipped(one: Recording) -> Recording:
+    noise = np.random.default_rng(4).normal(0.0, 5e-4, one.time_s.size)
+    most = 0.7 * float(np.abs(one.load_torque_nm).max())
+    return one.with_channels(load_torque_nm=np.clip(one.load_torque_nm, -most, most) + noise)
+
+
+def on_another_clock(one: Recording) -> Recording:
+    at = one.time_s * 1.005
+    names = ("motor_torque_nm", "load_torque_nm")
+    return one.with_channels({name: np.interp(at, one.time_s, one[name]) for name in names})
+
+
+@pytest.mark.parametrize("model", RUNS)
+@pytest.mark.parametrize(
+    ("fault", "what"),
+    [(stepped, "zero_step"), (clipped, "clipped"), (on_another_clock, "clock")],
+)
+def test_a_fault_on_the_way_is_named(
+    model: str, fault: Callable[[Recording], Recording], what: str
+) -> None:
+    found = check_data(MODEL, [fault(RUNS[model])], Mode.TORQUE_POSITION)
+    assert what in {one.what for one in found if one.severity == "stop"}
+
+
+@pytest.mark.parametrize("model", RUNS)
+def test_without_a_fault_nothing_stops(model: str) -> None:
+    found = check_data(MODEL, [RUNS[model]], Mode.TORQUE_POSITION)
+    assert [one.text for one in found if one.severity == "stop"] == []
+
+
+def test_the_moment_and_size_of_a_step_are_told() -> None:
+    found = check_data(MODEL, [stepped(RUNS["complete"])], Mode.TORQUE_POSITION)
+    (step,) = [one for one in found if one.what == "zero_step"]
+    assert "at 10 s" in step.found
+    assert float(step.found.split()[4]) == pytest.approx(0.15, abs=0.003)  # 5 sigma of the noise
+
+
+def test_a_step_of_the_motors_torque_is_no_step_of_a_zero() -> None:
+    """The cell's reading jumps with it, as the model says that it does."""
+    time_s = np.arange(round(LENGTH_S * RATE_HZ)) / RATE_HZ
+    load = 0.5 * np.sin(2.6 * time_s)
+    torque = np.where(time_s > 10.3, 0.15, -0.1)
+    inputs = Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load)
+    run = sensed(as_recording(simulate(MODEL, Mode.TORQUE_POSITION, inputs)))
+    assert [
+        one for one in check_data(MODEL, [run], Mode.TORQUE_POSITION) if one.severity == "stop"
+    ] == []
