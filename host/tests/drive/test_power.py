@@ -127,3 +127,11 @@ def test_stopping_ends_at_switch_on_disabled_from_wherever(
         drive.connection.listen(0.01)
     safe_stop(drive)
     assert power_state(drive.read_raw("statusword")) == "switch on disabled"
+
+
+def test_a_drive_that_another_program_runs_is_left_to_it(rig: MakeRig) -> None:
+    drive, bus = rig()
+    with powered(drive, TUNNEL):
+        with pytest.raises(DriveFailed, match="another program runs it"), powered(drive, TUNNEL):
+            pytest.fail("the second program got the drive")
+        assert bus.bench.actuators.bridge_enabled

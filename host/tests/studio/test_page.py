@@ -80,7 +80,7 @@ def test_run_see_the_loop_record_stop(page: Page, studio: Studio) -> None:
     assert recording.metadata["marks"].endswith("mark")
     page.check("#recordings input")
     page.click("text=compare with the model")
-    expect(page.locator("#job")).to_contain_text("compare done")
+    expect(page.locator("#job")).to_contain_text("compare done", timeout=5 * SLOW_MS)
     report = page.frame_locator("iframe")
     expect(report.locator("h1")).to_have_text("Measured and simulated")
 

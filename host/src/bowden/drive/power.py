@@ -86,8 +86,15 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
     BadInput
         A torque that the drive cannot be told.
     DriveFailed
-        A fault that cannot be reset, a configuration that cannot run, or a step not taken.
+        Another program runs the drive, a fault that cannot be reset, a configuration that cannot
+        run, or a step not taken.
     """
+    # Before anything that would stop it at the end: that motion is somebody else's.
+    if (state := power_state(drive.read_raw("statusword"))) in BRIDGE_ON:
+        raise DriveFailed(
+            f"node {drive.node_id} is in {state!r}: another program runs it; end that first "
+            "(or stop the drive: space bar of `bowden watch`)"
+        )
     heartbeat_before = drive.read_raw("consumer_heartbeat.1")
     try:
         enable(drive, run)
