@@ -25,7 +25,8 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
-from bowden.diagnosis.diagnose import Diagnosis, diagnose
+from bowden.diagnosis.diagnose import diagnose
+from bowden.diagnosis.result import Diagnosis
 from bowden.model import Mode, ModelError, parse_model
 from bowden.recording.atomic import replace_whole
 from bowden.recording.channels import TIME

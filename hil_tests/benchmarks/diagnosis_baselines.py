@@ -20,8 +20,7 @@ import warnings
 from importlib.util import find_spec
 
 import numpy as np
-from bowden.diagnosis.diagnose import Diagnosis
-from bowden.diagnosis.figures import Series
+from bowden.diagnosis.result import Diagnosis, Series
 from bowden.recording.recording import Recording
 from numpy.typing import NDArray
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from bowden.diagnosis.diagnose import Diagnosis
+from bowden.diagnosis.result import Diagnosis
 from bowden.model import Model, parse_model
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import estimate_channels

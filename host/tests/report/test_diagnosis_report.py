@@ -8,11 +8,9 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from bowden.diagnosis.decide import NamedEffect, Value
-from bowden.diagnosis.diagnose import Diagnosis, Ranked
 from bowden.diagnosis.excitation import excitation
-from bowden.diagnosis.figures import Series
 from bowden.diagnosis.localise import localise
+from bowden.diagnosis.result import Diagnosis, NamedEffect, Ranked, Series, Value
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
 from bowden.estimation.posterior import Estimate

@@ -13,6 +13,7 @@ from typing import Literal
 
 from bowden.diagnosis import compare as _compare
 from bowden.diagnosis import diagnose as _diagnose
+from bowden.diagnosis.result import Diagnosis
 from bowden.errors import BadInput
 from bowden.estimation import calibrate as _calibrate
 from bowden.estimation import quantities as _quantities
@@ -181,7 +182,7 @@ def diagnose(
     seed: int = 0,
     effects: Sequence[str] | None = None,
     progress: Callable[[str, float], None] | None = None,
-) -> _diagnose.Diagnosis:
+) -> Diagnosis:
     """Name the physical effect that a model lacks to explain recordings, or say why none is named.
 
     Parameters

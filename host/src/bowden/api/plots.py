@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from bowden.diagnosis.compare import Comparison
-from bowden.diagnosis.diagnose import Diagnosis
+from bowden.diagnosis.result import Diagnosis
 from bowden.errors import BadInput
 from bowden.recording.channels import MAIN_CHANNELS, channel
 from bowden.recording.recording import Recording

@@ -7,7 +7,7 @@ from dataclasses import asdict, is_dataclass
 from typing import TYPE_CHECKING
 
 from bowden.diagnosis.compare import Comparison
-from bowden.diagnosis.diagnose import Diagnosis
+from bowden.diagnosis.result import Diagnosis
 from bowden.errors import BadInput
 from bowden.recording.recording import Recording
 

@@ -41,7 +41,7 @@ from bowden.recording.enabled import until_disabled
 from bowden.report.rendering import LawRun, rendering_report
 
 if TYPE_CHECKING:
-    from bowden.diagnosis.diagnose import Diagnosis
+    from bowden.diagnosis.result import Diagnosis
 
 EXAMPLES = """examples:
   bowden demo-diagnosis

@@ -22,7 +22,7 @@ from bowden.cli.model_arguments import (
 from bowden.cli.output import add_json_argument, console, print_json, stages
 
 if TYPE_CHECKING:
-    from bowden.diagnosis.diagnose import Diagnosis
+    from bowden.diagnosis.result import Diagnosis
 
 EXAMPLES = """examples:
   bowden diagnose rig.yaml run.csv --report diagnosis.html

@@ -1,122 +1,98 @@
-"""Before and after, sample by sample, and the figures that are made of it.
+"""Before and after, sample by sample, each by a fit that has not seen its stretch of time.
 
-A `Selection` and parts with all their samples in; `Series` for plots, `Gap` and `HeldOutResidual`
-for words out. Simulates the calibrated and the chosen model once a recording; touches no file.
+`Found` and recordings in; `Series` for plots and `Gap` for words out. Simulates each fold's fit of
+two hypotheses on all samples; touches no file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.decide import HeldOutResidual
-from bowden.diagnosis.problem import WeighedRecording, WeighedRecordings, about_zero
-from bowden.diagnosis.select import Selection
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.material import Material, as_fine
+from bowden.diagnosis.odds import Weighed
+from bowden.diagnosis.predict import Prediction
+from bowden.diagnosis.result import Series
+from bowden.estimation.covariance import Data
 from bowden.estimation.gap import Gap
-from bowden.model import Mode, Model
-from bowden.signals.prediction import PREDICTED
+from bowden.estimation.nuisance import as_given, as_read
+from bowden.signals.prediction import PREDICTED, simulate_recording
 
 _Floats = NDArray[np.float64]
-_Flags = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class Series:
-    """One channel of one recording, for plots, at the recording's own samples.
-
-    Parameters
-    ----------
-    source, quantity : str
-    time_s, measured, before, after, sigma : ndarray of shape (n,)
-        What is predicted has its zero where it fits best, within what is known of an encoder's.
-    held_out : ndarray of shape (n,), bool
-    """
-
-    source: str
-    quantity: str
-    time_s: _Floats
-    measured: _Floats
-    before: _Floats
-    after: _Floats
-    sigma: _Floats
-    held_out: _Flags
-
-
-def series_of(
-    selection: Selection, mode: Mode, ready: Sequence[WeighedRecording], pool: ThreadPoolExecutor
-) -> tuple[Series, ...]:
-    """Simulate the calibrated and the chosen model on all samples."""
-    models = (selection.base.fitted.model, selection.reported.fitted.model)
-    problem = WeighedRecordings(mode, ready)
-    jobs = [(model, part) for part in problem.parts for model in models]
-    gaps = list(pool.map(lambda job: problem.gaps(*job), jobs))
+def series_of(material: Material, before: Weighed, after: Weighed) -> tuple[Series, ...]:
+    """Return measured, before and after on all samples of every channel that was recorded."""
     found = []
-    for number, part in enumerate(problem.parts):
-        before, after = gaps[2 * number], gaps[2 * number + 1]
-        for name, one in part.channels.items():
+    for k, data in enumerate(material.fine):
+        recording = data.estimates.recording
+        first = _unseen(before.hypothesis, before.prediction, k, data)
+        then = _unseen(after.hypothesis, after.prediction, k, data)
+        for channel, name in enumerate(PREDICTED[material.mode]):
+            if name not in recording.channels:
+                continue
+            rows = data.observations.channel == channel
+            noise = after.hypothesis.best.noises[k]
+            order = np.argsort(data.observations.time_s[rows])
+            sigma = np.interp(
+                recording.time_s, data.observations.time_s[rows][order], noise.sigma[rows][order]
+            )
             found.append(
                 Series(
-                    source=part.recording.source,
+                    source=recording.source,
                     quantity=name,
-                    time_s=part.recording.time_s,
-                    measured=one.measured,
-                    before=one.measured - about_zero(models[0], name, one, before[name]),
-                    after=one.measured - about_zero(models[1], name, one, after[name]),
-                    sigma=one.sigma,
-                    held_out=~part.counts,
+                    time_s=recording.time_s,
+                    measured=recording[name],
+                    before=first[name],
+                    after=then[name],
+                    sigma=sigma,
+                    held_out=np.ones(recording.time_s.size, dtype=np.bool_),
                 )
             )
     return tuple(found)
 
 
+def _unseen(one: Hypothesis, prediction: Prediction, number: int, data: Data) -> dict[str, _Floats]:
+    """Return what each fold's fit predicts of the stretches that it has not seen."""
+    recording, mode = data.estimates.recording, data.mode
+    fold = fold_of_samples(data, prediction.folds[number], recording.time_s)
+    found = {name: np.zeros(recording.time_s.size) for name in PREDICTED[mode]}
+    for k, x in enumerate(prediction.points):
+        mine = fold == k
+        if not mine.any():
+            continue
+        numbers = one.problem.numbers(x, data.number)
+        model = as_fine(one.problem.parameters.model_at(x[: one.problem.size]))
+        given = [pair for pair in numbers if pair[0].channel in mode.columns]
+        run = simulate_recording(model, mode, as_given(recording, given))
+        for name in PREDICTED[mode]:
+            read = [pair for pair in numbers if pair[0].channel == name]
+            found[name][mine] = as_read(recording.time_s, getattr(run, name), read)[mine]
+    return found
+
+
+def fold_of_samples(data: Data, folds: NDArray[np.intp], time_s: _Floats) -> NDArray[np.intp]:
+    """Return which fold each sample belongs to: that of the block it falls into."""
+    starts = np.array([data.observations.time_s[rows].min() for rows in data.observations.blocks])
+    block = np.clip(np.searchsorted(starts, time_s, side="right") - 1, 0, None)
+    return np.asarray(folds[block])
+
+
 def gap_in(name: str, series: Sequence[Series]) -> Gap:
-    """Return the gap in one channel, over all recordings."""
+    """Return the gap in one channel over all recordings, by fits that have not seen them."""
     of = [one for one in series if one.quantity == name]
+    if not of:
+        return Gap(name, 0.0, 0.0, 0.0)
 
     def rms(values: list[_Floats]) -> float:
         return float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
 
     return Gap(
         name,
-        rms([(one.measured - one.before)[one.held_out] for one in of]),
-        rms([(one.measured - one.after)[one.held_out] for one in of]),
-        rms([one.sigma[one.held_out] for one in of]),
+        rms([one.measured - one.before for one in of]),
+        rms([one.measured - one.after for one in of]),
+        rms([one.sigma for one in of]),
     )
-
-
-def rest_of(
-    selection: Selection, ready: WeighedRecordings, pool: ThreadPoolExecutor
-) -> HeldOutResidual:
-    """Return what the models leave on held-out data, in the channel where the chosen leaves more.
-
-    Each sample counts by what it is worth. The numbers have moved on within what the fitted data
-    leave open: a sample may be known far better than they foretell it.
-    """
-    reported = selection.reported
-    models = (selection.base.fitted.joint_model, reported.fitted.joint_model)
-    jobs = [(model, part) for model in models for part in ready.parts]
-    gaps = list(pool.map(lambda job: ready.gaps(*job), jobs))
-    before, after = gaps[: len(ready.parts)], gaps[len(ready.parts) :]
-    found = []
-    for name in PREDICTED[ready.mode]:
-        channels = [part.channels[name] for part in ready.parts]
-        held_out = [~part.counts for part in ready.parts]
-        share = np.concatenate([x.share[out] for x, out in zip(channels, held_out, strict=True)])
-
-        def rms(model: Model, left: list[dict[str, _Floats]], name: str, share: _Floats) -> float:
-            found = []
-            for gap, part in zip(left, ready.parts, strict=True):
-                one = part.channels[name]
-                z = about_zero(model, name, one, gap[name]) / one.sigma
-                found.append(z[~part.counts])
-            return float(np.sqrt(np.sum(share * np.concatenate(found) ** 2) / np.sum(share)))
-
-        common = min(part.channels[name].common for part in selection.problem.parts)
-        first, then = rms(models[0], before, name, share), rms(models[1], after, name, share)
-        found.append(HeldOutResidual(first, then, max(1.0, common * float(share.sum()))))
-    gained = sum(0.5 * one.samples * (one.before**2 - one.after**2) for one in found)
-    return replace(max(found, key=lambda one: one.after), gained=gained)

@@ -1,103 +1,314 @@
-"""The calibrated model with some effects, fitted: what `select` compares and `decide` words."""
+"""A hypothesis: the calibrated model with some effects, fitted on the estimation core.
+
+`fit_hypothesis` starts where its parent ended and at the values that screening promised; all
+hypotheses of one comparison are fitted under one covariance, each with its own correction.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
-from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.fit import Fitted, HypothesisFit, Point, solve
-from bowden.diagnosis.problem import WeighedRecordings
-from bowden.model.effects.effect import EXACT
+import numpy as np
+from numpy.typing import NDArray
 
-MOST_EFFECTS = 3
-WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
+from bowden.diagnosis.candidates import Candidate, with_candidate
+from bowden.diagnosis.material import Material, with_offset
+from bowden.diagnosis.probes import off_value
+from bowden.estimation.covariance import DOUBTED, Covariance
+from bowden.estimation.descend import descend, jacobians
+from bowden.estimation.likelihood import Scales
+from bowden.estimation.parameters import Parameters, parameters_of
+from bowden.estimation.posterior import NOT_TOLD, Estimate
+from bowden.estimation.problem import Optimum, Problem
+from bowden.estimation.search import INTERVAL
+from bowden.model import Model, ModelError
+
+_Floats = NDArray[np.float64]
+
+SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
+ROUGH = 4  # rounds of a first fit
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """The calibrated model with some effects, fitted.
+    """The model with some effects, fitted.
 
     Parameters
     ----------
     effects : tuple of Candidate
-    fit : HypothesisFit
-    fitted : Fitted
+    problem : Problem
+    best : Optimum
+        Its covariance is that of the comparison, with this hypothesis' own correction.
+    slopes : tuple of ndarray of shape (n, k)
+        Derivatives of each recording's residual by every number.
     """
 
     effects: tuple[Candidate, ...]
-    fit: HypothesisFit
-    fitted: Fitted
-
-    @property
-    def key(self) -> frozenset[tuple[str, str]]:
-        """The effects, whatever their order."""
-        return frozenset(one.key for one in self.effects)
+    problem: Problem
+    best: Optimum
+    slopes: tuple[_Floats, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the effects."""
-        return tuple(one.name for one in self.effects)
+        """Names of the effects, sorted."""
+        return tuple(sorted(one.name for one in self.effects))
 
     @property
-    def numbers(self) -> int:
-        """How many numbers the effects have."""
-        return sum(len(one.variant.parameters) for one in self.effects)
-
-    @cached_property
-    def rest(self) -> float:
-        """What it leaves, in sigmas of the noise that it was fitted under; simulated once."""
-        return self.fit.problem.rest(self.fitted.joint_model)
+    def key(self) -> frozenset[tuple[str, str]]:
+        """Names and places of the effects."""
+        return frozenset(one.key for one in self.effects)
 
     @property
-    def leeway(self) -> float:
-        """Share of what the effects do that a rig which has them may leave; of many, the least."""
-        most = EXACT if len(self.effects) == MOST_EFFECTS else 1.0
-        return min(most, max((one.effect.leeway for one in self.effects), default=0.0))
+    def model(self) -> Model:
+        """The model at the optimum, as it is searched."""
+        return self.problem.parameters.model_at(self.best.x[: self.problem.size])
 
     @property
-    def score(self) -> float:
-        """Logarithm of how well the recordings speak for it, less the price of its numbers.
+    def own(self) -> int:
+        """How many effects of the model stood in the file already."""
+        return len(self.problem.parameters.model.effects) - len(self.effects)
 
-        What was fitted counts as it was fitted, at the price of half a logarithm of the number of
-        independent samples a number (Schwarz 1978); what was held out counts as it was foretold.
-        """
-        price = 0.5 * math.log(max(self.fit.problem.fitted_samples, 2.0))
-        return -(self.fitted.cost + self.fitted.judged + price * self.numbers)
+    def values(self, index: int) -> dict[str, float]:
+        """Return the values of its effect number `index`."""
+        place = self.own + index
+        names = [one.name for one in self.effects[index].variant.parameters]
+        return {name: self.model.value(f"effects[{place}].{name}") for name in names}
 
+    def coordinates(self) -> dict[str, float]:
+        """Return the coordinate of each number by its path."""
+        each = self.problem.parameters.each
+        return {one.path: float(x) for one, x in zip(each, self.best.x, strict=False)}
 
-def again(one: Hypothesis, problem: WeighedRecordings) -> Hypothesis:
-    """Fit a hypothesis once more, from where it is, under another noise model."""
-    fit = HypothesisFit(one.fit.model, one.fit.parameters, problem)
-    return replace(one, fit=fit, fitted=solve(fit, one.fitted.at, joint_at=one.fitted.joint.at))
-
-
-def weighed(one: Hypothesis, problem: WeighedRecordings) -> Hypothesis:
-    """Weigh a hypothesis as it is under another noise model."""
-    fit = HypothesisFit(one.fit.model, one.fit.parameters, problem)
-    every = fit.residual(one.fitted.at)
-    assert every is not None  # it ran before
-    found = Point(one.fitted.at, every, one.fitted.matrix)
-    return replace(one, fit=fit, fitted=fit.fitted_at(found, 0, one.fitted.joint.at))
+    def numbers(self, recording: int) -> list[tuple[object, float]]:
+        """Return the nuisance numbers that count for a recording."""
+        return list(self.problem.numbers(self.best.x, recording))
 
 
-def plainest(chosen: Hypothesis, rivals: Sequence[Hypothesis]) -> Hypothesis:
-    """Of the laws that go by the same names, take that with the fewest numbers which does as well.
+def parameters_with(
+    model: Model, effects: Sequence[tuple[Candidate, Mapping[str, float]]]
+) -> Parameters:
+    """Return the numbers that move: those with a tolerance and those of the effects."""
+    extended, paths = model, [path for path, _, _ in model.free_parameters()]
+    if model.document.posterior is not None:
+        paths += [path for path in model.document.posterior.paths if path not in paths]
+    for candidate, values in effects:
+        index = len(extended.effects)
+        extended = with_candidate(extended, candidate, values)
+        paths += [one.path for one in candidate.numbers(index)]
+    if not paths:
+        return Parameters(extended, (), np.zeros((0, 0)))
+    return parameters_of(extended, paths)
 
-    A law that holds another as a limit of it explains whatever that one does.
+
+def fit_hypothesis(
+    material: Material,
+    model: Model,
+    effects: Sequence[tuple[Candidate, Mapping[str, float]]],
+    start: Mapping[str, float],
+    like: Optimum,
+    *,
+    rounds: int,
+) -> Hypothesis | None:
+    """Fit the model with some effects; None where no rig answers.
 
     Parameters
     ----------
-    chosen : Hypothesis
-    rivals : sequence of Hypothesis
-        Of any names.
+    material : Material
+    model : Model
+        As it is searched, with the file's values.
+    effects : sequence of (Candidate, values)
+    start : mapping of str to float
+        Coordinates of numbers that have been fitted before, by path.
+    like : Optimum
+        Whose covariance and scales are used, and whose nuisance numbers are the start.
+    rounds : int
+        Of Gauss-Newton.
     """
-    plainer = [
-        one if one.fit.problem is chosen.fit.problem else again(one, chosen.fit.problem)
-        for one in rivals
-        if sorted(one.names) == sorted(chosen.names) and one.numbers < chosen.numbers
+    try:
+        parameters = parameters_with(model, effects)
+    except ModelError:
+        return None
+    problem = material.problem(parameters, [candidate for candidate, _ in effects])
+    first = parameters.start.copy()
+    for i, one in enumerate(parameters.each):
+        first[i] = start.get(one.path, first[i])
+    count = len(material.nuisances)
+    x = problem.feasible(np.concatenate([first, like.x[like.x.size - count :]]))
+    noises = corrected(material, problem, x, like.noises)
+    best = descend(problem, x, noises, like.scales, rounds=rounds)
+    return None if best is None else _with_slopes(effects, problem, best)
+
+
+def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
+    """Fit a hypothesis to the end under a covariance, with the correction of where it ends."""
+    problem, best = one.problem, one.best
+    for _ in range(2):
+        own = corrected(material, problem, best.x, with_laws_doubted(one, noises))
+        found = descend(problem, best.x, own, best.scales)
+        if found is None:
+            return one
+        settled = float(np.max(np.abs(found.x - best.x) / problem.unit)) < SETTLED
+        best = found
+        one = replace(one, best=best)
+        if settled:
+            break
+    return _with_slopes([(effect, {}) for effect in one.effects], problem, best)
+
+
+SETTLED = 0.05  # unit steps: the correction doesn't change within that
+
+
+def corrected(
+    material: Material, problem: Problem, x: _Floats, noises: Sequence[Covariance]
+) -> list[Covariance]:
+    """Return covariances with the correction of a point; as they are where the fine model fails."""
+    model = problem.parameters.model_at(x[: problem.size])
+    numbers = [problem.numbers(x, one.number) for one in material.coarse]
+    try:
+        return with_offset(noises, material.correction(model, numbers))
+    except ModelError:
+        return list(noises)
+
+
+def _with_slopes(
+    effects: Sequence[tuple[Candidate, Mapping[str, float]]], problem: Problem, best: Optimum
+) -> Hypothesis:
+    sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(best.hessian)), 0.0))
+    sizes = np.clip(SPREAD * sigma, 1e-4 * problem.unit, 0.5 * problem.unit)
+    slopes = jacobians(problem, best.x, best.residuals, best.noises, sizes)
+    return Hypothesis(tuple(one for one, _ in effects), problem, best, tuple(slopes))
+
+
+def under(one: Hypothesis, noises: Sequence[Covariance], scales: Scales) -> Hypothesis:
+    """Return a hypothesis as it is, weighed under another covariance."""
+    own = with_offset(noises, [noise.offset for noise in one.best.noises])
+    return replace(one, best=replace(one.best, noises=own, scales=scales))
+
+
+def estimates_of(one: Hypothesis) -> tuple[Estimate, ...]:
+    """Return the numbers of the file that moved, with their 95 % intervals."""
+    covariance = np.linalg.pinv(one.best.hessian)
+    found = []
+    for i, number in enumerate(one.problem.parameters.each):
+        if number.path.startswith(
+            tuple(f"effects[{one.own + k}]" for k in range(len(one.effects)))
+        ):
+            continue
+        x = float(one.best.x[i])
+        spread = float(np.sqrt(max(covariance[i, i], 0.0)))
+        sigma = spread * abs(number.slope(x))
+        ends = sorted(number.value(x + sign * INTERVAL * spread) for sign in (-1.0, 1.0))
+        edge, (low, high) = 1e-3 * number.step, number.ends
+        value = number.value(x)
+        found.append(
+            Estimate(
+                path=number.path,
+                before=number.before,
+                value=value,
+                low=max(ends[0], number.low),
+                high=min(ends[1], number.high),
+                sigma=sigma,
+                tolerance=number.sigma,
+                change_in_sigmas=(value - number.before) / number.sigma if number.sigma else None,
+                at_bound=bool(x < low + edge or x > high - edge),
+                identifiable=bool(number.sigma is None or sigma < NOT_TOLD * number.sigma),
+            )
+        )
+    return tuple(found)
+
+
+def size_in_noise(like: Hypothesis, change: Sequence[_Floats]) -> float:
+    """Return the RMS of a change of the prediction, each over its observation's error.
+
+    Of the channel where that is more. The error is the sensor's own and what is doubted of the
+    simulation; less than it is of no use to anybody, however many samples agree on it.
+
+    Parameters
+    ----------
+    like : Hypothesis
+        Whose observations and noise count.
+    change : sequence of ndarray of shape (n,)
+        One a recording.
+    """
+    sizes = [0.0]
+    for channel in (0, 1):
+        square, count = 0.0, 0
+        for one, data, own in zip(change, like.problem.data, like.best.noises, strict=True):
+            rows = data.observations.channel == channel
+            square += float(np.sum(one[rows] ** 2 / _error(own)[rows]))
+            count += int(np.count_nonzero(rows))
+        if count:
+            sizes.append(float(np.sqrt(square / count)))
+    return max(sizes)
+
+
+def contributions(one: Hypothesis) -> list[list[_Floats] | None]:
+    """Return what each effect does to each recording's prediction at the optimum.
+
+    With that effect switched off, beyond what calibration would do about it; None where the model
+    cannot run without it.
+    """
+    with_it = _predictions(one, one.model)
+    found: list[list[_Floats] | None] = []
+    for index, effect in enumerate(one.effects):
+        place = f"effects[{one.own + index}]"
+        off = {f"{place}.{p.name}": off_value(p) for p in effect.strengths}
+        try:
+            without = _predictions(one, one.model.with_values(off))
+        except ModelError:
+            found.append(None)
+            continue
+        change = [a - b for a, b in zip(with_it, without, strict=True)]
+        found.append(_beyond_calibration(one, change))
+    return found
+
+
+def _beyond_calibration(one: Hypothesis, change: Sequence[_Floats]) -> list[_Floats]:
+    """Return what is left of a change of the prediction when the calibrated numbers follow."""
+    effects = tuple(f"effects[{one.own + k}]" for k in range(len(one.effects)))
+    paths = [number.path for number in one.problem.parameters.each]
+    kept = [i for i, path in enumerate(paths) if not path.startswith(effects)]
+    kept += range(len(paths), one.problem.unit.size)
+    if not kept:
+        return list(change)
+    errors = [np.sqrt(_error(noise)) for noise in one.best.noises]
+    rows = [s[:, kept] / e[:, None] for s, e in zip(one.slopes, errors, strict=True)]
+    prior = one.problem.prior(one.best.x)[1][:, kept]
+    target = [-c / e for c, e in zip(change, errors, strict=True)]
+    step, *_ = np.linalg.lstsq(
+        np.concatenate([*rows, prior]), np.concatenate([*target, np.zeros(len(prior))]), rcond=None
+    )
+    return [c + s[:, kept] @ step for c, s in zip(change, one.slopes, strict=True)]
+
+
+def _error(noise: Covariance) -> _Floats:
+    """Variance of a single observation: the sensor's own and what is doubted of the simulation."""
+    return np.asarray(noise.own + (DOUBTED * noise.offset) ** 2)
+
+
+def shares(one: Hypothesis) -> list[float]:
+    """Return how much each effect does at the optimum; see `size_in_noise`."""
+    return [
+        np.inf if change is None else size_in_noise(one, change) for change in contributions(one)
     ]
-    as_good = [one for one in plainer if one.score > chosen.score - WORTH]
-    return min(as_good, key=lambda one: one.numbers, default=chosen)
+
+
+def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
+    """Return covariances in which each effect's law may be off by its share of what it does.
+
+    The share is the effect's `leeway`: a name that stands for several laws says by how much they
+    differ, observation by observation. A name that is one law has none.
+    """
+    squares = [np.zeros(noise.own.size) for noise in noises]
+    for effect, change in zip(one.effects, contributions(one), strict=True):
+        for k, done in enumerate(change or []):
+            squares[k] += (effect.effect.leeway * done) ** 2
+    return [replace(noise, law=np.sqrt(s)) for noise, s in zip(noises, squares, strict=True)]
+
+
+def _predictions(one: Hypothesis, model: Model) -> list[_Floats]:
+    return [
+        data.predict(model, one.problem.numbers(one.best.x, data.number))
+        for data in one.problem.data
+    ]

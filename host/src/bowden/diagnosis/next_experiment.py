@@ -13,7 +13,6 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.free_parameters import free_parameters
 from bowden.model import Inputs, Mode, Model, ModelError, Trajectory, simulate
 from bowden.model.experiments.tunnel import tunnel_torque
 from bowden.model.experiments.variants import with_pretension, with_segments
@@ -284,10 +283,8 @@ def _sensitivities(
     if centre is None:
         return np.zeros((0, 0))
     columns = []
-    for one in free_parameters(model):
-        if one.tolerance is None:
-            continue
-        half = model.with_values({one.path: one.value_at(0.5 * one.scale)})
+    for path, value, sigma_of_it in model.free_parameters():
+        half = model.with_values({path: value + 0.5 * sigma_of_it})
         run = _run(half, protocol)
         if run is not None:
             columns.append(2.0 * _weighted(run, centre, channels, sigma))

@@ -9,7 +9,7 @@ that were left out do is corrected, and doubted by half.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,13 +63,32 @@ class Data:
     seed: int
 
     @classmethod
-    def of(cls, recording: Recording, number: int, model: Model, mode: Mode, seed: int = 0) -> Data:
-        """Make a recording ready; the same seed gives the same paths."""
+    def of(
+        cls,
+        recording: Recording,
+        number: int,
+        model: Model,
+        mode: Mode,
+        seed: int = 0,
+        *,
+        step_s: float | None = None,
+    ) -> Data:
+        """Make a recording ready; the same seed gives the same paths.
+
+        `step_s`: between simulated samples; what the model's law suggests when absent.
+        """
         estimates = estimate_channels(recording, model, mode)
         observations = observe(recording, estimates, mode)
-        kept = simulated_samples(estimates.recording, model, mode)
+        if step_s is None:
+            step_s = COARSE_S if is_dear(model) else FINEST_S
+        kept = simulated_samples(estimates.recording, step_s, mode)
         given = estimates.recording.select(kept)
         return cls(number, mode, estimates, given, observations, kept, seed)
+
+    def sampled(self, step_s: float) -> Data:
+        """Return the same observations of a simulation with samples so far apart."""
+        kept = simulated_samples(self.estimates.recording, step_s, self.mode)
+        return replace(self, kept=kept, given=self.estimates.recording.select(kept))
 
     @property
     def is_thinned(self) -> bool:
@@ -121,15 +140,13 @@ class Data:
         return found
 
 
-def simulated_samples(recording: Recording, model: Model, mode: Mode) -> _Index:
-    """Choose the samples that a simulation is given: all, as long as they cost little.
+def simulated_samples(recording: Recording, step_s: float, mode: Mode) -> _Index:
+    """Choose the samples that a simulation is given.
 
-    A law with rate or memory is solved implicitly: every few milliseconds, and where a given
-    series turns between, for friction remembers extremes.
+    About so far apart, and where a given series turns between, for friction remembers extremes.
     """
     time_s = recording.time_s
-    step = COARSE_S if is_dear(model) else FINEST_S
-    stride = max(1, round(step / float(np.median(np.diff(time_s)))))
+    stride = max(1, round(step_s / float(np.median(np.diff(time_s)))))
     kept = [np.arange(0, time_s.size, stride), np.array([time_s.size - 1])]
     if stride > 1:
         for name in mode.columns:
@@ -160,6 +177,8 @@ class Covariance:
         Usual noise of each channel: the unit of the discrepancy.
     sigma : ndarray of shape (n,)
         All noise of each observation.
+    law : ndarray of shape (n,), optional
+        Standard deviation of what the laws themselves may be off by, each in its own way.
     """
 
     offset: _Floats
@@ -167,6 +186,7 @@ class Covariance:
     inputs: tuple[_Floats, ...]
     floor: _Floats
     sigma: _Floats
+    law: _Floats | None = None
 
 
 USUAL_SHARE = (
@@ -175,9 +195,22 @@ USUAL_SHARE = (
 
 
 def covariance(
-    data: Data, model: Model, numbers: Sequence[tuple[Nuisance, float]] = ()
+    data: Data,
+    model: Model,
+    numbers: Sequence[tuple[Nuisance, float]] = (),
+    correction: _Floats | None = None,
 ) -> Covariance:
     """Push the input paths through a model and return the covariance about its prediction.
+
+    Parameters
+    ----------
+    data : Data
+    model : Model
+    numbers : sequence of (Nuisance, float)
+        Of this recording.
+    correction : ndarray of shape (n,), optional
+        What a finer mesh and all samples add to the prediction, where the caller knows it: it is
+        corrected then, and doubted by half.
 
     Raises
     ------
@@ -192,11 +225,13 @@ def covariance(
         held = data.predict(model, numbers, held_torque(data.given)) - best
         columns.append(HELD_OR_NOT * held[None])
     segments = model.transmission.segments
-    if model.solver == "mesh" and segments:
+    if correction is not None:
+        offset, columns = correction, [*columns, DOUBTED * correction[None]]
+    elif model.solver == "mesh" and segments:
         # Whether a rig behaves as so many segments or as the continuum, nobody has measured.
         finer = MESH_FACTOR * (data.predict(with_segments(model, 2 * segments), numbers) - best)
         columns.append(finer[None])
-    if data.is_thinned:
+    if data.is_thinned and correction is None:
         steps = data.predict(model, numbers, data.estimates.recording) - best
         offset, columns = offset + steps, [*columns, DOUBTED * steps[None]]
     spread = np.concatenate(columns)

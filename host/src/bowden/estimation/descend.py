@@ -43,13 +43,13 @@ def descend(
     hessian = np.diag(problem.unit**-2.0)
     damping, step_sizes = 1e-4, DERIVATIVE * problem.unit
     for _ in range(rounds):
-        jacobians = _jacobians(problem, x, residuals, noises, step_sizes)
-        hessian, gradient = _normal(problem, x, residuals, jacobians, (noises, scales))
+        slopes = jacobians(problem, x, residuals, noises, step_sizes)
+        hessian, gradient = normal_equations(problem, x, residuals, slopes, (noises, scales))
         sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(hessian)), 0.0))
         step_sizes = np.clip(SPREAD * sigma, 1e-4 * problem.unit, 0.5 * problem.unit)
         gained = -math.inf
         for _ in range(5):
-            step = _bounded_step(problem, x, hessian, gradient, damping)
+            step = bounded_step(problem, x, hessian, gradient, damping)
             there = problem.feasible(x + step)
             found = problem.residuals(there, noises)
             after = math.inf if found is None else objective(problem, there, found, noises, scales)
@@ -67,7 +67,7 @@ def descend(
     return Optimum(x, now, hessian, list(residuals), list(noises), scales)
 
 
-def _jacobians(
+def jacobians(
     problem: Problem,
     x: _Floats,
     residuals: Sequence[_Floats],
@@ -119,11 +119,11 @@ def _unmoved(
     return found
 
 
-def _normal(
+def normal_equations(
     problem: Problem,
     x: _Floats,
     residuals: Sequence[_Floats],
-    jacobians: Sequence[_Floats],
+    slopes: Sequence[_Floats],
     like: tuple[Sequence[Covariance], Scales],
 ) -> tuple[_Floats, _Floats]:
     """Return Gauss-Newton Hessian and gradient of -log posterior."""
@@ -131,7 +131,7 @@ def _normal(
     prior, slope = problem.prior(x)
     hessian, gradient = slope.T @ slope, slope.T @ prior
     for k, data in enumerate(problem.data):
-        columns = np.column_stack([residuals[k], jacobians[k]])
+        columns = np.column_stack([residuals[k], slopes[k]])
         for block in whiten(data, noises[k], scales, columns, problem.blocks[k]):
             weight = block_weight(block)
             hessian += weight * block.rows[:, 1:].T @ block.rows[:, 1:]
@@ -139,10 +139,20 @@ def _normal(
     return hessian, gradient
 
 
-def _bounded_step(
+def bounded_step(
     problem: Problem, x: _Floats, hessian: _Floats, gradient: _Floats, damping: float
 ) -> _Floats:
-    """Return the damped step; a number that would leave its bound stays where it is."""
+    """Return the damped step; a number that would leave its bound stays where it is.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : ndarray of shape (k,)
+    hessian : ndarray of shape (k, k)
+    gradient : ndarray of shape (k,)
+    damping : float
+        Of Levenberg and Marquardt, as a share of the diagonal.
+    """
     size = problem.size
     low = np.concatenate([problem.parameters.low, np.full(x.size - size, -np.inf)])
     high = np.concatenate([problem.parameters.high, np.full(x.size - size, np.inf)])

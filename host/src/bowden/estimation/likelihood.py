@@ -24,7 +24,6 @@ _Floats = NDArray[np.float64]
 
 ROUGHNESS = (0.1, 0.2, 0.35, 0.6, 1.0)  # share of the drawn paths' variance
 SIZES = (0.0, *np.geomspace(0.1, 300.0, 15).tolist())  # of the discrepancy, in usual noise
-DISCREPANCY_S = 0.15  # how long a discrepancy stays correlated
 SMALL = 0.5  # half-normal prior of it: two solvers of one law differ by so much
 
 
@@ -80,7 +79,10 @@ def whiten(
             continue
         matrix = share * noise.inputs[k]
         if max(scales.discrepancy) > 0.0:
-            matrix += _unknown(data, noise, scales, rows)
+            matrix += _unknown(data, noise, scales, k)
+        if noise.law is not None:
+            law = noise.law[rows]
+            matrix += data.observations.correlations[k] * (law[:, None] * law)
         matrix[np.diag_indices_from(matrix)] += noise.own[rows]
         factor = np.linalg.cholesky(matrix)
         white = solve_triangular(factor, columns[rows], lower=True, check_finite=False)
@@ -88,14 +90,11 @@ def whiten(
     return found
 
 
-def _unknown(data: Data, noise: Covariance, scales: Scales, rows: NDArray[np.intp]) -> _Floats:
-    """Covariance of the unknown discrepancy over some observations."""
+def _unknown(data: Data, noise: Covariance, scales: Scales, block: int) -> _Floats:
+    """Covariance of the unknown discrepancy over the observations of a block."""
     seen = data.observations
-    channel = seen.channel[rows]
-    apart = np.abs(seen.time_s[rows][:, None] - seen.time_s[rows][None])
-    size = (np.array(scales.discrepancy) * noise.floor)[channel]
-    alike = channel[:, None] == channel[None]
-    return np.asarray(np.exp(-apart / DISCREPANCY_S) * np.outer(size, size) * alike)
+    size = (np.array(scales.discrepancy) * noise.floor)[seen.channel[seen.blocks[block]]]
+    return seen.correlations[block] * (size[:, None] * size)
 
 
 def block_cost(block: Whitened) -> float:
@@ -129,17 +128,23 @@ def _scale_prior(scales: Scales) -> float:
     return sum(math.log1p(0.5 * (size / SMALL) ** 2) for size in scales.discrepancy)
 
 
-def best_scales(parts: Sequence[Part], start: Scales) -> Scales:
-    """Find the scales under which the residuals are most likely, one after the other."""
-    now, lowest = start, cost(parts, start)
+def best_scales(parts: Sequence[Part], start: Scales, largest: float = math.inf) -> Scales:
+    """Find the scales under which the residuals are most likely, one after the other.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    start : Scales
+    largest : float
+        Bound on the discrepancy, in usual noise.
+    """
+    sizes = [size for size in SIZES if size <= largest]
+    first, second = (min(one, sizes[-1]) for one in start.discrepancy)
+    now = Scales(start.roughness, (first, second))
+    lowest = cost(parts, now)
     for channel in (0, 1):
-
-        def trial(size: float, now: Scales = now, channel: int = channel) -> Scales:
-            both = list(now.discrepancy)
-            both[channel] = size
-            return Scales(now.roughness, (both[0], both[1]))
-
-        now, lowest = _descend([trial(size) for size in SIZES], now, lowest, parts)
+        line = [_with_size(now, channel, size) for size in sizes]
+        now, lowest = _descend(line, now, lowest, parts)
     for part in parts:
         number = part[0].number
 
@@ -150,6 +155,13 @@ def best_scales(parts: Sequence[Part], start: Scales) -> Scales:
 
         now, _ = _descend([other(share) for share in ROUGHNESS], now, cost([part], now), [part])
     return now
+
+
+def _with_size(scales: Scales, channel: int, size: float) -> Scales:
+    """Return the scales with another discrepancy of one channel."""
+    both = list(scales.discrepancy)
+    both[channel] = size
+    return Scales(scales.roughness, (both[0], both[1]))
 
 
 def _descend(

@@ -8,6 +8,7 @@ a sample; between edges a count says nothing new, and at standstill nothing at a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ _Index = NDArray[np.intp]
 
 STEP_S = 16e-3  # closer observations cost time and tell little more
 BLOCK_S = (0.9, 1.6)  # from reversal to reversal, at least and at most
+DISCREPANCY_S = 0.15  # how long what a model lacks stays correlated
 LEAST_SHARE = 1e-5  # of a channel's range: no prediction is more exact
 
 
@@ -51,6 +53,16 @@ class Observations:
     channel: _Index
     direction: _Floats
     blocks: tuple[_Index, ...]
+
+    @cached_property
+    def correlations(self) -> tuple[_Floats, ...]:
+        """Correlation of an unknown discrepancy over each block's observations, shape (m, m)."""
+        found = []
+        for rows in self.blocks:
+            apart = np.abs(self.time_s[rows][:, None] - self.time_s[rows])
+            alike = self.channel[rows][:, None] == self.channel[rows]
+            found.append(np.asarray(np.exp(-apart / DISCREPANCY_S) * alike))
+        return tuple(found)
 
 
 def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observations:

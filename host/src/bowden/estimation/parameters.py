@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 
 from bowden.model import Model, ModelError
 from bowden.model.effects import CATALOGUE
+from bowden.model.effects.effect import Scale
 
 _Floats = NDArray[np.float64]
 
 BOUND_SIGMAS = 5.0  # of a prior: the search goes no further
+WEAK = 100.0  # times weaker than usual an effect may be: it does next to nothing then
 WIDE_FACTOR = 20.0  # either way from the file's value, where nothing is known
+SPRINGS = ("rig.cable.axial_stiffness_n",)  # in series with others: compliances add up
 _EFFECT = re.compile(r"effects\[(\d+)\]\.(\w+)")
 
 
@@ -39,8 +42,8 @@ class FreeParameter:
         Standard deviation of its Gaussian prior about `before`; None: flat within the bounds.
     low, high : float
         Bounds in its own unit.
-    is_log : bool
-        Whether the fit moves the logarithm.
+    scale : str
+        Whether the fit moves the number, its logarithm or its reciprocal.
     """
 
     path: str
@@ -48,23 +51,39 @@ class FreeParameter:
     sigma: float | None
     low: float
     high: float
-    is_log: bool
+    scale: Scale
 
     def coordinate(self, value: float) -> float:
         """Return the fit's coordinate of a value."""
-        return math.log(value) if self.is_log else value
+        if self.scale == "reciprocal":
+            return 1.0 / value
+        return math.log(value) if self.scale == "log" else value
 
     def value(self, x: float) -> float:
         """Return the value at a coordinate."""
-        return math.exp(x) if self.is_log else x
+        if self.scale == "reciprocal":
+            return 1.0 / x
+        return math.exp(x) if self.scale == "log" else x
+
+    def slope(self, x: float) -> float:
+        """Return d value / d coordinate at a coordinate."""
+        if self.scale == "reciprocal":
+            return -1.0 / x**2
+        return math.exp(x) if self.scale == "log" else 1.0
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The bounds as coordinates, the lower one first."""
+        low, high = sorted((self.coordinate(self.low), self.coordinate(self.high)))
+        return low, high
 
     @property
     def step(self) -> float:
         """A unit step of the coordinate: one prior sigma, or a tenth of the way to a bound."""
-        low, high = self.coordinate(self.low), self.coordinate(self.high)
+        low, high = self.ends
         if self.sigma is None:
             return 0.1 * (high - low)
-        return self.sigma / self.before if self.is_log else self.sigma
+        return self.sigma / abs(self.slope(self.coordinate(self.before)))
 
 
 @dataclass(frozen=True)
@@ -92,12 +111,12 @@ class Parameters:
     @cached_property
     def low(self) -> _Floats:
         """Lower bounds, coordinates."""
-        return np.array([one.coordinate(one.low) for one in self.each])
+        return np.array([one.ends[0] for one in self.each])
 
     @cached_property
     def high(self) -> _Floats:
         """Upper bounds, coordinates."""
-        return np.array([one.coordinate(one.high) for one in self.each])
+        return np.array([one.ends[1] for one in self.each])
 
     @cached_property
     def step(self) -> _Floats:
@@ -115,10 +134,7 @@ class Parameters:
 
     def slopes(self, x: _Floats) -> _Floats:
         """Return d value / d coordinate, shape (k,)."""
-        values = self.values(x)
-        return np.array(
-            [v if one.is_log else 1.0 for one, v in zip(self.each, values, strict=True)]
-        )
+        return np.array([one.slope(float(c)) for one, c in zip(self.each, x, strict=True)])
 
     def prior_residual(self, x: _Floats) -> _Floats:
         """Return what the prior adds to the residuals: half its square is -log prior + const."""
@@ -151,7 +167,7 @@ class Parameters:
             least = self.model.value("friction.mu_d")
             if "friction.mu_d" in paths:
                 least = math.exp(x[paths.index("friction.mu_d")])
-            x[i] = max(x[i], math.log(least) if self.each[i].is_log else least)
+            x[i] = max(x[i], self.each[i].coordinate(least))
         elif "friction.mu_d" in paths and self.model.document.friction.mu_s is not None:
             i = paths.index("friction.mu_d")
             x[i] = min(x[i], math.log(self.model.value("friction.mu_s")))
@@ -222,12 +238,18 @@ def _parameter(model: Model, path: str, sigma: float | None) -> FreeParameter:
             if known.name == match[2]:
                 low = max(known.least, min(known.low, value) if reach is None else value - reach)
                 high = min(known.most, max(known.high, value) if reach is None else value + reach)
-                if known.off is not None and reach is None:
+                if known.period is not None:
+                    return FreeParameter(
+                        path, value, sigma, value - known.period, value + known.period, "linear"
+                    )
+                if known.scale == "reciprocal":
+                    high = max(min(high, WEAK * known.high), value)
+                elif known.scale == "log":
+                    low = min(max(low, known.low / WEAK), value)
+                elif known.off is not None and reach is None:
                     low, high = min(low, known.off), max(high, known.off)
-                if not math.isfinite(high):
-                    high = WIDE_FACTOR * known.high
-                is_log = low > 0.0 and value > 0.0
-                return FreeParameter(path, value, sigma, low, high, is_log)
+                scale = known.scale if low > 0.0 and value > 0.0 else "linear"
+                return FreeParameter(path, value, sigma, low, high, scale)
     if sigma == 0.0:
         raise ModelError(
             f"{path}: found a tolerance of 0, accepted: one above 0, or a positive value",
@@ -237,11 +259,12 @@ def _parameter(model: Model, path: str, sigma: float | None) -> FreeParameter:
         low, high = value / WIDE_FACTOR, value * WIDE_FACTOR
         if reach is not None:
             low, high = max(value - reach, 1e-3 * value), value + reach
-        return FreeParameter(path, value, sigma, low, high, is_log=True)
+        scale = "reciprocal" if path in SPRINGS else "log"
+        return FreeParameter(path, value, sigma, low, high, scale)
     if reach is None:
         raise ModelError(
             f"{path}: found {value:g} without a tolerance, accepted: a positive value, a number of "
             "an effect, or one with a tolerance",
             model.source,
         )
-    return FreeParameter(path, value, sigma, value - reach, value + reach, is_log=False)
+    return FreeParameter(path, value, sigma, value - reach, value + reach, "linear")

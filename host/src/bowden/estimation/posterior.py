@@ -184,21 +184,22 @@ def _estimate(
     if best.as_good is not None:
         low, high = min(low, best.as_good[index, 0]), max(high, best.as_good[index, 1])
     value = one.value(x)
-    deviation = sigma * (value if one.is_log else 1.0)
+    deviation = sigma * abs(one.slope(x))
     edge = 1e-3 * one.step
-    x_low, x_high = one.coordinate(one.low), one.coordinate(one.high)
+    x_low, x_high = one.ends
     if one.sigma is not None:
         told = deviation < NOT_TOLD * one.sigma
     else:
         span = x_high - x_low
-        told = high - low < (2.0 * math.log(UNTOLD_FACTOR) if one.is_log else 0.5 * span)
+        told = high - low < (2.0 * math.log(UNTOLD_FACTOR) if one.scale == "log" else 0.5 * span)
     shown = holds and (told or one.sigma is not None)
+    lowest, highest = sorted((one.value(low), one.value(high)))
     return Estimate(
         path=one.path,
         before=one.before,
         value=value,
-        low=one.value(low) if shown else None,
-        high=one.value(high) if shown else None,
+        low=lowest if shown else None,
+        high=highest if shown else None,
         sigma=deviation,
         tolerance=one.sigma,
         change_in_sigmas=(value - one.before) / one.sigma if one.sigma else None,

@@ -12,9 +12,7 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
-from bowden.diagnosis.decide import NamedEffect, Value
-from bowden.diagnosis.diagnose import Diagnosis
-from bowden.diagnosis.figures import Series
+from bowden.diagnosis.result import Diagnosis, NamedEffect, Series, Value
 from bowden.estimation.gap import Gap
 from bowden.model import format_model
 from bowden.model.effects import CATALOGUE

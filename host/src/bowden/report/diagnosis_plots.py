@@ -14,9 +14,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from bowden.diagnosis.diagnose import Ranked
-from bowden.diagnosis.figures import Series
 from bowden.diagnosis.localise import Place, ResidualMap
+from bowden.diagnosis.result import Ranked, Series
 from bowden.estimation.posterior import Estimate
 from bowden.model.effects import CATALOGUE
 from bowden.report.canvas import MEASURED, SIMULATED, draw, dress, legend_above, short

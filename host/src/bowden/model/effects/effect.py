@@ -51,7 +51,7 @@ Excitation = Literal[
 
 Scale = Literal["linear", "log", "reciprocal"]
 
-EXACT = 0.03
+EXACT = 0.03  # share of what an effect does below which nothing else is looked for beside it
 SOLVED = 0.005  # to which two solvers of the same law agree, so no number is known better
 TO_A_TENTH = 0.1  # what others' laws and solvers came out by: docs/diagnosis-benchmark.md
 ONE_OF_SEVERAL = 0.3  # two ways to solve Stribeck's law differ by that: docs/diagnosis-benchmark.md
@@ -222,11 +222,12 @@ class Effect:
         Names of effects that look alike on many recordings.
     on_drive : bool
         Whether `bowden apply` can send it to the drive's reduced model.
+    counts_from_anywhere : bool
+        Whether the encoder's zero is lost with it: counted from where the rig stood.
     leeway : float
-        Share of what the effect does that a rig which has it may leave: `EXACT` where the name is
-        the law, but for the parts' own errors; `ONE_OF_SEVERAL` where the name stands for several
-        laws in use, or for one whose answer is not unique: of each sample then,
-        `bowden.diagnosis.leeway`.
+        Share of what the effect does by which laws of its name differ, observation by observation:
+        `ONE_OF_SEVERAL` where the name stands for several laws in use, or for one whose answer is
+        not unique; 0 where the name is the law.
     known_to : float
         Relative standard error below which no number of it is known, however good the data:
         `SOLVED`, or `TO_A_TENTH` where solvers of the law or laws of the name differ by that.
@@ -241,7 +242,8 @@ class Effect:
     excited_by: tuple[Excitation, ...]
     confused_with: tuple[str, ...]
     on_drive: bool = False
-    leeway: float = EXACT
+    counts_from_anywhere: bool = False
+    leeway: float = 0.0
     known_to: float = SOLVED
 
     @property

@@ -79,6 +79,7 @@ OFFSET = Effect(
 ECCENTRICITY = Effect(
     name="encoder_eccentricity",
     title="Encoder eccentricity",
+    counts_from_anywhere=True,
     enters="sensor",
     variants=(
         Variant(

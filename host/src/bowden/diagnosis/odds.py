@@ -1,0 +1,95 @@
+"""From predictions to a posterior over hypotheses, "something unlisted" among them.
+
+Every set of effects stands twice: as the truth, when what is left is no more than its laws may
+leave, and with an unknown discrepancy beyond that. Sums of log predictive density over few blocks
+are uncertain themselves; weights are averaged over a Bayesian bootstrap of the blocks (pseudo-BMA+,
+Yao, Vehtari, Simpson, Gelman 2018), which keeps one lucky block from making anything certain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.predict import Prediction
+
+_Floats = NDArray[np.float64]
+
+UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
+MORE = 0.25  # of rigs that miss some effects miss one more
+RESAMPLES = 2000
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A hypothesis with its predictions and its share of the posterior.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    prediction : Prediction
+    weight : float
+        Posterior probability that these effects are all there is.
+    beyond : float
+        That these are there and something unlisted.
+    """
+
+    hypothesis: Hypothesis
+    prediction: Prediction
+    weight: float = 0.0
+    beyond: float = 0.0
+
+    @property
+    def score(self) -> float:
+        """Log predictive density with its prior."""
+        return float(self.prediction.density.sum()) + log_prior(self.hypothesis)
+
+
+def log_prior(one: Hypothesis, candidates: int = 32) -> float:
+    """Return the logarithm of the prior of a set of effects: fewer are likelier, each alike."""
+    count = len(one.effects)
+    ways = math.comb(candidates, count) * math.prod(len(e.effect.variants) for e in one.effects)
+    return count * math.log(MORE) - math.log(ways)
+
+
+def log_tolerances(one: Hypothesis) -> float:
+    """Return the logarithm of the prior of the calibrated numbers where the fit left them."""
+    residual, _ = one.problem.prior(one.best.x)
+    return -0.5 * float(residual @ residual)
+
+
+def posterior(
+    found: Sequence[tuple[Hypothesis, Prediction]], candidates: int, seed: int
+) -> list[Weighed]:
+    """Weigh hypotheses, best first.
+
+    Parameters
+    ----------
+    found : sequence of (Hypothesis, Prediction)
+    candidates : int
+        How many effects were looked at.
+    seed : int
+        Of the bootstrap.
+    """
+    density = np.stack(
+        [one[1].density for one in found] + [one[1].beyond for one in found]
+    )  # (2 h, blocks)
+    prior = np.array([log_prior(one[0], candidates) + log_tolerances(one[0]) for one in found])
+    prior = np.concatenate([prior + math.log1p(-UNLISTED), prior + math.log(UNLISTED)])
+    blocks = density.shape[1]
+    draws = np.random.default_rng([seed, 41]).dirichlet(np.ones(blocks), RESAMPLES) * blocks
+    total = draws @ density.T + prior
+    total -= total.max(axis=1, keepdims=True)
+    share = np.exp(total)
+    share = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
+    count = len(found)
+    weighed = [
+        Weighed(*one, weight=float(share[i]), beyond=float(share[count + i]))
+        for i, one in enumerate(found)
+    ]
+    return sorted(weighed, key=lambda one: -(one.weight + one.beyond))

@@ -1,0 +1,176 @@
+"""How well a hypothesis predicts data that it has not seen: k-fold log predictive density.
+
+A fold's fit sees the other blocks only; the density of a held-out block integrates over what that
+fit does not know of its numbers. With blocks for units and a Student t for their density, one bad
+block cannot decide (Vehtari, Gelman, Gabry 2017; Yao, Vehtari, Simpson, Gelman 2018).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.estimation.covariance import DRAWS, Covariance, Data
+from bowden.estimation.descend import bounded_step, normal_equations
+from bowden.estimation.likelihood import Scales, best_scales, whiten
+from bowden.estimation.problem import Problem, fitted_parts, objective
+
+_Floats = NDArray[np.float64]
+
+FOLDS = 4
+UNLISTED = (0.0, 1.0, 4.0, 16.0, 64.0)  # usual noise: sizes of what an unlisted effect does
+DAMPING = (1e-6, 1e-2, 1.0)  # of a step, in turn
+WIDEST = 10.0  # unit steps: a number is within its bounds, however little the data say of it
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a hypothesis says of each block that its fit has not seen.
+
+    Parameters
+    ----------
+    density : ndarray of shape (blocks,)
+        Log predictive density of each block, up to a constant of the data, where what is left is
+        no more than two solvers of one law differ by.
+    beyond : ndarray of shape (blocks,)
+        The same where something unlisted is there, of a size of its own in each block.
+    residuals : tuple of ndarray of shape (n,)
+        Measured minus predicted, each observation by a fit that has not seen its block.
+    scales : tuple of Scales
+        Of each fold.
+    points : tuple of ndarray of shape (k,)
+        Where each fold's fit ended.
+    folds : tuple of ndarray of int, shape (blocks,)
+        Which fold each block of each recording is held out in.
+    """
+
+    density: _Floats
+    beyond: _Floats
+    residuals: tuple[_Floats, ...]
+    scales: tuple[Scales, ...]
+    points: tuple[_Floats, ...]
+    folds: tuple[NDArray[np.intp], ...]
+
+
+def predict_unseen(one: Hypothesis, largest: float) -> Prediction:
+    """Refit a hypothesis to each fold's training blocks and predict the others.
+
+    Parameters
+    ----------
+    one : Hypothesis
+    largest : float
+        Discrepancy that a model which holds may leave, in usual noise.
+    """
+    problem, best = one.problem, one.best
+    count = [len(data.observations.blocks) for data in problem.data]
+    fold = _folds(count)
+    density = [np.zeros(number) for number in count]
+    beyond = [np.zeros(number) for number in count]
+    residuals = [np.array(r) for r in best.residuals]
+    every, points = [], []
+    for k in range(max(f.max() for f in fold) + 1):
+        seen = tuple(tuple(np.flatnonzero(f != k).tolist()) for f in fold)
+        unseen = [np.flatnonzero(f == k).tolist() for f in fold]
+        train = replace(problem, blocks=seen)
+        scales = best_scales(fitted_parts(train, best.residuals, best.noises), best.scales, largest)
+        x, found, root = _refitted(train, one, scales)
+        for r, data in enumerate(problem.data):
+            if not unseen[r]:
+                continue
+            columns = np.column_stack([found[r], one.slopes[r] @ root])
+            density[r][unseen[r]] = _densities(data, best.noises[r], scales, columns, unseen[r])
+            beyond[r][unseen[r]] = _mixture(
+                [
+                    _densities(data, best.noises[r], wider, columns, unseen[r])
+                    for wider in _unlisted(scales)
+                ]
+            )
+            for number in unseen[r]:
+                rows = data.observations.blocks[number]
+                residuals[r][rows] = found[r][rows]
+        every.append(scales)
+        points.append(x)
+    return Prediction(
+        np.concatenate(density),
+        np.concatenate(beyond),
+        tuple(residuals),
+        tuple(every),
+        tuple(points),
+        tuple(fold),
+    )
+
+
+def _refitted(
+    train: Problem, one: Hypothesis, scales: Scales
+) -> tuple[_Floats, Sequence[_Floats], _Floats]:
+    """Fit to the training blocks from the optimum of all: one step, as long as it makes it better.
+
+    Returns the point, the residuals there, and a root of what the fit does not know of its numbers.
+    """
+    best = one.best
+    hessian, gradient = normal_equations(
+        train, best.x, best.residuals, one.slopes, (best.noises, scales)
+    )
+    root = _root(hessian, train.unit)
+    here = objective(train, best.x, best.residuals, best.noises, scales)
+    for damping in DAMPING:
+        step = bounded_step(train, best.x, hessian, gradient, damping)
+        x = train.feasible(best.x + step)
+        found = train.residuals(x, best.noises)
+        if found is not None and objective(train, x, found, best.noises, scales) < here:
+            return x, found, root * (step != 0.0)[:, None]
+    return best.x, best.residuals, root
+
+
+def _root(hessian: _Floats, unit: _Floats) -> _Floats:
+    """Return a root of the inverse: the numbers' uncertainty, no wider than their ranges."""
+    values, vectors = np.linalg.eigh(hessian * np.outer(unit, unit))
+    return np.asarray(unit[:, None] * vectors / np.sqrt(np.maximum(values, WIDEST**-2.0)))
+
+
+def _folds(count: list[int]) -> list[NDArray[np.intp]]:
+    """Deal the blocks to folds: every fourth to the same; of three recordings, whole ones too."""
+    found, start = [], 0
+    for number in count:
+        found.append((start + np.arange(number)) % min(FOLDS, sum(count)))
+        start += number
+    return found
+
+
+def _unlisted(scales: Scales) -> list[Scales]:
+    """Return what an unlisted effect may do in a block: nothing to far beyond noise, all alike."""
+    return [
+        Scales(scales.roughness, (first, second))
+        for first, second in itertools.product(UNLISTED, UNLISTED)
+        if first + second > 0.0
+    ]
+
+
+def _mixture(densities: Sequence[_Floats]) -> _Floats:
+    """Return the log of the mean density of each block."""
+    return np.asarray(logsumexp(np.stack(densities), axis=0) - math.log(len(densities)))
+
+
+def _densities(
+    data: Data, noise: Covariance, scales: Scales, columns: _Floats, blocks: list[int]
+) -> _Floats:
+    white = whiten(data, noise, scales, columns, blocks)
+    return np.array([_density(one.rows, one.half_log_det) for one in white])
+
+
+def _density(rows: _Floats, half_log_det: float) -> float:
+    """Return the log density of a block: its residual first, then what the numbers do to it."""
+    residual, moves = rows[:, 0], rows[:, 1:]
+    inner = np.eye(moves.shape[1]) + moves.T @ moves
+    across = moves.T @ residual
+    square = float(residual @ residual - across @ np.linalg.solve(inner, across))
+    size = residual.size
+    wider = 0.5 * float(np.linalg.slogdet(inner)[1])
+    return -(0.5 * (DRAWS + size) * math.log1p(max(square, 0.0) / DRAWS) + half_log_det + wider)

@@ -1,0 +1,178 @@
+"""What a diagnosis says: verdict, effects, odds, gaps, and everything behind them.
+
+`diagnose` fills it in; `report` draws it, `cli` and `to_document` print it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.excitation import Excitation
+from bowden.diagnosis.localise import Place, ResidualMap
+from bowden.estimation.gap import Gap
+from bowden.estimation.gate.finding import Finding
+from bowden.estimation.posterior import Estimate
+from bowden.model import Mode, Model
+
+_Floats = NDArray[np.float64]
+_Flags = NDArray[np.bool_]
+
+Verdict = Literal[
+    "named", "complete", "unlisted", "ambiguous", "insufficient_excitation", "bad_data"
+]
+PLACES = 12  # conditions in the JSON
+
+
+@dataclass(frozen=True)
+class Value:
+    """An effect's parameter with its 95 % interval, in SI units."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect of the verdict.
+
+    Parameters
+    ----------
+    name, title, variant : str
+        As in the catalogue.
+    parameters : dict of str to Value
+    confidence : float
+        Probability that this effect is there, 0..1, given that the data are of this rig.
+    """
+
+    name: str
+    title: str
+    variant: str
+    parameters: dict[str, Value]
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Series:
+    """One channel of one recording, for plots, at the recording's own samples.
+
+    Parameters
+    ----------
+    source, quantity : str
+    time_s, measured, before, after, sigma : ndarray of shape (n,)
+        What is predicted has its zero where it fits best, within what is known of an encoder's.
+    held_out : ndarray of shape (n,), bool
+    """
+
+    source: str
+    quantity: str
+    time_s: _Floats
+    measured: _Floats
+    before: _Floats
+    after: _Floats
+    sigma: _Floats
+    held_out: _Flags
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A candidate that was tried: best of its name and place."""
+
+    name: str
+    variant: str
+    score: float
+    held_out_gap: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict and everything behind it; `to_document` gives the JSON of CONTRACTS.
+
+    Parameters
+    ----------
+    verdict : str
+    sentence : str
+    effects : tuple of NamedEffect
+    ranking : tuple of Ranked
+    cannot_tell_apart : tuple of tuple of str
+    where : tuple of Place
+        Conditions with their share of the calibrated model's gap.
+    where_map : ResidualMap or None
+        That gap over angle and velocity; None where nothing was simulated.
+    gap : Gap
+        In the channel that the verdict is about.
+    gaps : tuple of Gap
+        In every channel that the mode predicts.
+    calibration : tuple of Estimate
+    quality : tuple of Finding
+    excitation : tuple of Excitation
+    next_experiment, next_command : str
+    model : Model
+        Calibrated, with the effects.
+    mode : Mode
+    series : tuple of Series
+    notes : tuple of str
+    seed : int
+    odds : dict of str to float
+        Posterior of each explanation: names joined by " + ", "nothing" or "unlisted".
+    """
+
+    verdict: Verdict
+    sentence: str
+    effects: tuple[NamedEffect, ...]
+    ranking: tuple[Ranked, ...]
+    cannot_tell_apart: tuple[tuple[str, ...], ...]
+    where: tuple[Place, ...]
+    where_map: ResidualMap | None
+    gap: Gap
+    gaps: tuple[Gap, ...]
+    calibration: tuple[Estimate, ...]
+    quality: tuple[Finding, ...]
+    excitation: tuple[Excitation, ...]
+    next_experiment: str
+    next_command: str
+    model: Model
+    mode: Mode
+    series: tuple[Series, ...]
+    notes: tuple[str, ...]
+    seed: int
+    odds: dict[str, float]
+
+    def to_document(self) -> dict[str, object]:
+        """Return what ``bowden diagnose --json`` prints; the keys of CONTRACTS and more."""
+        return {
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "effects": [
+                {
+                    "name": one.name,
+                    "variant": one.variant,
+                    "parameters": {name: asdict(value) for name, value in one.parameters.items()},
+                    "confidence": one.confidence,
+                }
+                for one in self.effects
+            ],
+            "ranking": [asdict(one) for one in self.ranking],
+            "cannot_tell_apart": [list(group) for group in self.cannot_tell_apart],
+            "where": [asdict(one) for one in self.where[:PLACES]],
+            "gap": asdict(self.gap) | {"metric": self.gap.metric},
+            "gaps": [asdict(one) | {"metric": one.metric} for one in self.gaps],
+            "calibration": {
+                one.path: {k: v for k, v in asdict(one).items() if k != "path"}
+                for one in self.calibration
+            },
+            "quality": [asdict(one) for one in self.quality],
+            "excitation": [asdict(one) for one in self.excitation],
+            "odds": self.odds,
+            "next_experiment": self.next_experiment,
+            "next_command": self.next_command,
+            "notes": list(self.notes),
+            "mode": self.mode.value,
+            "seed": self.seed,
+            "model": None,
+        }

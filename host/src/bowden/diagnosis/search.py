@@ -1,0 +1,279 @@
+"""Search the sets of effects: add, drop and swap, as many as the prediction of unseen data carries.
+
+From the calibrated model every candidate is screened, the most promising are fitted, and the best
+sets are grown as long as unseen data are predicted better.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.hypothesis import (
+    ROUGH,
+    Hypothesis,
+    finish,
+    fit_hypothesis,
+    shares,
+)
+from bowden.diagnosis.material import Material, as_searched
+from bowden.diagnosis.odds import MORE, Weighed, log_prior, posterior
+from bowden.diagnosis.predict import Prediction, predict_unseen
+from bowden.diagnosis.probes import strength_of
+from bowden.diagnosis.screening import Look, Screen
+from bowden.estimation.covariance import Covariance
+from bowden.estimation.likelihood import Scales
+from bowden.estimation.nuisance import Nuisance
+from bowden.estimation.parameters import WEAK
+from bowden.estimation.problem import Optimum
+from bowden.estimation.search import WRONG
+from bowden.model import Model, ModelError
+from bowden.model.effects import CATALOGUE
+from bowden.model.effects.effect import EXACT
+
+MOST = 3  # effects in a set
+FITTED, FINISHED = 5, 3  # of the screened candidates at each step
+LEAST = 1.0  # usual noise: what a listed law may leave beyond it, two solvers of one law differ by
+PARENTS = 2
+STRAINED = 2.5  # tolerances
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search ends with.
+
+    Parameters
+    ----------
+    weighed : tuple of Weighed
+        All that were compared, best first.
+    base : Hypothesis
+        The calibrated model.
+    looks : tuple of Look
+        Every candidate from the calibrated model, best shape of each place.
+    """
+
+    weighed: tuple[Weighed, ...]
+    base: Hypothesis
+    looks: tuple[Look, ...]
+
+
+def search(
+    material: Material,
+    model: Model,
+    every: Sequence[Candidate],
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Found:
+    """Find the sets of effects that predict unseen data best.
+
+    Parameters
+    ----------
+    material : Material
+    model : Model
+        Of the file.
+    every : sequence of Candidate
+    seed : int
+    progress : callable (stage, share of the whole), optional
+    """
+    tell = progress or (lambda _stage, _share: None)
+    searched = as_searched(model)
+    tell("calibrating", 0.05)
+    base = _base(material, searched)
+    noises = base.best.noises
+    tell("looking at every effect", 0.15)
+    looks = [*_looks(material, base, every)]
+    if is_strained(base):
+        tell("looking once more, without calibration", 0.2)
+        looks += [
+            replace(one, start={}) for one in _looks(material, _as_filed(material, base), every)
+        ]
+    done: dict[frozenset[tuple[str, str]], Hypothesis] = {base.key: base}
+    frontier = [base]
+    for size in range(1, MOST + 1):
+        tell(f"sets of {size}", 0.2 + 0.15 * size)
+        children: list[Hypothesis] = []
+        for parent in frontier:
+            children += _grown(material, searched, parent, looks, done)
+        if not children:
+            break
+        best = min(children, key=lambda one: one.best.cost)
+        if size == 1:  # the noise of a model that holds is not that of one that doesn't
+            tell("noise about the best", 0.3)
+            noises = _noises_about(material, best)
+        finished = [finish(material, one, noises) for one in _lowest(children, FINISHED)]
+        for one in sorted(finished, key=_merit, reverse=True):
+            done[one.key] = one
+        grown = sorted([*finished, *frontier], key=_merit)
+        if grown[0] in frontier:
+            break
+        holds = max(grown[0].best.scales.discrepancy) <= LEAST
+        frontier = grown[: 1 if holds else PARENTS]
+    tell("predicting what was held out", 0.85)
+    compared = _comparable(material, done, noises)
+    names = len({one.name for one in every})
+    return Found(tuple(posterior(compared, names, seed)), done[base.key], tuple(looks))
+
+
+def _looks(material: Material, parent: Hypothesis, every: Sequence[Candidate]) -> list[Look]:
+    screen = Screen(parent)
+    return [look for found in material.pool.map(screen.look, every) for look in found]
+
+
+def price(look: Look) -> float:
+    """Return what the prior asks of one more effect: a promise below it can't win."""
+    return math.log(len(CATALOGUE) * len(look.candidate.effect.variants) / MORE)
+
+
+def is_strained(one: Hypothesis) -> bool:
+    """Whether calibration had to move a number further than its tolerance makes likely.
+
+    It may stand in for an effect then, along a valley that starts at the file's values.
+    """
+    residual, _ = one.problem.prior(one.best.x)
+    return bool(np.max(np.abs(residual), initial=0.0) > STRAINED)
+
+
+def _as_filed(material: Material, base: Hypothesis) -> Hypothesis:
+    """Return the model with the file's own values, weighed as it is."""
+    found = fit_hypothesis(material, base.problem.parameters.model, [], {}, base.best, rounds=0)
+    return base if found is None else found
+
+
+def _merit(one: Hypothesis) -> float:
+    """Return what a set costs within a search: -log posterior with the prior of its size."""
+    return one.best.cost - log_prior(one)
+
+
+def _base(material: Material, searched: Model) -> Hypothesis:
+    """Calibrate the model without a further effect."""
+    numbers: list[list[tuple[Nuisance, float]]] = [[] for _ in material.coarse]
+    noises = material.noise(searched, numbers)
+    count = len(material.coarse)
+    nothing = np.zeros(len(material.nuisances))
+    start = Optimum(
+        nothing, 0.0, np.zeros((0, 0)), [], noises, Scales((1.0,) * count, (WRONG, WRONG))
+    )
+    found = fit_hypothesis(material, searched, [], {}, start, rounds=12)
+    if found is None:
+        raise ModelError("found no start that the model can run, accepted: other values")
+    return finish(material, found, _noises_about(material, found))
+
+
+def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
+    """Return the covariances about a hypothesis where it is."""
+    numbers = [one.problem.numbers(one.best.x, k) for k in range(len(material.coarse))]
+    return material.noise(one.model, numbers)
+
+
+def _grown(
+    material: Material,
+    searched: Model,
+    parent: Hypothesis,
+    looks: Sequence[Look],
+    done: dict[frozenset[tuple[str, str]], Hypothesis],
+) -> list[Hypothesis]:
+    """Fit the most promising additions to a parent that would matter in practice."""
+    known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
+    found = []
+    for look in _promising(parent, looks):
+        key = parent.key | {look.candidate.key}
+        if key in done and look.start is None:
+            continue
+        child = fit_hypothesis(
+            material,
+            searched,
+            [*known, (look.candidate, look.values)],
+            parent.coordinates() if look.start is None else look.start,
+            parent.best,
+            rounds=ROUGH,
+        )
+        if child is not None:
+            found.append(child)
+            if key not in done or child.best.cost < done[key].best.cost:
+                done[key] = child
+    return found
+
+
+def _promising(parent: Hypothesis, looks: Sequence[Look]) -> list[Look]:
+    """Choose what is fitted on top of a parent: what would matter and promises most.
+
+    By the gain under the parent's covariance, by the gain with its discrepancy found anew, and from
+    the file's values where calibration is strained.
+    """
+    screen = Screen(parent)
+    names = {one.name for one in parent.effects}
+    others = [one for one in looks if one.candidate.name not in names]
+    fresh = [screen.again(one) for one in others if one.start is None]
+    fresh = [one for one in fresh if one.gain > price(one) and one.share(parent) > 1.0]
+    fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 2 * FITTED]
+    annealed = sorted(fresh, key=lambda one: -screen.annealed(one))
+    filed = [] if parent.effects else [one for one in others if one.start is not None]
+    filed = _best_of_each(sorted(filed, key=lambda one: -one.gain))
+    return [*_best_of_each([*annealed[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]
+
+
+def _best_of_each(looks: Sequence[Look]) -> list[Look]:
+    """Return the best look at each place of each effect, in the order given."""
+    found: dict[tuple[str, str], Look] = {}
+    for one in looks:
+        found.setdefault(one.candidate.key, one)
+    return list(found.values())
+
+
+def _lowest(children: Sequence[Hypothesis], count: int) -> list[Hypothesis]:
+    return sorted(children, key=lambda one: one.best.cost)[:count]
+
+
+COMPARED = 8
+
+
+def _comparable(
+    material: Material,
+    done: dict[frozenset[tuple[str, str]], Hypothesis],
+    noises: Sequence[Covariance],
+) -> list[tuple[Hypothesis, Prediction]]:
+    """Fit the finalists to the end under one covariance and predict what was held out."""
+    base = done[frozenset()]
+    ranked = sorted((one for one in done.values() if matters(one)), key=_merit)[:COMPARED]
+    if base not in ranked:
+        ranked.append(base)
+    found = []
+    for rough in ranked:
+        one = finish(material, rough, noises)
+        done[one.key] = one
+        if matters(one):
+            found.append((one, predict_unseen(one, LEAST)))
+    return found
+
+
+def matters(one: Hypothesis) -> bool:
+    """Whether each effect of a set does something in practice: else the set is that without it.
+
+    More than a single observation's error, more than the other laws of the set may leave, and more
+    than a hundredth of its usual strength.
+    """
+    sizes = shares(one)
+    for index, effect in enumerate(one.effects):
+        values = one.values(index)
+        weak = [
+            abs(strength_of(p, values[p.name])) < abs(strength_of(p, p.typical)) / WEAK
+            for p in effect.strengths
+        ]
+        if all(weak):
+            return False
+    for index, size in enumerate(sizes):
+        others = [
+            max(effect.effect.leeway, EXACT) * other
+            for k, (effect, other) in enumerate(zip(one.effects, sizes, strict=True))
+            if k != index
+        ]
+        if size < np.hypot(1.0, max(others, default=0.0)):
+            return False
+    return True

@@ -1,0 +1,196 @@
+"""From the posterior over hypotheses to words: which effects, how sure, what stays tied.
+
+Takes `search.Found`, returns frozen results. An effect is named where the sets that hold it carry
+95 % of the posterior; "unlisted" and "complete" are shares of the same posterior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.odds import Weighed
+from bowden.diagnosis.predict import Prediction
+from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
+from bowden.diagnosis.search import Found
+from bowden.estimation.search import INTERVAL
+
+_Floats = NDArray[np.float64]
+
+SURE = 0.95
+LIKELIER = 0.5
+VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What is said.
+
+    Parameters
+    ----------
+    verdict : str
+    effects : tuple of NamedEffect
+        Named ones, or those of the tie, likeliest first.
+    chosen : Weighed
+        The hypothesis that the figures are given for.
+    tied : tuple of (str, str)
+        Effects of which these recordings cannot say which it is.
+    odds : dict of str to float
+        Probability of each explanation: names joined by " + ", "nothing", "unlisted".
+    """
+
+    verdict: Verdict
+    effects: tuple[NamedEffect, ...]
+    chosen: Weighed
+    tied: tuple[tuple[str, str], ...]
+    odds: dict[str, float]
+
+
+def decide(found: Found) -> Decision:
+    """Word the posterior."""
+    every = found.weighed
+    inclusion: dict[str, float] = {}
+    for one in every:
+        for name in set(one.hypothesis.names):
+            inclusion[name] = inclusion.get(name, 0.0) + one.weight + one.beyond
+    odds = explanations(every)
+    sure = {name for name, share in inclusion.items() if share >= SURE}
+    beyond, nothing = odds["unlisted"], odds.get("nothing", 0.0)
+    base = next(one for one in every if not one.hypothesis.effects)
+    verdict: Verdict
+    if beyond > LIKELIER:
+        verdict, chosen, shown = "unlisted", every[0], []
+    elif sure:
+        exactly = [one for one in every if set(one.hypothesis.names) == sure]
+        holding = [one for one in every if sure <= set(one.hypothesis.names)]
+        chosen = (exactly or holding)[0]
+        verdict, shown = "named", [chosen]
+    elif nothing > LIKELIER:
+        verdict, chosen, shown = "complete", _simplest(base, every), []
+    else:
+        shown = _credible(every)
+        verdict, chosen = "ambiguous", shown[0]
+    named: dict[str, NamedEffect] = {}
+    for one in shown:
+        for effect in effects_of(one.hypothesis, inclusion):
+            if verdict != "named" or effect.name in sure:
+                named.setdefault(effect.name, effect)
+    order = sorted(named.values(), key=lambda one: -one.confidence)
+    return Decision(verdict, tuple(order), chosen, _ties(_credible(every)), odds)
+
+
+def _simplest(base: Weighed, every: Sequence[Weighed]) -> Weighed:
+    """Return the calibrated model itself, which is what "complete" speaks of."""
+    return base if base in every else every[0]
+
+
+def explanations(every: Sequence[Weighed]) -> dict[str, float]:
+    """Return the posterior of each explanation, likeliest first; "unlisted" is always there."""
+    found = {"unlisted": sum(one.beyond for one in every)}
+    for one in every:
+        names = " + ".join(one.hypothesis.names) or "nothing"
+        found[names] = found.get(names, 0.0) + one.weight
+    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def _credible(every: Sequence[Weighed]) -> list[Weighed]:
+    """Return the likeliest hypotheses that together carry 95 %, one a set of names."""
+    found: list[Weighed] = []
+    carried = 0.0
+    for one in sorted(every, key=lambda one: -one.weight):
+        if carried >= SURE:
+            break
+        carried += one.weight
+        if all(one.hypothesis.names != other.hypothesis.names for other in found):
+            found.append(one)
+    return found
+
+
+def _ties(credible: Sequence[Weighed]) -> tuple[tuple[str, str], ...]:
+    """Return which effects stand for each other among the credible sets."""
+    pairs: set[tuple[str, str]] = set()
+    sets = [set(one.hypothesis.names) for one in credible]
+    for i, one in enumerate(sets):
+        for other in sets[i + 1 :]:
+            pairs |= {(min(a, b), max(a, b)) for a in one - other for b in other - one}
+    return tuple(sorted(pairs))
+
+
+def effects_of(one: Hypothesis, inclusion: dict[str, float]) -> list[NamedEffect]:
+    """Return the effects of a hypothesis with the 95 % intervals of their numbers."""
+    covariance = np.linalg.pinv(one.best.hessian)
+    each = one.problem.parameters.each
+    paths = [number.path for number in each]
+    found = []
+    for index, candidate in enumerate(one.effects):
+        values, at = {}, one.values(index)
+        for parameter in candidate.variant.parameters:
+            path, value = f"effects[{one.own + index}].{parameter.name}", at[parameter.name]
+            if path not in paths:
+                values[parameter.name] = Value(value, value, value, parameter.unit)
+                continue
+            i = paths.index(path)
+            slope = abs(each[i].slope(float(one.best.x[i])))
+            sigma = slope * float(np.sqrt(max(covariance[i, i], 0.0)))
+            if parameter.period is None:
+                # Laws of one name and solvers of one law differ by that: no number is known better.
+                sigma = float(np.hypot(sigma, candidate.effect.known_to * abs(value)))
+            low, high = value - INTERVAL * sigma, value + INTERVAL * sigma
+            if parameter.period is None:
+                low, high = (
+                    max(low, min(parameter.low, value)),
+                    min(high, max(parameter.high, value)),
+                )
+            else:
+                turn = parameter.period * np.floor(value / parameter.period)
+                value, low, high = value - turn, low - turn, high - turn
+            values[parameter.name] = Value(float(value), float(low), float(high), parameter.unit)
+        found.append(
+            NamedEffect(
+                candidate.name,
+                candidate.effect.title,
+                candidate.variant.where,
+                values,
+                float(min(inclusion.get(candidate.name, 0.0), 1.0)),
+            )
+        )
+    return found
+
+
+def ranking(found: Found) -> tuple[Ranked, ...]:
+    """Return every candidate: fitted ones by what they gain on unseen data, then the others."""
+    base = next(one for one in found.weighed if not one.hypothesis.effects)
+    start = _density(base)
+    ranked: dict[tuple[str, str], Ranked] = {}
+    for one in sorted(found.weighed, key=lambda one: -_density(one)):
+        for effect in one.hypothesis.effects:
+            gap = unseen_gap(one.hypothesis, one.prediction, 0)
+            ranked.setdefault(effect.key, Ranked(*effect.key, _density(one) - start, gap))
+    before = unseen_gap(base.hypothesis, base.prediction, 0)
+    for look in sorted(found.looks, key=lambda one: -one.gain):
+        ranked.setdefault(look.candidate.key, Ranked(*look.candidate.key, 0.0, before))
+    return tuple(ranked.values())
+
+
+def _density(one: Weighed) -> float:
+    return float(max(one.prediction.density.sum(), one.prediction.beyond.sum()))
+
+
+def unseen_gap(one: Hypothesis, prediction: Prediction, channel: int) -> float:
+    """Return the RMS of what fits leave of the observations that they have not seen."""
+    parts = [
+        residual[data.observations.channel == channel]
+        for residual, data in zip(prediction.residuals, one.problem.data, strict=True)
+    ]
+    every = np.concatenate(parts)
+    return float(np.sqrt(np.mean(every**2))) if every.size else 0.0
+
+
+def invisible(found: Found) -> tuple[str, ...]:
+    """Return the effects that would not show in these recordings at their usual size."""
+    seen = {one.candidate.name for one in found.looks if one.visible > VISIBLE}
+    return tuple(sorted({one.candidate.name for one in found.looks} - seen))

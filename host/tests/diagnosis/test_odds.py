@@ -1,0 +1,111 @@
+"""From log predictive densities of blocks to a posterior: what makes sure and what must not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from bowden.diagnosis import verdict as verdicts
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.odds import Weighed, posterior
+from bowden.diagnosis.predict import Prediction
+from bowden.diagnosis.result import NamedEffect
+from bowden.diagnosis.search import Found
+
+BLOCKS = 12
+NOTHING = np.full(BLOCKS, -50.0)  # log density where something unlisted would fit badly
+
+
+@dataclass(frozen=True)
+class Stub:
+    """A set of effects by their names, without a model behind it."""
+
+    names: tuple[str, ...]
+
+    @property
+    def effects(self) -> tuple[Any, ...]:
+        effect = SimpleNamespace(variants=(None,))
+        return tuple(SimpleNamespace(effect=effect, name=name) for name in self.names)
+
+    @property
+    def problem(self) -> Any:
+        return SimpleNamespace(prior=lambda _x: (np.zeros(1), None))
+
+    @property
+    def best(self) -> Any:
+        return SimpleNamespace(x=None)
+
+
+def weighed(*sets: tuple[str, Any, Any]) -> list[Weighed]:
+    found = []
+    for names, listed, beyond in sets:
+        stub = Stub(tuple(names.split()))
+        prediction = Prediction(
+            np.zeros(BLOCKS) + listed, np.zeros(BLOCKS) + beyond, (), (), (), ()
+        )
+        found.append((cast("Hypothesis", stub), prediction))
+    return posterior(found, candidates=32, seed=0)
+
+
+def decided(every: list[Weighed], monkeypatch: pytest.MonkeyPatch) -> verdicts.Decision:
+    def named(one: Hypothesis, share: dict[str, float]) -> list[NamedEffect]:
+        return [NamedEffect(name, name, "", {}, share[name]) for name in one.names]
+
+    monkeypatch.setattr(verdicts, "effects_of", named)
+    return verdicts.decide(Found(tuple(every), every[0].hypothesis, ()))
+
+
+def test_what_predicts_better_in_every_block_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = decided(weighed(("", 0.0, NOTHING), ("a", 2.0, NOTHING)), monkeypatch)
+    assert found.verdict == "named"
+    assert [one.name for one in found.effects] == ["a"]
+
+
+def test_one_lucky_block_makes_nothing_sure(monkeypatch: pytest.MonkeyPatch) -> None:
+    lucky = np.zeros(BLOCKS)
+    lucky[3] = 24.0  # as much in all as 2 a block
+    every = weighed(("", 0.0, NOTHING), ("a", lucky, NOTHING))
+    assert decided(every, monkeypatch).verdict != "named"
+
+
+def test_an_effect_that_predicts_no_better_does_not_pay_its_prior(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    every = weighed(("", 0.0, NOTHING), ("a", 0.1, NOTHING))
+    assert decided(every, monkeypatch).verdict == "complete"
+
+
+def test_two_that_predict_alike_are_a_tie(monkeypatch: pytest.MonkeyPatch) -> None:
+    every = weighed(("", 0.0, NOTHING), ("a", 5.0, NOTHING), ("b", 5.0, NOTHING))
+    found = decided(every, monkeypatch)
+    assert found.verdict == "ambiguous"
+    assert {one.name for one in found.effects} == {"a", "b"}
+    assert found.tied == (("a", "b"),)
+    assert sum(found.odds.values()) == pytest.approx(1.0)
+
+
+def test_what_is_in_every_likely_set_is_named_beside_a_tie(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    every = weighed(("", 0.0, NOTHING), ("a b", 9.0, NOTHING), ("a c", 9.0, NOTHING))
+    found = decided(every, monkeypatch)
+    assert found.verdict == "named"
+    assert [one.name for one in found.effects] == ["a"]
+    assert found.tied == (("b", "c"),)
+
+
+def test_something_unlisted_beats_names_that_fit_badly(monkeypatch: pytest.MonkeyPatch) -> None:
+    every = weighed(("", 0.0, 9.0), ("a", 2.0, 10.0))
+    found = decided(every, monkeypatch)
+    assert found.verdict == "unlisted"
+    assert found.effects == ()
+
+
+def test_the_order_of_the_hypotheses_changes_nothing() -> None:
+    sets = [("", 0.0, NOTHING), ("a", 1.0, NOTHING), ("b", 0.9, NOTHING)]
+    one, other = weighed(*sets), weighed(*reversed(sets))
+    assert [w.hypothesis.names for w in one] == [w.hypothesis.names for w in other]
+    np.testing.assert_allclose([w.weight for w in one], [w.weight for w in other])

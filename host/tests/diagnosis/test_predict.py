@@ -1,0 +1,45 @@
+"""Log predictive density: against dense linear algebra, and what it may depend on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from bowden.diagnosis.predict import DRAWS, _density, _folds, _mixture
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+@given(st.integers(1, 12), st.integers(0, 4), st.integers(0, 2**31))
+def test_the_density_is_that_of_a_student_t_with_the_numbers_integrated_out(
+    size: int, numbers: int, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    residual, moves = rng.normal(size=size), rng.normal(size=(size, numbers))
+    covariance = np.eye(size) + moves @ moves.T
+    square = residual @ np.linalg.inv(covariance) @ residual
+    expected = -0.5 * (DRAWS + size) * math.log1p(square / DRAWS) - 0.5 * math.log(
+        np.linalg.det(covariance)
+    )
+    found = _density(np.column_stack([residual, moves]), 0.0)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=5))
+def test_each_block_is_held_out_once_and_every_fold_has_something_to_learn_from(
+    count: list[int],
+) -> None:
+    folds = _folds(count)
+    assert [one.size for one in folds] == count
+    every = np.concatenate(folds)
+    held = np.bincount(every)
+    assert held.sum() == sum(count)
+    if sum(count) > 1:
+        assert held.max() < sum(count)
+    assert held.max() - held.min() <= 1
+
+
+def test_an_unknown_size_is_the_mean_of_the_sizes() -> None:
+    parts = [np.log([0.1, 0.4]), np.log([0.3, 0.2])]
+    np.testing.assert_allclose(np.exp(_mixture(parts)), [0.2, 0.3])
