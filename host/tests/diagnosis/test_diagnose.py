@@ -55,7 +55,7 @@ def test_a_hidden_effect_is_named_with_its_size(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("asymmetry", "weight_nm", "first"),
-    [(0.10, 0.03, "direction_asymmetry"), (0.015, 0.40, "gravity_imbalance")],
+    [(0.06, 0.03, "direction_asymmetry"), (0.015, 0.20, "gravity_imbalance")],
 )
 def test_of_two_effects_the_one_that_explains_more_comes_first(
     asymmetry: float, weight_nm: float, first: str

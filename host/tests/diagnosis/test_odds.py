@@ -11,7 +11,7 @@ import pytest
 from bowden.diagnosis import verdict as verdicts
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.odds import Weighed, posterior
-from bowden.diagnosis.predict import Prediction
+from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect
 from bowden.diagnosis.search import Found
 
@@ -43,7 +43,7 @@ def weighed(*sets: tuple[str, Any, Any]) -> list[Weighed]:
     found = []
     for names, listed, beyond in sets:
         stub = Stub(tuple(names.split()))
-        prediction = Prediction(
+        prediction = UnseenPrediction(
             np.zeros(BLOCKS) + listed, np.zeros(BLOCKS) + beyond, (), (), (), ()
         )
         found.append((cast("Hypothesis", stub), prediction))
@@ -55,7 +55,8 @@ def decided(every: list[Weighed], monkeypatch: pytest.MonkeyPatch) -> verdicts.D
         return [NamedEffect(name, name, "", {}, share[name]) for name in one.names]
 
     monkeypatch.setattr(verdicts, "effects_of", named)
-    return verdicts.decide(Found(tuple(every), every[0].hypothesis, ()))
+    monkeypatch.setattr(verdicts, "shares", lambda one: [1.0] * len(one.names))
+    return verdicts.decide(Found(tuple(every), every[0].hypothesis, every[0].hypothesis, ()))
 
 
 def test_what_predicts_better_in_every_block_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

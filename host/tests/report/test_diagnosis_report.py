@@ -11,6 +11,7 @@ import pytest
 from bowden.diagnosis.excitation import excitation
 from bowden.diagnosis.localise import localise
 from bowden.diagnosis.result import Diagnosis, NamedEffect, Ranked, Series, Value
+from bowden.diagnosis.waterfall import BudgetStep
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
 from bowden.estimation.posterior import Estimate
@@ -122,6 +123,13 @@ def named() -> Diagnosis:
         series=series,
         notes=("a note",),
         seed=7,
+        odds={"viscous_friction": 0.97, "unlisted": 0.03},
+        budget=(
+            BudgetStep("model file", 0.05, 0.0, 0.0, 0.0),
+            BudgetStep("calibration", 0.04, 0.36, 0.2, 0.5),
+            BudgetStep("viscous_friction", 0.002, 0.63, 0.5, 0.8),
+            BudgetStep("noise floor", 0.001, 0.01, 0.01, 0.01),
+        ),
     )
 
 

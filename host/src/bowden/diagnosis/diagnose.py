@@ -27,6 +27,7 @@ from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, NamedEffect, Series, Verdict
 from bowden.diagnosis.search import Progress, search
 from bowden.diagnosis.verdict import Decision, decide, invisible, ranking
+from bowden.diagnosis.waterfall import gap_steps
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.check import check_data
 from bowden.estimation.gate.finding import Finding, stops
@@ -109,6 +110,13 @@ def diagnose(
         notes=_notes(decision, hidden, moving=bool(model.free_parameters())),
         seed=seed,
         odds=decision.odds,
+        budget=gap_steps(
+            found.filed,
+            base,
+            decision.chosen,
+            found.weighed,
+            PREDICTED[mode].index(gap.quantity),
+        ),
     )
 
 
@@ -154,6 +162,7 @@ def _stopped(
         notes=("Nothing was fitted.",),
         seed=seed,
         odds={},
+        budget=(),
     )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_fine
 from bowden.diagnosis.odds import Weighed
-from bowden.diagnosis.predict import Prediction
+from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import Series
 from bowden.estimation.covariance import Data
 from bowden.estimation.gap import Gap
@@ -55,7 +55,9 @@ def series_of(material: Material, before: Weighed, after: Weighed) -> tuple[Seri
     return tuple(found)
 
 
-def _unseen(one: Hypothesis, prediction: Prediction, number: int, data: Data) -> dict[str, _Floats]:
+def _unseen(
+    one: Hypothesis, prediction: UnseenPrediction, number: int, data: Data
+) -> dict[str, _Floats]:
     """Return what each fold's fit predicts of the stretches that it has not seen."""
     recording, mode = data.estimates.recording, data.mode
     fold = fold_of_samples(data, prediction.folds[number], recording.time_s)

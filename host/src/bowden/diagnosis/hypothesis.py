@@ -298,7 +298,7 @@ def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Cov
     """Return covariances in which each effect's law may be off by its share of what it does.
 
     The share is the effect's `leeway`: a name that stands for several laws says by how much they
-    differ, observation by observation. A name that is one law has none.
+    differ, observation by observation; parts and solvers of one law differ by a little, too.
     """
     squares = [np.zeros(noise.own.size) for noise in noises]
     for effect, change in zip(one.effects, contributions(one), strict=True):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.predict import Prediction
+from bowden.diagnosis.predict import UnseenPrediction
 
 _Floats = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class Weighed:
     Parameters
     ----------
     hypothesis : Hypothesis
-    prediction : Prediction
+    prediction : UnseenPrediction
     weight : float
         Posterior probability that these effects are all there is.
     beyond : float
@@ -40,7 +40,7 @@ class Weighed:
     """
 
     hypothesis: Hypothesis
-    prediction: Prediction
+    prediction: UnseenPrediction
     weight: float = 0.0
     beyond: float = 0.0
 
@@ -64,13 +64,13 @@ def log_tolerances(one: Hypothesis) -> float:
 
 
 def posterior(
-    found: Sequence[tuple[Hypothesis, Prediction]], candidates: int, seed: int
+    found: Sequence[tuple[Hypothesis, UnseenPrediction]], candidates: int, seed: int
 ) -> list[Weighed]:
     """Weigh hypotheses, best first.
 
     Parameters
     ----------
-    found : sequence of (Hypothesis, Prediction)
+    found : sequence of (Hypothesis, UnseenPrediction)
     candidates : int
         How many effects were looked at.
     seed : int

@@ -31,7 +31,7 @@ WIDEST = 10.0  # unit steps: a number is within its bounds, however little the d
 
 
 @dataclass(frozen=True)
-class Prediction:
+class UnseenPrediction:
     """What a hypothesis says of each block that its fit has not seen.
 
     Parameters
@@ -59,7 +59,7 @@ class Prediction:
     folds: tuple[NDArray[np.intp], ...]
 
 
-def predict_unseen(one: Hypothesis, largest: float) -> Prediction:
+def predict_unseen(one: Hypothesis, largest: float) -> UnseenPrediction:
     """Refit a hypothesis to each fold's training blocks and predict the others.
 
     Parameters
@@ -97,7 +97,7 @@ def predict_unseen(one: Hypothesis, largest: float) -> Prediction:
                 residuals[r][rows] = found[r][rows]
         every.append(scales)
         points.append(x)
-    return Prediction(
+    return UnseenPrediction(
         np.concatenate(density),
         np.concatenate(beyond),
         tuple(residuals),
@@ -147,7 +147,7 @@ def _folds(count: list[int]) -> list[NDArray[np.intp]]:
 def _unlisted(scales: Scales) -> list[Scales]:
     """Return what an unlisted effect may do in a block: nothing to far beyond noise, all alike."""
     return [
-        Scales(scales.roughness, (first, second))
+        replace(scales, discrepancy=(first, second))
         for first, second in itertools.product(UNLISTED, UNLISTED)
         if first + second > 0.0
     ]

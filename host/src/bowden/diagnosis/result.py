@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.excitation import Excitation
 from bowden.diagnosis.localise import Place, ResidualMap
+from bowden.diagnosis.waterfall import BudgetStep
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
 from bowden.estimation.posterior import Estimate
@@ -120,6 +121,8 @@ class Diagnosis:
     seed : int
     odds : dict of str to float
         Posterior of each explanation: names joined by " + ", "nothing" or "unlisted".
+    budget : tuple of BudgetStep
+        From the file's model to the noise floor, in the channel of `gap`.
     """
 
     verdict: Verdict
@@ -142,6 +145,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     seed: int
     odds: dict[str, float]
+    budget: tuple[BudgetStep, ...]
 
     def to_document(self) -> dict[str, object]:
         """Return what ``bowden diagnose --json`` prints; the keys of CONTRACTS and more."""
@@ -169,6 +173,7 @@ class Diagnosis:
             "quality": [asdict(one) for one in self.quality],
             "excitation": [asdict(one) for one in self.excitation],
             "odds": self.odds,
+            "budget": [asdict(one) for one in self.budget],
             "next_experiment": self.next_experiment,
             "next_command": self.next_command,
             "notes": list(self.notes),

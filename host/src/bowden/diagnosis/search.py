@@ -22,7 +22,7 @@ from bowden.diagnosis.hypothesis import (
 )
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import MORE, Weighed, log_prior, posterior
-from bowden.diagnosis.predict import Prediction, predict_unseen
+from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
 from bowden.diagnosis.probes import strength_of
 from bowden.diagnosis.screening import Look, Screen
 from bowden.estimation.covariance import Covariance
@@ -33,7 +33,7 @@ from bowden.estimation.problem import Optimum
 from bowden.estimation.search import WRONG
 from bowden.model import Model, ModelError
 from bowden.model.effects import CATALOGUE
-from bowden.model.effects.effect import EXACT
+from bowden.model.effects.effect import TO_A_TENTH
 
 MOST = 3  # effects in a set
 FITTED, FINISHED = 5, 3  # of the screened candidates at each step
@@ -54,12 +54,15 @@ class Found:
         All that were compared, best first.
     base : Hypothesis
         The calibrated model.
+    filed : Hypothesis
+        The model with the file's own values.
     looks : tuple of Look
         Every candidate from the calibrated model, best shape of each place.
     """
 
     weighed: tuple[Weighed, ...]
     base: Hypothesis
+    filed: Hypothesis
     looks: tuple[Look, ...]
 
 
@@ -88,12 +91,11 @@ def search(
     base = _base(material, searched)
     noises = base.best.noises
     tell("looking at every effect", 0.15)
+    filed = _as_filed(material, base)
     looks = [*_looks(material, base, every)]
     if is_strained(base):
         tell("looking once more, without calibration", 0.2)
-        looks += [
-            replace(one, start={}) for one in _looks(material, _as_filed(material, base), every)
-        ]
+        looks += [replace(one, start={}) for one in _looks(material, filed, every)]
     done: dict[frozenset[tuple[str, str]], Hypothesis] = {base.key: base}
     frontier = [base]
     for size in range(1, MOST + 1):
@@ -118,7 +120,7 @@ def search(
     tell("predicting what was held out", 0.85)
     compared = _comparable(material, done, noises)
     names = len({one.name for one in every})
-    return Found(tuple(posterior(compared, names, seed)), done[base.key], tuple(looks))
+    return Found(tuple(posterior(compared, names, seed)), done[base.key], filed, tuple(looks))
 
 
 def _looks(material: Material, parent: Hypothesis, every: Sequence[Candidate]) -> list[Look]:
@@ -211,7 +213,8 @@ def _promising(parent: Hypothesis, looks: Sequence[Look]) -> list[Look]:
     names = {one.name for one in parent.effects}
     others = [one for one in looks if one.candidate.name not in names]
     fresh = [screen.again(one) for one in others if one.start is None]
-    fresh = [one for one in fresh if one.gain > price(one) and one.share(parent) > 1.0]
+    least = least_size(shares(parent))
+    fresh = [one for one in fresh if one.gain > price(one) and one.share(parent) > least]
     fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 2 * FITTED]
     annealed = sorted(fresh, key=lambda one: -screen.annealed(one))
     filed = [] if parent.effects else [one for one in others if one.start is not None]
@@ -238,7 +241,7 @@ def _comparable(
     material: Material,
     done: dict[frozenset[tuple[str, str]], Hypothesis],
     noises: Sequence[Covariance],
-) -> list[tuple[Hypothesis, Prediction]]:
+) -> list[tuple[Hypothesis, UnseenPrediction]]:
     """Fit the finalists to the end under one covariance and predict what was held out."""
     base = done[frozenset()]
     ranked = sorted((one for one in done.values() if matters(one)), key=_merit)[:COMPARED]
@@ -256,24 +259,24 @@ def _comparable(
 def matters(one: Hypothesis) -> bool:
     """Whether each effect of a set does something in practice: else the set is that without it.
 
-    More than a single observation's error, more than the other laws of the set may leave, and more
-    than a hundredth of its usual strength.
+    More than a hundredth of its usual strength, and as much as `least_size` asks.
     """
     sizes = shares(one)
-    for index, effect in enumerate(one.effects):
+    for index, (effect, size) in enumerate(zip(one.effects, sizes, strict=True)):
         values = one.values(index)
-        weak = [
-            abs(strength_of(p, values[p.name])) < abs(strength_of(p, p.typical)) / WEAK
+        strong = any(
+            abs(strength_of(p, values[p.name])) >= abs(strength_of(p, p.typical)) / WEAK
             for p in effect.strengths
-        ]
-        if all(weak):
-            return False
-    for index, size in enumerate(sizes):
-        others = [
-            max(effect.effect.leeway, EXACT) * other
-            for k, (effect, other) in enumerate(zip(one.effects, sizes, strict=True))
-            if k != index
-        ]
-        if size < np.hypot(1.0, max(others, default=0.0)):
+        )
+        if not strong or size < least_size([*sizes[:index], *sizes[index + 1 :]]):
             return False
     return True
+
+
+def least_size(others: Sequence[float]) -> float:
+    """Return what an effect has to do beside others, in single observations' errors.
+
+    More than one error, and more than a tenth of the largest: laws of one name in use, and solvers
+    of one law, differ by so much.
+    """
+    return max(1.0, TO_A_TENTH * max(others, default=0.0))

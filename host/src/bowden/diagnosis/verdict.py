@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.hypothesis import Hypothesis, shares
 from bowden.diagnosis.odds import Weighed
-from bowden.diagnosis.predict import Prediction
+from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
 from bowden.diagnosis.search import Found
 from bowden.estimation.search import INTERVAL
@@ -79,7 +79,12 @@ def decide(found: Found) -> Decision:
         for effect in effects_of(one.hypothesis, inclusion):
             if verdict != "named" or effect.name in sure:
                 named.setdefault(effect.name, effect)
-    order = sorted(named.values(), key=lambda one: -one.confidence)
+    sizes = dict(
+        zip([e.name for e in chosen.hypothesis.effects], shares(chosen.hypothesis), strict=True)
+    )
+    order = sorted(
+        named.values(), key=lambda one: (-round(one.confidence, 2), -sizes.get(one.name, 0.0))
+    )
     return Decision(verdict, tuple(order), chosen, _ties(_credible(every)), odds)
 
 
@@ -180,7 +185,7 @@ def _density(one: Weighed) -> float:
     return float(max(one.prediction.density.sum(), one.prediction.beyond.sum()))
 
 
-def unseen_gap(one: Hypothesis, prediction: Prediction, channel: int) -> float:
+def unseen_gap(one: Hypothesis, prediction: UnseenPrediction, channel: int) -> float:
     """Return the RMS of what fits leave of the observations that they have not seen."""
     parts = [
         residual[data.observations.channel == channel]

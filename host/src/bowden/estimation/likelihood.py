@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from bowden.estimation.covariance import DRAWS, Covariance, Data
 
 _Floats = NDArray[np.float64]
 
+LAWS = (0.0, 0.3, 1.0)  # of what the laws of a name differ by
 ROUGHNESS = (0.1, 0.2, 0.35, 0.6, 1.0)  # share of the drawn paths' variance
 SIZES = (0.0, *np.geomspace(0.1, 300.0, 15).tolist())  # of the discrepancy, in usual noise
 SMALL = 0.5  # half-normal prior of it: two solvers of one law differ by so much
@@ -37,10 +38,13 @@ class Scales:
         One a recording, 0..1.
     discrepancy : tuple of (float, float)
         Of each channel, in its usual noise.
+    law : float
+        Share of what the laws of a name differ by that these recordings show, 0..1.
     """
 
     roughness: tuple[float, ...]
     discrepancy: tuple[float, float]
+    law: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -80,8 +84,8 @@ def whiten(
         matrix = share * noise.inputs[k]
         if max(scales.discrepancy) > 0.0:
             matrix += _unknown(data, noise, scales, k)
-        if noise.law is not None:
-            law = noise.law[rows]
+        if noise.law is not None and scales.law > 0.0:
+            law = scales.law * noise.law[rows]
             matrix += data.observations.correlations[k] * (law[:, None] * law)
         matrix[np.diag_indices_from(matrix)] += noise.own[rows]
         factor = np.linalg.cholesky(matrix)
@@ -140,8 +144,10 @@ def best_scales(parts: Sequence[Part], start: Scales, largest: float = math.inf)
     """
     sizes = [size for size in SIZES if size <= largest]
     first, second = (min(one, sizes[-1]) for one in start.discrepancy)
-    now = Scales(start.roughness, (first, second))
+    now = replace(start, discrepancy=(first, second))
     lowest = cost(parts, now)
+    if any(noise.law is not None and noise.law.any() for _, noise, _, _ in parts):
+        now, lowest = _descend([replace(now, law=law) for law in LAWS], now, lowest, parts)
     for channel in (0, 1):
         line = [_with_size(now, channel, size) for size in sizes]
         now, lowest = _descend(line, now, lowest, parts)
@@ -151,7 +157,7 @@ def best_scales(parts: Sequence[Part], start: Scales, largest: float = math.inf)
         def other(share: float, now: Scales = now, number: int = number) -> Scales:
             every = list(now.roughness)
             every[number] = share
-            return Scales(tuple(every), now.discrepancy)
+            return replace(now, roughness=tuple(every))
 
         now, _ = _descend([other(share) for share in ROUGHNESS], now, cost([part], now), [part])
     return now
@@ -161,7 +167,7 @@ def _with_size(scales: Scales, channel: int, size: float) -> Scales:
     """Return the scales with another discrepancy of one channel."""
     both = list(scales.discrepancy)
     both[channel] = size
-    return Scales(scales.roughness, (both[0], both[1]))
+    return replace(scales, discrepancy=(both[0], both[1]))
 
 
 def _descend(

@@ -34,6 +34,7 @@ from bowden.report.words import NAMES, percent, quantity_with_unit
 POINTS_A_TRACE = 5000
 DETAILED = 4  # recordings that get plots
 PLACES = 8
+LEAST_SHOWN = 0.01  # of probability
 TITLES = {
     "named": "What the model lacks",
     "complete": "Nothing is missing",
@@ -61,6 +62,7 @@ def diagnosis_report(diagnosis: Diagnosis, facts: Mapping[str, str] | None = Non
     sections = [
         Section("", [tiles(_tiles(diagnosis))]),
         *_stops(diagnosis),
+        *_budget(diagnosis),
         *_effects(diagnosis),
         *_before_and_after(diagnosis),
         *_where(diagnosis),
@@ -123,6 +125,31 @@ def _stops(diagnosis: Diagnosis) -> list[Section]:
     """Put first what makes everything else doubtful."""
     stops = [one.text for one in diagnosis.quality if one.severity == "stop"]
     return [Section("Before anything else", [items(stops)])] if stops else []
+
+
+def _budget(diagnosis: Diagnosis) -> list[Section]:
+    """Show where the gap goes, how sure the explanation is, and what to do next."""
+    if not diagnosis.budget:
+        return []
+    body = [figure(plots.waterfall(diagnosis.budget, diagnosis.gap.quantity), "waterfall")]
+    odds = [
+        [_explanation(names), percent(share)]
+        for names, share in diagnosis.odds.items()
+        if share >= LEAST_SHOWN
+    ]
+    body.append(table(["explanation", "probability"], odds))
+    if diagnosis.next_command:
+        body += [paragraph("To type next:"), command(diagnosis.next_command)]
+    return [Section("Where the gap goes", body)]
+
+
+def _explanation(names: str) -> str:
+    """Return an explanation of the posterior in words."""
+    if names == "nothing":
+        return "nothing is missing"
+    if names == "unlisted":
+        return "something that the catalogue has not"
+    return " and ".join(_title(name) for name in names.split(" + "))
 
 
 def _effects(diagnosis: Diagnosis) -> list[Section]:
@@ -200,7 +227,7 @@ def _before_and_after(diagnosis: Diagnosis) -> list[Section]:
     ]
     body = [
         paragraph(
-            "Held-out data only: parts that no parameter was fitted to. The noise floor is what "
+            "Each stretch is predicted by a fit that has not seen it. The noise floor is what "
             "counts, sensor noise and the simulator's own error leave of a model that is right."
         ),
         table(["", "calibrated", "with the effect", "noise floor", "left, in floors"], rows),
@@ -263,14 +290,14 @@ def _ranking(diagnosis: Diagnosis) -> list[Section]:
             "What was tried",
             [
                 paragraph(
-                    "Every effect of the catalogue, fitted together with the calibration. The "
-                    "score is how much more likely it makes the recordings than the calibrated "
-                    "model alone (natural logarithm, after the price of its parameters); 3 is "
-                    "20 to 1."
+                    "Every effect of the catalogue was looked at; the most promising were fitted "
+                    "together with the calibration. The gain is that of the best set that holds "
+                    "it: how much more likely it makes stretches that its fit has not seen than "
+                    "the calibrated model does (natural logarithm, all stretches together)."
                 ),
                 figure(plots.ranking(diagnosis.ranking, named), "ranking"),
                 *alike,
-                folded("all candidates", table(["", "score", "held-out gap"], rows)),
+                folded("all candidates", table(["", "gain", "held-out gap"], rows)),
             ],
         )
     ]

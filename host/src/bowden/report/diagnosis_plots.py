@@ -16,6 +16,7 @@ from plotly.subplots import make_subplots
 
 from bowden.diagnosis.localise import Place, ResidualMap
 from bowden.diagnosis.result import Ranked, Series
+from bowden.diagnosis.waterfall import BudgetStep
 from bowden.estimation.posterior import Estimate
 from bowden.model.effects import CATALOGUE
 from bowden.report.canvas import MEASURED, SIMULATED, draw, dress, legend_above, short
@@ -190,8 +191,45 @@ def places(found: Sequence[Place]) -> go.Figure:
     return plot
 
 
+def waterfall(steps: Sequence[BudgetStep], quantity: str) -> go.Figure:
+    """Draw the gap step by step, from the file's model to the noise floor."""
+    scale, unit = (1e3, "mrad") if quantity.endswith("_rad") else (1e3, "mN m")
+    labels = [_step_title(one.step) for one in steps]
+    left = [scale * one.gap_after for one in steps]
+    plot = go.Figure(
+        go.Bar(
+            y=labels[::-1],
+            x=left[::-1],
+            orientation="h",
+            marker={
+                "color": [_LIGHT, *[_BLUE] * (len(steps) - 3), _GREY, BEFORE["color"]]
+                if len(steps) > 2
+                else _BLUE
+            },
+            text=[f"{value:.3g} {unit}" for value in left[::-1]],
+            textposition="outside",
+            cliponaxis=False,
+            hovertemplate="%{y}: %{x:.3g} " + unit + "<extra></extra>",
+        )
+    )
+    dress(plot, height=110 + 34 * len(steps))
+    plot.update_xaxes(title_text=f"gap that is left, RMS on unseen stretches ({unit})")
+    plot.update_yaxes(automargin=True, ticksuffix="  ", showgrid=False)
+    plot.update_layout(bargap=0.3, showlegend=False, margin={"r": 90, "t": 16})
+    return plot
+
+
+def _step_title(step: str) -> str:
+    """Return a step of the budget in words."""
+    titles = [CATALOGUE[name].title if name in CATALOGUE else name for name in step.split(" + ")]
+    words = " + ".join(titles)
+    return {"model file": "model file as it is", "calibration": "calibrated"}.get(
+        step, words if step == "noise floor" else f"and {words[0].lower()}{words[1:]}"
+    )
+
+
 def ranking(ranked: Sequence[Ranked], named: Collection[str]) -> go.Figure:
-    """Scores of the best candidates; what the verdict names is blue."""
+    """Draw what the best candidates gain on unseen stretches; what the verdict names is blue."""
     shown = list(ranked[:RANKED])[::-1]
     labels = [
         CATALOGUE[one.name].title + (f", {one.variant}" if one.variant else "")
@@ -212,7 +250,7 @@ def ranking(ranked: Sequence[Ranked], named: Collection[str]) -> go.Figure:
         )
     )
     dress(plot, height=90 + 26 * len(shown))
-    plot.update_xaxes(title_text="score (log evidence over the calibrated model)")
+    plot.update_xaxes(title_text="gain in log predictive density over the calibrated model")
     plot.update_yaxes(automargin=True, ticksuffix="  ", showgrid=False)
     plot.update_layout(bargap=0.3, showlegend=False, margin={"r": 60, "t": 16})
     return plot

@@ -51,7 +51,7 @@ Excitation = Literal[
 
 Scale = Literal["linear", "log", "reciprocal"]
 
-EXACT = 0.03  # share of what an effect does below which nothing else is looked for beside it
+EXACT = 0.03  # share of what an effect does that parts and solvers of one law leave
 SOLVED = 0.005  # to which two solvers of the same law agree, so no number is known better
 TO_A_TENTH = 0.1  # what others' laws and solvers came out by: docs/diagnosis-benchmark.md
 ONE_OF_SEVERAL = 0.3  # two ways to solve Stribeck's law differ by that: docs/diagnosis-benchmark.md
@@ -227,7 +227,7 @@ class Effect:
     leeway : float
         Share of what the effect does by which laws of its name differ, observation by observation:
         `ONE_OF_SEVERAL` where the name stands for several laws in use, or for one whose answer is
-        not unique; 0 where the name is the law.
+        not unique; `EXACT` where the name is the law.
     known_to : float
         Relative standard error below which no number of it is known, however good the data:
         `SOLVED`, or `TO_A_TENTH` where solvers of the law or laws of the name differ by that.
@@ -243,7 +243,7 @@ class Effect:
     confused_with: tuple[str, ...]
     on_drive: bool = False
     counts_from_anywhere: bool = False
-    leeway: float = 0.0
+    leeway: float = EXACT
     known_to: float = SOLVED
 
     @property
