@@ -243,3 +243,11 @@ def test_more_recordings_make_it_surer(count: int) -> None:
     value = found.effects[0].parameters["a"]
     assert value.low <= 0.03 <= value.high
     assert len(found.series) == 2 * count
+
+
+def test_a_time_limit_ends_the_search_and_says_so() -> None:
+    hidden = TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"])
+    found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1, time_limit_s=1e-9)
+    assert found.effects == ()
+    assert found.verdict == "unlisted"
+    assert any("time limit" in one for one in found.notes)

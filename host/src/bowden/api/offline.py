@@ -198,14 +198,13 @@ def diagnose(
     progress : callable, optional
         Called with the stage's name and the share that is done, 0 .. 1.
     """
-    further = {} if progress is None else {"progress": progress}
     return _diagnose.diagnose(
         model_of(model),
         [until_disabled(run) for run in _recordings(recordings)],
         Mode(mode),
         seed=seed,
         names=list(effects) if effects is not None else None,
-        **further,
+        progress=progress,
     )
 
 

@@ -1,7 +1,7 @@
 """Name the effect that a model lacks to explain recordings, or say that nothing is missing.
 
-Known numbers move first, within the tolerances of the model file; then every effect of the
-catalogue is tried inside the simulator and judged on data that were held back. The verdict is
+Sets of effects are fitted together with the numbers that the model file gives a tolerance, and
+compared by how well they predict stretches that their fit has not seen. The verdict is
 named, complete, unlisted (something that no catalogue entry explains), ambiguous,
 insufficient_excitation, or bad_data: the data gate found units, signs or sensors wrong, nothing was
 fitted, no model is written, and the exit status is 2. The same seed gives the same answer.
@@ -30,6 +30,7 @@ EXAMPLES = """examples:
 """
 
 _RANKED = 6
+_LEAST_SHOWN = 0.01  # of probability
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--write-model", metavar="OUT.yaml", type=Path, help="write the model with its effects"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="0 or more (default: 0)")
+    parser.add_argument(
+        "--time-limit",
+        type=float,
+        default=float("inf"),
+        metavar="SECONDS",
+        help="fit no further set of effects after that long; the best so far is judged",
+    )
     add_json_argument(parser)
 
 
@@ -58,6 +66,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.seed < 0:
         raise BadInput("--seed", str(args.seed), "0 or more")
+    if not args.time_limit > 0.0:
+        raise BadInput("--time-limit", f"{args.time_limit:g} s", "more than 0 s")
     model = read_model(args.model)
     recordings = [until_disabled(one) for one in read_recordings(args.recordings).recordings]
     with stages("diagnosing") as tell:
@@ -66,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
             recordings,
             mode_of(args),
             seed=args.seed,
+            time_limit_s=args.time_limit,
             progress=tell,
         )
     trusted = diagnosis.verdict != "bad_data"
@@ -124,9 +135,16 @@ def show(diagnosis: Diagnosis) -> None:
             )
     for finding in diagnosis.quality:
         out.print(f"{finding.severity}: {finding.text}")
+    odds = [
+        f"{name} {100 * share:.0f} %"
+        for name, share in diagnosis.odds.items()
+        if share >= _LEAST_SHOWN
+    ]
+    if odds:
+        out.print(f"odds: {', '.join(odds)}", soft_wrap=True)
     if diagnosis.ranking:
         table = Table("candidate", box=box.SIMPLE_HEAD, pad_edge=False)
-        for name in ("score", "held-out gap"):
+        for name in ("gain", "held-out gap"):
             table.add_column(name, justify="right", no_wrap=True)
         for ranked in diagnosis.ranking[:_RANKED]:
             place = f" ({ranked.variant})" if ranked.variant else ""

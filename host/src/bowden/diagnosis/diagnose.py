@@ -9,6 +9,7 @@ they predict what they have not seen, `verdict` words the posterior, `localise` 
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -25,7 +26,7 @@ from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, NamedEffect, Series, Verdict
-from bowden.diagnosis.search import Progress, search
+from bowden.diagnosis.search import Found, Progress, search
 from bowden.diagnosis.verdict import Decision, decide, invisible, ranking
 from bowden.diagnosis.waterfall import gap_steps
 from bowden.estimation.gap import Gap
@@ -43,6 +44,7 @@ def diagnose(
     *,
     seed: int = 0,
     names: Sequence[str] | None = None,
+    time_limit_s: float = math.inf,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find what a model lacks to explain recordings.
@@ -59,6 +61,8 @@ def diagnose(
         The result depends on nothing else.
     names : sequence of str, optional
         Candidates; the whole catalogue when absent.
+    time_limit_s : float, optional
+        After so long no further set of effects is fitted; a note says so.
     progress : callable (stage, share of the whole), optional
 
     Raises
@@ -74,7 +78,14 @@ def diagnose(
         return _stopped(model, mode, quality, contents, seed)
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         material = make_material(recordings, model, mode, seed, pool)
-        found = search(material, model, candidates(names), seed=seed, progress=tell)
+        found = search(
+            material,
+            model,
+            candidates(names),
+            seed=seed,
+            time_limit_s=time_limit_s,
+            progress=tell,
+        )
         decision = decide(found)
         tell("judging", 0.95)
         base = next(one for one in found.weighed if not one.hypothesis.effects)
@@ -107,7 +118,7 @@ def diagnose(
         model=_as_solved_before(chosen.model, model),
         mode=mode,
         series=series,
-        notes=_notes(decision, hidden, moving=bool(model.free_parameters())),
+        notes=_notes(decision, found, hidden, moving=bool(model.free_parameters())),
         seed=seed,
         odds=decision.odds,
         budget=gap_steps(
@@ -120,11 +131,15 @@ def diagnose(
     )
 
 
-def _notes(decision: Decision, hidden: Sequence[str], *, moving: bool) -> tuple[str, ...]:
+def _notes(
+    decision: Decision, found: Found, hidden: Sequence[str], *, moving: bool
+) -> tuple[str, ...]:
     odds = ", ".join(
         f"{names} {100.0 * share:.0f} %" for names, share in decision.odds.items() if share > 0.005
     )
     notes = [f"Posterior by prediction of unseen stretches: {odds}."]
+    if not found.in_time:
+        notes.append("The time limit ended the search: larger sets of effects were not tried.")
     if not moving:
         notes.append("The model file states no tolerances, so nothing was calibrated.")
     if hidden:

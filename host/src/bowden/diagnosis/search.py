@@ -7,6 +7,7 @@ sets are grown as long as unseen data are predicted better.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -37,7 +38,7 @@ from bowden.model.effects.effect import TO_A_TENTH
 
 MOST = 3  # effects in a set
 FITTED, FINISHED = 5, 3  # of the screened candidates at each step
-LEAST = 1.0  # usual noise: what a listed law may leave beyond it, two solvers of one law differ by
+LEAST = 0.32  # usual noise: what two solvers of one law differ by, and a model that holds may leave
 PARENTS = 2
 STRAINED = 2.5  # tolerances
 
@@ -58,12 +59,15 @@ class Found:
         The model with the file's own values.
     looks : tuple of Look
         Every candidate from the calibrated model, best shape of each place.
+    in_time : bool
+        Whether the search ended by itself, not by its time limit.
     """
 
     weighed: tuple[Weighed, ...]
     base: Hypothesis
     filed: Hypothesis
     looks: tuple[Look, ...]
+    in_time: bool = True
 
 
 def search(
@@ -72,6 +76,7 @@ def search(
     every: Sequence[Candidate],
     *,
     seed: int = 0,
+    time_limit_s: float = math.inf,
     progress: Progress | None = None,
 ) -> Found:
     """Find the sets of effects that predict unseen data best.
@@ -83,9 +88,12 @@ def search(
         Of the file.
     every : sequence of Candidate
     seed : int
+    time_limit_s : float
+        After so many seconds no further set is fitted: the best so far are compared.
     progress : callable (stage, share of the whole), optional
     """
     tell = progress or (lambda _stage, _share: None)
+    started = time.monotonic()
     searched = as_searched(model)
     tell("calibrating", 0.05)
     base = _base(material, searched)
@@ -98,7 +106,11 @@ def search(
         looks += [replace(one, start={}) for one in _looks(material, filed, every)]
     done: dict[frozenset[tuple[str, str]], Hypothesis] = {base.key: base}
     frontier = [base]
+    in_time = True
     for size in range(1, MOST + 1):
+        in_time = time.monotonic() - started < time_limit_s
+        if not in_time:
+            break
         tell(f"sets of {size}", 0.2 + 0.15 * size)
         children: list[Hypothesis] = []
         for parent in frontier:
@@ -120,7 +132,9 @@ def search(
     tell("predicting what was held out", 0.85)
     compared = _comparable(material, done, noises)
     names = len({one.name for one in every})
-    return Found(tuple(posterior(compared, names, seed)), done[base.key], filed, tuple(looks))
+    return Found(
+        tuple(posterior(compared, names, seed)), done[base.key], filed, tuple(looks), in_time
+    )
 
 
 def _looks(material: Material, parent: Hypothesis, every: Sequence[Candidate]) -> list[Look]:
@@ -214,12 +228,14 @@ def _promising(parent: Hypothesis, looks: Sequence[Look]) -> list[Look]:
     others = [one for one in looks if one.candidate.name not in names]
     fresh = [screen.again(one) for one in others if one.start is None]
     least = least_size(shares(parent))
-    fresh = [one for one in fresh if one.gain > price(one) and one.share(parent) > least]
-    fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 2 * FITTED]
-    annealed = sorted(fresh, key=lambda one: -screen.annealed(one))
+    fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > least]
+    fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
+    annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
+    fresh = [one for one in fresh if annealed[one.candidate.key] > price(one)]
+    most = sorted(fresh, key=lambda one: -annealed[one.candidate.key])
     filed = [] if parent.effects else [one for one in others if one.start is not None]
     filed = _best_of_each(sorted(filed, key=lambda one: -one.gain))
-    return [*_best_of_each([*annealed[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]
+    return [*_best_of_each([*most[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]
 
 
 def _best_of_each(looks: Sequence[Look]) -> list[Look]:
