@@ -25,7 +25,10 @@ from bowden.estimation.problem import Problem, fitted_parts, objective
 _Floats = NDArray[np.float64]
 
 FOLDS = 4
-UNLISTED = (0.0, 1.0, 4.0, 16.0, 64.0)  # usual noise: sizes of what an unlisted effect does
+# Usual noise: sizes of what a model leaves that holds, and of what an unlisted effect does besides.
+LISTED = (0.0, 0.1, 0.25, 0.5)
+UNLISTED = (0.0, 1.0, 4.0, 16.0, 64.0)
+OUTLIER = 0.005  # of the blocks: there the noise is not what it was taken for
 DAMPING = (1e-6, 1e-2, 1.0)  # of a step, in turn
 WIDEST = 10.0  # unit steps: a number is within its bounds, however little the data say of it
 
@@ -37,10 +40,10 @@ class UnseenPrediction:
     Parameters
     ----------
     density : ndarray of shape (blocks,)
-        Log predictive density of each block, up to a constant of the data, where what is left is
-        no more than two solvers of one law differ by.
+        Log predictive density of each block, up to a constant of the data, where the model holds:
+        what is left is no more than two solvers of one law differ by, but for rare outliers.
     beyond : ndarray of shape (blocks,)
-        The same where something unlisted is there, of a size of its own in each block.
+        The same where something unlisted is there: in every other block, of a size of its own.
     residuals : tuple of ndarray of shape (n,)
         Measured minus predicted, each observation by a fit that has not seen its block.
     scales : tuple of Scales
@@ -59,14 +62,12 @@ class UnseenPrediction:
     folds: tuple[NDArray[np.intp], ...]
 
 
-def predict_unseen(one: Hypothesis, largest: float) -> UnseenPrediction:
+def predict_unseen(one: Hypothesis) -> UnseenPrediction:
     """Refit a hypothesis to each fold's training blocks and predict the others.
 
     Parameters
     ----------
     one : Hypothesis
-    largest : float
-        Discrepancy that a model which holds may leave, in usual noise.
     """
     problem, best = one.problem, one.best
     count = [len(data.observations.blocks) for data in problem.data]
@@ -79,19 +80,25 @@ def predict_unseen(one: Hypothesis, largest: float) -> UnseenPrediction:
         seen = tuple(tuple(np.flatnonzero(f != k).tolist()) for f in fold)
         unseen = [np.flatnonzero(f == k).tolist() for f in fold]
         train = replace(problem, blocks=seen)
-        scales = best_scales(fitted_parts(train, best.residuals, best.noises), best.scales, largest)
+        scales = best_scales(
+            fitted_parts(train, best.residuals, best.noises), best.scales, LISTED[-1]
+        )
         x, found, root = _refitted(train, one, scales)
         for r, data in enumerate(problem.data):
             if not unseen[r]:
                 continue
             columns = np.column_stack([found[r], one.slopes[r] @ root])
-            density[r][unseen[r]] = _densities(data, best.noises[r], scales, columns, unseen[r])
-            beyond[r][unseen[r]] = _mixture(
-                [
-                    _densities(data, best.noises[r], wider, columns, unseen[r])
-                    for wider in _unlisted(scales)
-                ]
+            small, large = (
+                _mixture(
+                    [
+                        _densities(data, best.noises[r], each, columns, unseen[r])
+                        for each in _of_sizes(scales, sizes)
+                    ]
+                )
+                for sizes in (LISTED, UNLISTED)
             )
+            density[r][unseen[r]] = _either(small, large, OUTLIER)
+            beyond[r][unseen[r]] = _either(small, large, 0.5)
             for number in unseen[r]:
                 rows = data.observations.blocks[number]
                 residuals[r][rows] = found[r][rows]
@@ -144,13 +151,19 @@ def _folds(count: list[int]) -> list[NDArray[np.intp]]:
     return found
 
 
-def _unlisted(scales: Scales) -> list[Scales]:
-    """Return what an unlisted effect may do in a block: nothing to far beyond noise, all alike."""
+def _of_sizes(scales: Scales, sizes: Sequence[float]) -> list[Scales]:
+    """Return what a discrepancy of such sizes may do in the two channels of a block."""
+    least = sizes[1] if sizes is UNLISTED else 0.0
     return [
         replace(scales, discrepancy=(first, second))
-        for first, second in itertools.product(UNLISTED, UNLISTED)
-        if first + second > 0.0
+        for first, second in itertools.product(sizes, sizes)
+        if max(first, second) >= least
     ]
+
+
+def _either(small: _Floats, large: _Floats, share: float) -> _Floats:
+    """Return the log density of blocks of which a share is beyond what a right model leaves."""
+    return np.asarray(np.logaddexp(small + math.log1p(-share), large + math.log(share)))
 
 
 def _mixture(densities: Sequence[_Floats]) -> _Floats:

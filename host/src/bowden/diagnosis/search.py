@@ -23,7 +23,7 @@ from bowden.diagnosis.hypothesis import (
 )
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import MORE, Weighed, log_prior, posterior
-from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
+from bowden.diagnosis.predict import LISTED, UnseenPrediction, predict_unseen
 from bowden.diagnosis.probes import strength_of
 from bowden.diagnosis.screening import Look, Screen
 from bowden.estimation.covariance import Covariance
@@ -38,7 +38,6 @@ from bowden.model.effects.effect import TO_A_TENTH
 
 MOST = 3  # effects in a set
 FITTED, FINISHED = 5, 3  # of the screened candidates at each step
-LEAST = 0.32  # usual noise: what two solvers of one law differ by, and a model that holds may leave
 PARENTS = 2
 STRAINED = 2.5  # tolerances
 
@@ -127,7 +126,7 @@ def search(
         grown = sorted([*finished, *frontier], key=_merit)
         if grown[0] in frontier:
             break
-        holds = max(grown[0].best.scales.discrepancy) <= LEAST
+        holds = max(grown[0].best.scales.discrepancy) <= LISTED[-1]
         frontier = grown[: 1 if holds else PARENTS]
     tell("predicting what was held out", 0.85)
     compared = _comparable(material, done, noises)
@@ -268,7 +267,7 @@ def _comparable(
         one = finish(material, rough, noises)
         done[one.key] = one
         if matters(one):
-            found.append((one, predict_unseen(one, LEAST)))
+            found.append((one, predict_unseen(one)))
     return found
 
 
