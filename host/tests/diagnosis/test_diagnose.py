@@ -251,3 +251,9 @@ def test_a_time_limit_ends_the_search_and_says_so() -> None:
     assert found.effects == ()
     assert found.verdict == "unlisted"
     assert any("time limit" in one for one in found.notes)
+
+
+def test_the_predecessor_is_reachable_and_agrees_on_a_plain_case() -> None:
+    hidden = TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"])
+    found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1, method="rules")
+    assert [one.name for one in found.effects] == ["load_cell_offset"]

@@ -13,28 +13,31 @@ import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from bowden.diagnosis.candidates import candidates
-from bowden.diagnosis.excitation import Excitation, excitation
+from bowden.diagnosis.excitation import excitation
 from bowden.diagnosis.figures import gap_in, series_of
 from bowden.diagnosis.hypothesis import estimates_of
 from bowden.diagnosis.localise import Where, localise
 from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.odds import Weighed
-from bowden.diagnosis.result import Diagnosis, NamedEffect, Series, Verdict
+from bowden.diagnosis.result import Diagnosis, Series, Verdict
+from bowden.diagnosis.rules.diagnose import diagnose_by_rules
 from bowden.diagnosis.search import Found, Progress, search
 from bowden.diagnosis.verdict import Decision, decide, invisible, ranking
 from bowden.diagnosis.waterfall import gap_steps
-from bowden.estimation.gap import Gap
+from bowden.diagnosis.wording import as_solved_before, sentence_of, stopped
 from bowden.estimation.gate.check import check_data
-from bowden.estimation.gate.finding import Finding, stops
+from bowden.estimation.gate.finding import stops
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED, simulate_recording
+
+Method = Literal["prediction", "rules"]
 
 
 def diagnose(
@@ -44,6 +47,7 @@ def diagnose(
     *,
     seed: int = 0,
     names: Sequence[str] | None = None,
+    method: Method = "prediction",
     time_limit_s: float = math.inf,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -61,6 +65,8 @@ def diagnose(
         The result depends on nothing else.
     names : sequence of str, optional
         Candidates; the whole catalogue when absent.
+    method : {"prediction", "rules"}
+        How hypotheses are compared; ``rules`` is the predecessor.
     time_limit_s : float, optional
         After so long no further set of effects is fitted; a note says so.
     progress : callable (stage, share of the whole), optional
@@ -75,7 +81,18 @@ def diagnose(
     quality = check_data(model, recordings, mode)
     contents = excitation(model, recordings, mode)
     if stops(quality):
-        return _stopped(model, mode, quality, contents, seed)
+        return stopped(model, mode, quality, contents, seed)
+    if method == "rules":
+        return diagnose_by_rules(
+            model,
+            recordings,
+            mode,
+            seed=seed,
+            names=names,
+            quality=quality,
+            contents=contents,
+            progress=tell,
+        )
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         material = make_material(recordings, model, mode, seed, pool)
         found = search(
@@ -102,7 +119,7 @@ def diagnose(
     tell("done", 1.0)
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(verdict, decision.effects, gap, where),
+        sentence=sentence_of(verdict, decision.effects, gap, where),
         effects=decision.effects,
         ranking=ranking(found),
         cannot_tell_apart=decision.tied,
@@ -115,7 +132,7 @@ def diagnose(
         excitation=contents,
         next_experiment=advice.text if advice else "",
         next_command=advice.command if advice else "",
-        model=_as_solved_before(chosen.model, model),
+        model=as_solved_before(chosen.model, model),
         mode=mode,
         series=series,
         notes=_notes(decision, found, hidden, moving=bool(model.free_parameters())),
@@ -145,76 +162,6 @@ def _notes(
     if hidden:
         notes.append(f"Would not show here at their usual size: {', '.join(hidden)}.")
     return tuple(notes)
-
-
-def _stopped(
-    model: Model,
-    mode: Mode,
-    quality: tuple[Finding, ...],
-    contents: tuple[Excitation, ...],
-    seed: int,
-) -> Diagnosis:
-    """Return what is said where the data allow no verdict."""
-    gaps = tuple(Gap(name, float("nan"), float("nan"), float("nan")) for name in PREDICTED[mode])
-    return Diagnosis(
-        verdict="bad_data",
-        sentence=f"Nothing was fitted, for the data cannot be trusted. {quality[0].text}",
-        effects=(),
-        ranking=(),
-        cannot_tell_apart=(),
-        where=(),
-        where_map=None,
-        gap=gaps[0],
-        gaps=gaps,
-        calibration=(),
-        quality=quality,
-        excitation=contents,
-        next_experiment=f"Record again, without this: {quality[0].text}",
-        next_command="",
-        model=model,
-        mode=mode,
-        series=(),
-        notes=("Nothing was fitted.",),
-        seed=seed,
-        odds={},
-        budget=(),
-    )
-
-
-def _sentence(verdict: Verdict, effects: Sequence[NamedEffect], gap: Gap, where: Where) -> str:
-    """Say the verdict in one sentence or two."""
-    scale, unit = (1e3, "mrad") if gap.quantity.endswith("_rad") else (1e3, "mN m")
-    channel = gap.quantity.rpartition("_")[0].replace("_", " ")
-    before, after, floor = (
-        f"{scale * value:.3g} {unit}" for value in (gap.before, gap.after, gap.noise_floor)
-    )
-    titles = [_title(one) for one in effects]
-    if verdict == "named":
-        return (
-            f"The model lacks {' and '.join(titles)}: with it, the held-out gap in {channel} "
-            f"falls from {before} to {after}; the noise floor is {floor}."
-        )
-    if verdict == "ambiguous":
-        return (
-            f"The model lacks {' or '.join(titles)}; these recordings cannot say which. Either "
-            f"brings the held-out gap in {channel} from {before} to about {after}."
-        )
-    if verdict == "unlisted":
-        place = next((f" It sits at: {one.condition}." for one in where.places[:1]), "")
-        return (
-            f"Something is missing that no effect of the catalogue explains: the best leaves "
-            f"{after} in {channel}, the noise floor is {floor}.{place}"
-        )
-    if verdict == "complete":
-        return (
-            f"Nothing is missing beyond what calibration within the tolerances explains: the "
-            f"held-out gap in {channel} is {before}, the noise floor {floor}."
-        )
-    return "These recordings would show no effect of the catalogue at its usual size."
-
-
-def _title(one: NamedEffect) -> str:
-    return one.title[0].lower() + one.title[1:] + (f" ({one.variant})" if one.variant else "")
 
 
 def _where(
@@ -259,9 +206,3 @@ def _advice(
     if len(sigma) < len(PREDICTED[mode]):
         return None
     return next_experiment(list(named.items())[:2], mode, sigma)
-
-
-def _as_solved_before(fitted: Model, file: Model) -> Model:
-    """Return the fitted model with the numerics of the file."""
-    document = fitted.document.model_copy(update={"numerics": file.document.numerics})
-    return replace(fitted, document=document)

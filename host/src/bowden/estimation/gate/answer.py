@@ -1,7 +1,7 @@
 """What the model answers to a recording, made ready to be weighed against what was measured.
 
 `units` asks for it under each mistake, `course` and `rigs` for the recording as it is. Simulates
-thinned recordings; returns `explain.Channel`s.
+thinned recordings; returns `explain.ChannelReading`s.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.gate.encoders import ANGLES
-from bowden.estimation.gate.explain import Arguments, Channel, Prediction
+from bowden.estimation.gate.explain import Arguments, ChannelReading, Prediction
 from bowden.estimation.gate.finding import TORQUES
 from bowden.model import Mode, Model, ModelError
 from bowden.recording.recording import Recording
@@ -37,12 +37,12 @@ class Answer:
         What was asked: thinned, corrected.
     simulated : dict of str to ndarray of shape (n,)
         The predicted channels that the recording has.
-    channels : dict of str to Channel
+    channels : dict of str to ChannelReading
     """
 
     recording: Recording
     simulated: dict[str, _Floats]
-    channels: dict[str, Channel]
+    channels: dict[str, ChannelReading]
 
 
 def thinned(one: Recording, longest_s: float = np.inf) -> Recording:
@@ -103,7 +103,7 @@ def answer(
             least = PLAY_RAD * (ratio if at_motor else 1.0)
         noise = noise_sigma(one[name], one.time_s)
         simulated[name] = values
-        channels[name] = Channel(
+        channels[name] = ChannelReading(
             one[name], noise, Prediction(geometry, values - geometry), arguments, least
         )
     return Answer(one, simulated, channels)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from bowden.estimation.gate.answer import answer, thinned, usable_mode
-from bowden.estimation.gate.explain import LASTS_S, Channel
+from bowden.estimation.gate.explain import LASTS_S, ChannelReading
 from bowden.estimation.gate.finding import NAMES, TORQUES, Finding
 from bowden.estimation.gate.readings import FEWEST
 from bowden.model import Mode, Model
@@ -72,7 +72,9 @@ def check_course(model: Model, one: Recording, name: str) -> Iterator[Finding]:
         yield from _clipped(one, thin, cell, f"{name}, {NAMES[CELL]}")
 
 
-def _zero_step(one: Recording, thin: Recording, cell: Channel, where: str) -> Iterator[Finding]:
+def _zero_step(
+    one: Recording, thin: Recording, cell: ChannelReading, where: str
+) -> Iterator[Finding]:
     """Find a jump that stays: the same at the moment and over all that follows."""
     jumps = _jumps(one[CELL], one.time_s)
     if not jumps:
@@ -98,7 +100,7 @@ def _zero_step(one: Recording, thin: Recording, cell: Channel, where: str) -> It
     )
 
 
-def _shift_after(cell: Channel, after: NDArray[np.bool_]) -> tuple[float, float]:
+def _shift_after(cell: ChannelReading, after: NDArray[np.bool_]) -> tuple[float, float]:
     """Return by how much a channel is shifted from a moment on, and its sigma."""
     columns = np.column_stack([cell.columns, after.astype(np.float64)])
     target = cell.measured - cell.target
@@ -130,7 +132,9 @@ def _jumps(values: _Floats, time_s: _Floats) -> list[tuple[int, float]]:
     return found
 
 
-def _clipped(one: Recording, thin: Recording, cell: Channel, where: str) -> Iterator[Finding]:
+def _clipped(
+    one: Recording, thin: Recording, cell: ChannelReading, where: str
+) -> Iterator[Finding]:
     """Find a level that the cell does not pass although more and less is predicted there."""
     values = one[CELL]
     sigma = noise_sigma(values, one.time_s)
@@ -186,7 +190,7 @@ def _visits(inside: NDArray[np.bool_], time_s: _Floats) -> list[NDArray[np.intp]
     return [each for each in np.split(rows, breaks) if each.size >= LEAST_VISIT]
 
 
-def _from_the_rest(cell: Channel, used: NDArray[np.bool_]) -> tuple[_Floats, _Floats, float]:
+def _from_the_rest(cell: ChannelReading, used: NDArray[np.bool_]) -> tuple[_Floats, _Floats, float]:
     """Predict a channel from a fit to some of its samples: all, the model's part, what is left."""
     rows = cell.columns[used]
     share = cell.independent / cell.measured.size
@@ -203,7 +207,7 @@ def _from_the_rest(cell: Channel, used: NDArray[np.bool_]) -> tuple[_Floats, _Fl
 
 
 def _clock(
-    model: Model, mode: Mode, thin: Recording, channels: dict[str, Channel], name: str
+    model: Model, mode: Mode, thin: Recording, channels: dict[str, ChannelReading], name: str
 ) -> Iterator[Finding]:
     """Find channels whose clock runs at another rate, or that are late beyond any effect."""
     time_s = thin.time_s - thin.time_s[0]
@@ -235,7 +239,9 @@ def _clock(
         )
 
 
-def _improved(model: Model, mode: Mode, right: Recording, channels: dict[str, Channel]) -> float:
+def _improved(
+    model: Model, mode: Mode, right: Recording, channels: dict[str, ChannelReading]
+) -> float:
     """Return by how much likelier a recording is with some channels on another clock."""
     again = answer(model, mode, right)
     if again is None:
@@ -248,7 +254,7 @@ def _improved(model: Model, mode: Mode, right: Recording, channels: dict[str, Ch
     return found
 
 
-def _shifted(channel: Channel, late_s: _Floats) -> float:
+def _shifted(channel: ChannelReading, late_s: _Floats) -> float:
     """Return how well a channel is explained if it was recorded that much late."""
     return channel.read_at(late_s).explained(1.0).log_likelihood
 

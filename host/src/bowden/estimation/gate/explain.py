@@ -143,7 +143,7 @@ class Explained:
     surprise: float
 
 
-class Channel:
+class ChannelReading:
     """A measured channel, a prediction and what may lie between them.
 
     Parameters
@@ -232,7 +232,7 @@ class Channel:
             + (0.5 * float(prior[-1]) ** 2 if self.geometric else 0.0),
         )
 
-    def read_at(self, late_s: _Floats) -> Channel:
+    def read_at(self, late_s: _Floats) -> ChannelReading:
         """Return the channel as it would be read so much later, sample by sample."""
         other = copy.copy(self)
         other.measured = np.interp(self.time_s + late_s, self.time_s, self.measured)

@@ -1,0 +1,90 @@
+"""What both ways to diagnose say in the same words: the sentence, and a refusal of bad data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from bowden.diagnosis.excitation import Excitation
+from bowden.diagnosis.localise import Where
+from bowden.diagnosis.result import Diagnosis, NamedEffect, Verdict
+from bowden.estimation.gap import Gap
+from bowden.estimation.gate.finding import Finding
+from bowden.model import Mode, Model
+from bowden.signals.prediction import PREDICTED
+
+
+def stopped(
+    model: Model,
+    mode: Mode,
+    quality: tuple[Finding, ...],
+    contents: tuple[Excitation, ...],
+    seed: int,
+) -> Diagnosis:
+    """Return what is said where the data allow no verdict."""
+    gaps = tuple(Gap(name, float("nan"), float("nan"), float("nan")) for name in PREDICTED[mode])
+    return Diagnosis(
+        verdict="bad_data",
+        sentence=f"Nothing was fitted, for the data cannot be trusted. {quality[0].text}",
+        effects=(),
+        ranking=(),
+        cannot_tell_apart=(),
+        where=(),
+        where_map=None,
+        gap=gaps[0],
+        gaps=gaps,
+        calibration=(),
+        quality=quality,
+        excitation=contents,
+        next_experiment=f"Record again, without this: {quality[0].text}",
+        next_command="",
+        model=model,
+        mode=mode,
+        series=(),
+        notes=("Nothing was fitted.",),
+        seed=seed,
+        odds={},
+        budget=(),
+    )
+
+
+def sentence_of(verdict: Verdict, effects: Sequence[NamedEffect], gap: Gap, where: Where) -> str:
+    """Say the verdict in one sentence or two."""
+    scale, unit = (1e3, "mrad") if gap.quantity.endswith("_rad") else (1e3, "mN m")
+    channel = gap.quantity.rpartition("_")[0].replace("_", " ")
+    before, after, floor = (
+        f"{scale * value:.3g} {unit}" for value in (gap.before, gap.after, gap.noise_floor)
+    )
+    titles = [_title(one) for one in effects]
+    if verdict == "named":
+        return (
+            f"The model lacks {' and '.join(titles)}: with it, the held-out gap in {channel} "
+            f"falls from {before} to {after}; the noise floor is {floor}."
+        )
+    if verdict == "ambiguous":
+        return (
+            f"The model lacks {' or '.join(titles)}; these recordings cannot say which. Either "
+            f"brings the held-out gap in {channel} from {before} to about {after}."
+        )
+    if verdict == "unlisted":
+        place = next((f" It sits at: {one.condition}." for one in where.places[:1]), "")
+        return (
+            f"Something is missing that no effect of the catalogue explains: the best leaves "
+            f"{after} in {channel}, the noise floor is {floor}.{place}"
+        )
+    if verdict == "complete":
+        return (
+            f"Nothing is missing beyond what calibration within the tolerances explains: the "
+            f"held-out gap in {channel} is {before}, the noise floor {floor}."
+        )
+    return "These recordings would show no effect of the catalogue at its usual size."
+
+
+def _title(one: NamedEffect) -> str:
+    return one.title[0].lower() + one.title[1:] + (f" ({one.variant})" if one.variant else "")
+
+
+def as_solved_before(fitted: Model, file: Model) -> Model:
+    """Return the fitted model with the numerics of the file."""
+    document = fitted.document.model_copy(update={"numerics": file.document.numerics})
+    return replace(fitted, document=document)
