@@ -32,6 +32,8 @@ EXAMPLES = """examples:
   bowden experiment 1a
   bowden experiment 2 --report tunnel.html
   bowden experiment 3 --model rig.yaml --segments 50 --json
+  bowden experiment 1a --on-drive --start-rig --output locked
+  bowden experiment 1a --on-drive --pretension 2 --model rig.yaml -i socketcan -c can0
   bowden experiment tunnel --compensation all --start-rig
   bowden experiment tunnel --compensation model-inversion --model rig.yaml -i socketcan -c can0
 """
@@ -67,7 +69,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
-    on_drive = parser.add_argument_group("experiment tunnel on a drive")
+    on_drive = parser.add_argument_group("experiments 1a and tunnel on a drive")
+    on_drive.add_argument(
+        "--on-drive",
+        action="store_true",
+        help="1a: ramp the torque of the connected drive's motor, load locked, beside the model",
+    )
+    on_drive.add_argument(
+        "--pretension",
+        nargs="+",
+        type=float,
+        metavar="N",
+        help="1a on a drive: the pretension that you have set (several only with --start-rig)",
+    )
     on_drive.add_argument(
         "--compensation",
         nargs="+",
@@ -110,8 +124,19 @@ def run(args: argparse.Namespace) -> int:
         from bowden.cli.tunnel_experiment import run_on_drive  # noqa: PLC0415  (fast --help)
 
         return run_on_drive(args)
+    if args.on_drive:
+        if args.experiment != "1a":
+            raise BadInput("--on-drive", f"experiment {args.experiment}", "1a, or tunnel")
+        if not args.start_rig and len(args.pretension or ()) > 1:
+            raise BadInput("--pretension", "several", "one at a time, set by you; or --start-rig")
+        from bowden.cli.locked_experiment import run_locked_on_drive  # noqa: PLC0415
+
+        return run_locked_on_drive(args)
+    if args.pretension:
+        raise BadInput("--pretension", "no --on-drive", "--on-drive, which it is for")
     if args.start_rig:
-        raise BadInput("--start-rig", "no --compensation", "--compensation LAW, which it is for")
+        needed = "--compensation LAW or --on-drive, which it is for"
+        raise BadInput("--start-rig", "no --compensation", needed)
     if args.experiment == "tunnel":
         args.experiment = "2"
     from bowden.model.experiments import PiFollower, run_experiment  # noqa: PLC0415  (fast --help)

@@ -23,6 +23,7 @@ from bowden.drive.capture import Capture, record
 from bowden.drive.client import Drive
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
+from bowden.drive.torque_profile import read_profile
 from bowden.drive.watch import Progress, Request, SetMark, Span, Stop
 from bowden.errors import BadInput
 from bowden.recording.capture_file import read_capture
@@ -33,6 +34,7 @@ from bowden.recording.side_file import ForeignSource, side_path
 EXAMPLES = """examples:
   bowden record run.blf --duration 20 --enable tunnel
   bowden record step.csv --duration 5 --enable torque --torque 0.1 --note "load locked"
+  bowden record ramps.blf --enable torque --profile ramps.csv
   bowden record idle.blf --duration 60 -i socketcan -c can0
   bowden record touch.blf --start-on-motion 0.02 --pre-trigger 1 --duration 10
   bowden record night.blf --stop-on-fault                   until a fault, q or Ctrl-C
@@ -79,6 +81,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--torque", type=float, metavar="NM", help="motor torque in N m, with --enable torque"
     )
     parser.add_argument(
+        "--profile",
+        type=Path,
+        metavar="CSV",
+        help="motor torque over time (time_s, motor_torque_nm), with --enable torque",
+    )
+    parser.add_argument(
         "--foreign", type=Path, metavar="YAML", help="other nodes whose frames become channels"
     )
     parser.add_argument("--note", help="kept with the recording")
@@ -90,8 +98,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Record, tell the progress, and report what was lost."""
     check_output(args.output, args.overwrite)
-    job = _run(args.enable, args.torque)
-    span = Span(args.duration, args.start_on_motion, args.pre_trigger, args.stop_on_fault)
+    job = _run(args.enable, args.torque, args.profile)
+    duration_s = args.duration
+    if duration_s is None and job is not None and job.profile is not None:
+        duration_s = job.profile.duration_s
+    span = Span(duration_s, args.start_on_motion, args.pre_trigger, args.stop_on_fault)
     foreign = read_foreign(args.foreign) if args.foreign else []
     notes = {"notes": args.note} if args.note else {}
 
@@ -180,7 +191,11 @@ def _requests(keys: str) -> Iterable[Request]:
             yield SetMark(f"mark {key}")
 
 
-def _run(enable: str, torque_nm: float | None) -> Run | None:
+def _run(enable: str, torque_nm: float | None, profile: Path | None) -> Run | None:
+    if profile is not None:
+        if enable != "torque" or torque_nm is not None:
+            raise BadInput("--profile", "no --enable torque, or --torque", "--enable torque alone")
+        return Run(ModeOfOperation.TORQUE, profile=read_profile(profile))
     if torque_nm is not None and enable != "torque":
         raise BadInput("--torque", f"--enable {enable}", "--torque only with --enable torque")
     if enable == NOTHING:
@@ -188,7 +203,9 @@ def _run(enable: str, torque_nm: float | None) -> Run | None:
     if enable == "tunnel":
         return Run(ModeOfOperation.TUNNEL)
     if torque_nm is None:
-        raise BadInput("--enable", "torque without --torque", "--enable torque --torque NM")
+        raise BadInput(
+            "--enable", "torque without --torque", "--torque NM or --profile CSV with it"
+        )
     return Run(ModeOfOperation.TORQUE, torque_nm)
 
 

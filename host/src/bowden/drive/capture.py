@@ -17,6 +17,7 @@ from bowden.drive.faults import describe_emergency
 from bowden.drive.follow import Follower
 from bowden.drive.power import Run, powered
 from bowden.drive.provenance import read_layouts, run_metadata, side_file
+from bowden.drive.torque_profile import profile_sender
 from bowden.drive.watch import Progress, Request, Span, Watch
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.capture_writer import CaptureWriter
@@ -98,7 +99,7 @@ def record(
     session = _Session(
         drives, path, span, run, metadata=metadata or {}, foreign=foreign, overwrite=overwrite
     )
-    watch = Watch(session.followers, session.writer, on_progress, requests)
+    watch = Watch(session.followers, session.writer, on_progress, requests, session.senders)
     try:
         with session.writer, _tapped(drives, session.writer):
             session.run_watched(watch)
@@ -136,6 +137,8 @@ class _Session:
         self.ours = [
             drive for drive in drives if run is not None or drive.next_nmt_state() != "OPERATIONAL"
         ]
+        profile = run.profile if run is not None else None
+        self.senders = [profile_sender(drive, profile) for drive in drives] if profile else []
         for drive in self.ours:
             drive.nmt("PRE-OPERATIONAL")
         counters = self._counters() if self.triggered else {}

@@ -10,12 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from bowden.drive.client import Drive
 from bowden.drive.connection import HOST_NODE_ID
 from bowden.drive.faults import describe_address, describe_emergency
 from bowden.drive.meanings import ModeOfOperation
 from bowden.errors import DriveFailed
+
+if TYPE_CHECKING:
+    from bowden.drive.torque_profile import TorqueProfile
 
 HEARTBEAT_TIMEOUT_MS = 1000
 _STEP_TIMEOUT_S = 1.0
@@ -33,10 +37,13 @@ class Run:
     mode : ModeOfOperation
     torque_nm : float, N m
         Motor torque in mode TORQUE; the drive approaches it with its slew rate.
+    profile : TorqueProfile, optional
+        In mode TORQUE, what a recording sends from its first sample on, after `torque_nm`.
     """
 
     mode: ModeOfOperation
     torque_nm: float = 0.0
+    profile: TorqueProfile | None = None
 
 
 #: CiA 402 states: mask and value of the statusword.

@@ -102,6 +102,8 @@ class Watch:
         Called about ten times a second.
     requests : callable, optional
         Asked as often for what somebody wants: marks, an end.
+    during : sequence of callable
+        Called after each frame, once the recording has begun, with its time in s.
     """
 
     def __init__(
@@ -110,6 +112,7 @@ class Watch:
         store: Store,
         on_progress: Callable[[Progress], None] | None = None,
         requests: Callable[[], Iterable[Request]] | None = None,
+        during: Sequence[Callable[[float], None]] = (),
     ) -> None:
         self._followers = followers
         self._first = followers[0]
@@ -117,6 +120,7 @@ class Watch:
         self._store = store
         self._on_progress = on_progress
         self._requests = requests
+        self._during = during
         self._next_progress = self._connection.clock()
 
     def wait_for_motion(self, motion_rad: float, is_powered: bool) -> str | None:
@@ -173,6 +177,9 @@ class Watch:
             if frame is not None:
                 follower.count(frame)
             follower.check(is_powered)
+        if not waiting and self._first.last is not None:
+            for act in self._during:
+                act(self._first.elapsed_us / 1e6)
         if self._store.failure is not None:
             raise BadInput("capture", self._store.failure, "a disk with room")
         if self._connection.clock() < self._next_progress:
