@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-faults bench-diagnosis bench-calibration lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-faults bench-diagnosis bench-calibration bench-data-gate lock clean
 .PHONY: setup setup-firmware setup-baselines native
 
 help: ## list the targets
@@ -77,6 +77,9 @@ bench-diagnosis: setup-baselines ## hidden effects against `bowden diagnose` and
 
 bench-calibration: setup ## are stated intervals true? (SEED=...); hours; build/calibration.json, docs/calibration-benchmark.md
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m hil_tests.benchmarks.calibration --seed $(SEED) --page docs/calibration-benchmark.md $(BENCH_FLAGS)
+
+bench-data-gate: setup ## does the data gate name faults and leave good recordings alone? (SEED=...); an hour; docs/data-gate.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m hil_tests.benchmarks.data_gate --seed $(SEED) --page docs/data-gate.md $(BENCH_FLAGS)
 
 lock: setup ## resolve requirements.lock and requirements-baselines.lock anew (needs uv)
 	$(COMPILE) --no-emit-package bowden --no-emit-package bowden-rig --no-emit-package bowden-bench \

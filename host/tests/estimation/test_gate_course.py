@@ -85,3 +85,14 @@ def test_a_step_of_the_motors_torque_is_no_step_of_a_zero() -> None:
     assert [
         one for one in check_data(MODEL, [run], Mode.TORQUE_POSITION) if one.severity == "stop"
     ] == []
+
+
+def test_recordings_of_two_rigs_are_told_apart_and_those_of_one_are_not() -> None:
+    other = parse_model(TABLE_1.replace("mu_d: {value: 0.21", "mu_d: {value: 0.8"))
+    mode = Mode.TORQUE_POSITION
+    run, strange = RUNS["complete"], recorded(other)
+    found = check_data(MODEL, [run, strange], mode)
+    assert "two_rigs" in {one.what for one in found if one.severity == "stop"}
+    # A model that is wrong about its rig is wrong in both alike.
+    assert "two_rigs" not in {one.what for one in check_data(MODEL, [strange, strange], mode)}
+    assert "two_rigs" not in {one.what for one in check_data(MODEL, list(RUNS.values()), mode)}

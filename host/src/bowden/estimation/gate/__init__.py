@@ -5,5 +5,6 @@ findings out; a finding that stops means ``bad_data`` and exit status 2.
 
 `time_base`, `sensors` and `encoders` look at channels by themselves; `units` holds them against
 the model: `mistakes` lists how a file can be wrong, `answer` simulates, `explain` fits gain, zero,
-delay and a smooth discrepancy, `readings` weighs. `course` looks for what changes on the way.
+delay and a smooth discrepancy, `readings` weighs. `course` looks for what changes on the way,
+`rigs` for recordings that contradict each other.
 """

@@ -12,6 +12,7 @@ from pathlib import Path
 from bowden.estimation.gate.course import check_course
 from bowden.estimation.gate.encoders import check_encoders
 from bowden.estimation.gate.finding import BadData, Finding, stops
+from bowden.estimation.gate.rigs import check_rigs
 from bowden.estimation.gate.sensors import check_sensors
 from bowden.estimation.gate.time_base import check_time_base
 from bowden.estimation.gate.units import check_against_model
@@ -39,6 +40,10 @@ def check_data(model: Model, recordings: Sequence[Recording], mode: Mode) -> tup
     found: list[Finding] = []
     for one in recordings:
         found += _check_one(model, one, mode, Path(one.source).name)
+    if len(recordings) > 1 and not any(
+        one.severity == "stop" or one.what in {"short", "empty"} for one in found
+    ):
+        found += check_rigs(model, mode, recordings)
     return tuple(sorted(found, key=lambda finding: finding.severity != "stop"))
 
 
