@@ -25,9 +25,10 @@ from bowden.estimation.problem import Problem, fitted_parts, objective
 _Floats = NDArray[np.float64]
 
 FOLDS = 4
-# Usual noise: sizes of what a model leaves that holds, and of what an unlisted effect does besides.
-LISTED = (0.0, 0.1, 0.25, 0.5)
-UNLISTED = (0.0, 1.0, 4.0, 16.0, 64.0)
+# Usual noise: sizes of what a model leaves that is right in practice, and of what an unlisted
+# effect does besides.
+LISTED = (0.0, 0.25, 0.5, 1.0)
+UNLISTED = (0.0, 2.0, 8.0, 32.0, 128.0)
 OUTLIER = 0.005  # of the blocks: there the noise is not what it was taken for
 DAMPING = (1e-6, 1e-2, 1.0)  # of a step, in turn
 WIDEST = 10.0  # unit steps: a number is within its bounds, however little the data say of it
