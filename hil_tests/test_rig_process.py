@@ -23,7 +23,7 @@ from hil_tests.board_bench import NEEDS_ELF
 from hil_tests.targets import emulated
 
 COMMAND = [sys.executable, "-m", "bowden_rig"]
-PORT = 43917  # not python-can's default: another rig may run on this machine
+PORT = 44000 + os.getpid() % 16000  # of its own: other rigs may run on this machine
 BUS = ["--bus-kwargs", f"port={PORT}"]
 PATIENCE_S = 900.0  # only ends a test that hangs
 
