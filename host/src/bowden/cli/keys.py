@@ -5,6 +5,7 @@ Nothing on a pipe, in a log or on a system without termios: there the keys are s
 
 from __future__ import annotations
 
+import os
 import select
 import sys
 from collections.abc import Callable, Iterator
@@ -27,25 +28,34 @@ def pressed_keys() -> Iterator[Callable[[], str]]:
     before = termios.tcgetattr(terminal)
     tty.setcbreak(terminal)
     try:
-        yield _waiting_keys
+        yield lambda: _waiting_keys(terminal)
     finally:
-        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        if _is_foreground(terminal):
+            termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
 
 def has_keys() -> bool:
-    """Return whether somebody sits at a terminal."""
+    """Return whether somebody sits at a terminal and this program has it."""
     try:
         import termios  # noqa: F401, PLC0415
     except ImportError:
         return False
-    return sys.stdin is not None and sys.stdin.isatty()
+    return sys.stdin is not None and sys.stdin.isatty() and _is_foreground(sys.stdin.fileno())
 
 
-def _waiting_keys() -> str:
-    keys = ""
-    while select.select([sys.stdin], [], [], 0)[0]:
-        key = sys.stdin.read(1)
-        if not key:
-            break
-        keys += key
-    return keys
+def _is_foreground(terminal: int) -> bool:
+    """Return whether the shell has given us the terminal; touching it from the background stops us.
+
+    A recorder that is stopped by its terminal would leave a running motor to its time-out.
+    """
+    try:
+        return os.tcgetpgrp(terminal) == os.getpgrp()
+    except OSError:
+        return False
+
+
+def _waiting_keys(terminal: int) -> str:
+    """Read what is there; not through `sys.stdin`, whose buffer hides it from `select`."""
+    if not _is_foreground(terminal) or not select.select([terminal], [], [], 0)[0]:
+        return ""
+    return os.read(terminal, 64).decode("ascii", "ignore")

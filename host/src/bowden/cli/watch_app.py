@@ -32,6 +32,7 @@ from bowden.drive.power import Run
 
 REFRESH_S = 0.2
 _CONFIRM_S = 3.0
+_CURVE_EVERY = 3  # pictures: the curve is what costs most to draw
 _PLOTTED_SAMPLES, _PLOTTED = 4000, 100
 _BAR = 16
 
@@ -76,6 +77,7 @@ class WatchApp(App[None]):
         self._thread = threading.Thread(target=self._turn_until_ended, name="bowden live")
         self._asked_at: float | None = None
         self._texts: dict[str, str] = {}
+        self._picture = 0
 
     def compose(self) -> ComposeResult:
         """Lay the page out."""
@@ -125,6 +127,9 @@ class WatchApp(App[None]):
             fault = self.query_one("#fault", Static)
             fault.set_class(now.fault is not None, "shown")
             fault.update(escape(f"FAULT: {now.fault}"))
+        self._picture += 1
+        if self._picture % _CURVE_EVERY != 1:
+            return
         rows = self.session.samples_after(max(now.samples - _PLOTTED_SAMPLES, 0))
         step = max(len(rows) // _PLOTTED, 1)
         self.query_one("#torque", Sparkline).data = [abs(row[5]) for row in rows[::step]]
