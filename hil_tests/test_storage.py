@@ -81,3 +81,38 @@ def test_nothing_is_saved_while_the_bridge_is_on(benches: Benches) -> None:
     host.disable()
     host.write(STORE, 1, SAVE, 4)  # answered when it is kept
     assert number(host, STATE) == DONE
+
+
+FAULT_LOG, FAULT_LOG_UPTIME, ORIGIN = 0x2010, 0x2011, 0x200B
+COMMAND_LATE, POWER_ON = 0x8131, 1
+
+
+def test_the_last_faults_survive_power_off_and_touch_no_configuration(benches: Benches) -> None:
+    benches.expected = {COMMAND_LATE}
+    host = benches()
+    host.write(PRETENSION, 0, 7_000_000, 4)  # not saved, and not to be
+    host.enable(TORQUE, guarded=True)
+    host.listen(1.0)  # the host falls silent: the fault, and the time to write it
+    assert number(host, FAULT_LOG, 1) == POWER_ON << 16 | COMMAND_LATE
+    assert number(host, STATE) == 0  # nobody has asked for a save
+    host.bus.bench.target.reset()
+    host.await_boot(2.0)
+    host.listen(0.01)
+    assert number(host, FAULT_LOG, 1) == POWER_ON << 16 | COMMAND_LATE
+    assert number(host, FAULT_LOG_UPTIME, 1) == 0
+    assert number(host, FAULT_LOG, 2) == 0
+    assert number(host, PRETENSION) == PRETENSION_DEFAULT
+    assert number(host, ORIGIN, 1) == 0  # a log is no configuration
+
+
+def test_a_log_that_grows_leaves_what_was_saved(benches: Benches) -> None:
+    benches.expected = {COMMAND_LATE}
+    host = benches()
+    host.write(PRETENSION, 0, 7_000_000, 4)
+    host.write(STORE, 1, SAVE, 4)
+    host.enable(TORQUE, guarded=True)
+    host.listen(1.0)
+    host.write(RESTORE, 1, LOAD, 4)
+    restart(host)
+    assert number(host, PRETENSION) == PRETENSION_DEFAULT
+    assert number(host, FAULT_LOG, 1) & 0xFFFF == COMMAND_LATE

@@ -49,12 +49,15 @@ static uint8_t group_of(const od_entry_t *entry) {
     if (entry->role == OD_CALIBRATION) {
         return STORAGE_CALIBRATION;
     }
+    if (entry->role == OD_STATE) {
+        return STORAGE_LOG;
+    }
     return entry->index < PROFILE_AREA_END ? STORAGE_COMMUNICATION : STORAGE_APPLICATION;
 }
 
 static bool concerns(storage_request_t request, uint8_t group) {
-    return request.sub == group ||
-           (request.sub == STORAGE_ALL && !(request.restore && group == STORAGE_CALIBRATION));
+    const bool outlives = group == STORAGE_CALIBRATION || group == STORAGE_LOG;
+    return request.sub == group || (request.sub == STORAGE_ALL && !(request.restore && outlives));
 }
 
 /* The persistent entry of that name, NULL when there is none. */
@@ -83,13 +86,16 @@ storage_report_t storage_take(od_t *od, const uint32_t *image, uint32_t words,
                                                        : CONFIGURATION_ORIGIN_OUTCOME_DEFAULTS};
     }
     storage_report_t report = {.schema_hash = image[1]};
+    bool configures = false;
     for (uint32_t word = HEAD_WORDS; word < words; word += 2) {
         const uint32_t name = image[word];
         const od_entry_t *entry = find_persistent(od, name);
         if (communication_only && (entry == NULL || group_of(entry) != STORAGE_COMMUNICATION)) {
             continue;
         }
-        if (entry != NULL && od_check(od, entry, image[word + 1]) == OD_DONE) {
+        const bool is_log = entry != NULL && group_of(entry) == STORAGE_LOG;
+        configures = configures || !is_log;
+        if (is_log || (entry != NULL && od_check(od, entry, image[word + 1]) == OD_DONE)) {
             od_set(od, entry, sub_of(name), image[word + 1]);
         } else {
             report.first =
@@ -98,7 +104,8 @@ storage_report_t storage_take(od_t *od, const uint32_t *image, uint32_t words,
         }
     }
     od->config_revision++;
-    report.outcome = report.entries > 0 ? CONFIGURATION_ORIGIN_OUTCOME_PARTIAL
+    report.outcome = !configures          ? CONFIGURATION_ORIGIN_OUTCOME_DEFAULTS
+                     : report.entries > 0 ? CONFIGURATION_ORIGIN_OUTCOME_PARTIAL
                      : report.schema_hash != od_value(od, DICTIONARY_HASH_INDEX, 0)
                          ? CONFIGURATION_ORIGIN_OUTCOME_MIGRATED
                          : CONFIGURATION_ORIGIN_OUTCOME_COMPLETE;

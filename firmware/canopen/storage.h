@@ -7,7 +7,8 @@
  * are kept is not known here. Pure but for the dictionary's values.
  *
  * Sub-indices are groups of entries. Calibration, which the factory has measured, is saved with
- * everything but restored by its own sub-index alone.
+ * everything but restored by its own sub-index alone. A log, persistent entries of role state, is
+ * no configuration: an image of nothing else leaves the defaults.
  */
 #ifndef BOWDEN_CANOPEN_STORAGE_H
 #define BOWDEN_CANOPEN_STORAGE_H
@@ -27,6 +28,7 @@ enum {
     STORAGE_COMMUNICATION,
     STORAGE_APPLICATION,
     STORAGE_CALIBRATION,
+    STORAGE_LOG, /* of the drive: it saves it by itself, nobody restores it */
 };
 
 /* What a host has asked for. Restoring means that the next start has the defaults. */

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x44DE2170)
+#define DICTIONARY_HASH UINT32_C(0x540D3D87)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 211
+#define DICTIONARY_COUNT 215
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -112,6 +112,8 @@ typedef struct {
     uint32_t supervision_latched;                      /* 0x200D */
     uint32_t fault_reset_refused;                      /* 0x200E */
     uint8_t limits_active;                             /* 0x200F */
+    uint32_t fault_log[16];                            /* 0x2010 */
+    uint32_t fault_log_uptime_s[16];                   /* 0x2011 */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */

@@ -2,6 +2,7 @@
 #include "drive.h"
 
 #include "publish.h"
+#include "supervision/fault_log.h"
 
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
@@ -178,9 +179,13 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late
                                   .fault_reset = drive->asked.fault_reset,
                                   .quick_stop_done = drive->command.torque_unm == 0,
                               });
-    const uint16_t code = supervision_latch(supervision, &drive->node, &inputs);
+    const uint32_t fresh = supervision_latch(supervision, &drive->node, &inputs);
+    if (fresh != 0) {
+        fault_log_add(&drive->dictionary, fresh, drive->uptime_s);
+        drive->saving.log_has_grown = true;
+    }
     if (drive->state == STATE_FAULT_REACTION_ACTIVE) {
-        drive->dictionary.error_code = code;
+        drive->dictionary.error_code = supervision_code(fresh);
     } else if (before == STATE_FAULT && drive->asked.fault_reset) {
         const bool taken = drive->state != STATE_FAULT;
         supervision_reset(supervision, &drive->node, taken);
@@ -261,8 +266,17 @@ static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
 
 /* ---- the tick ---- */
 
+static void pass_time(drive_t *drive) {
+    drive->second_ticks++;
+    if (drive->second_ticks == TICKS_PER_SECOND) {
+        drive->second_ticks = 0;
+        drive->uptime_s++;
+    }
+}
+
 void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_t *actuators) {
     const bool late = drive->took_configuration;
+    pass_time(drive);
     note_command(drive);
     drive->took_configuration = follow_configuration(drive, sensors);
     publish_sensors(drive, sensors);

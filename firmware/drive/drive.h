@@ -48,6 +48,7 @@ typedef struct {
     int32_t commanded_ua;              /* in the last tick */
     int32_t current_max_ua;            /* of the board */
     supervision_t supervision;
+    uint32_t second_ticks, uptime_s; /* since the start */
     saving_t saving;
 } drive_t;
 

@@ -18,25 +18,40 @@ storage_report_t saving_recall(saving_t *saving, node_t *node, const board_ident
     return report;
 }
 
-static void begin(saving_t *saving, node_t *node) {
+/* Tells the host, unless the save was the drive's own. */
+static void end(saving_t *saving, node_t *node, storage_state_t state, od_abort_t abort) {
+    saving->busy = false;
+    if (!saving->for_log) {
+        saving->state = state;
+        node_storage_done(node, abort);
+    }
+}
+
+static void begin(saving_t *saving, node_t *node, storage_request_t request) {
     const uint32_t words =
-        storage_update(&node->od, node->storage, saving->image, saving->words, BOARD_STORE_WORDS);
-    node->storage = (storage_request_t){0};
+        storage_update(&node->od, request, saving->image, saving->words, BOARD_STORE_WORDS);
     saving->busy = words > 0;
     if (!saving->busy) {
-        saving->state = STORAGE_STATE_FAILED;
-        node_storage_done(node, OD_ABORT_NO_ROOM);
+        end(saving, node, STORAGE_STATE_FAILED, OD_ABORT_NO_ROOM);
         return;
     }
     saving->words = words;
     node->image_words = words;
-    saving->state = STORAGE_STATE_UNDER_WAY;
+    saving->state = saving->for_log ? saving->state : STORAGE_STATE_UNDER_WAY;
 }
 
-static void end(saving_t *saving, node_t *node, storage_state_t state, od_abort_t abort) {
-    saving->busy = false;
-    saving->state = state;
-    node_storage_done(node, abort);
+/* The host's request first: it waits for an answer, and saves the log as well. */
+static void begin_what_is_due(saving_t *saving, node_t *node) {
+    if (node->storage.asked) {
+        const storage_request_t request = node->storage;
+        node->storage = (storage_request_t){0};
+        saving->for_log = false;
+        begin(saving, node, request);
+    } else if (saving->log_has_grown && !node->od.config_locked) {
+        saving->log_has_grown = false;
+        saving->for_log = true;
+        begin(saving, node, (storage_request_t){.asked = true, .sub = STORAGE_LOG});
+    }
 }
 
 bool saving_step(saving_t *saving, node_t *node, board_store_t board,
@@ -48,10 +63,11 @@ bool saving_step(saving_t *saving, node_t *node, board_store_t board,
         end(saving, node, STORAGE_STATE_FAILED, OD_ABORT_HARDWARE);
     } else if (saving->busy && board == BOARD_STORE_FULL) {
         end(saving, node, STORAGE_STATE_MAKES_ROOM, OD_ABORT_BUSY);
-    } else if (!saving->busy && board == BOARD_STORE_IDLE && node->storage.asked) {
-        begin(saving, node);
+        saving->log_has_grown = saving->log_has_grown || saving->for_log; /* once there is room */
+    } else if (!saving->busy && board == BOARD_STORE_IDLE) {
+        begin_what_is_due(saving, node);
     }
     actuators->store = saving->busy ? saving->image : NULL;
     actuators->store_words = saving->busy ? saving->words : 0;
-    return done;
+    return done && !saving->for_log;
 }

@@ -3,7 +3,8 @@
  * The node makes the image (canopen/storage.h), the board keeps it (board.h); this is the
  * handshake between the two. The host's write is answered when the board has read all of it back,
  * with an abort when it could not, and with "busy" (0800 0021h) when the board must first make
- * room.
+ * room. The log of faults is kept in the same image, without being asked and without touching what
+ * else is in it.
  */
 #ifndef BOWDEN_DRIVE_SAVING_H
 #define BOWDEN_DRIVE_SAVING_H
@@ -16,8 +17,10 @@
 
 typedef struct {
     storage_state_t state;
-    bool busy;      /* the image is with the board */
-    uint32_t words; /* of the image; 0: nothing was ever kept */
+    bool busy;          /* the image is with the board */
+    bool for_log;       /* for the log of faults, not for a host */
+    bool log_has_grown; /* it is to be kept as soon as the board is free */
+    uint32_t words;     /* of the image; 0: nothing was ever kept */
     uint32_t image[BOARD_STORE_WORDS];
 } saving_t;
 

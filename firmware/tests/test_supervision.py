@@ -459,3 +459,31 @@ def test_every_check_has_its_row_limit_and_emergency() -> None:
         assert bit == 1 << check.bit
         if check.limit and not check.limit[0].isdigit():
             assert lookup(check.limit).name == check.limit
+
+
+# ---- the log of faults ----
+
+
+def test_the_log_keeps_the_last_sixteen_newest_first() -> None:
+    drive = Drive(reset=3)  # by the reset pin
+    drive.tick(2 * 4000)
+    for bit in (0, 1, 3, 4) * 5:
+        drive.sensors.faults = 1 << bit
+        drive.tick(3)
+        drive.sensors.faults = 0
+        for word in (0x00, 0x80):
+            drive.control(word)
+    codes = [0x2310, 0x7305, 0x5300, 0x8140]
+    found = list(drive.values.fault_log)
+    assert [entry & 0xFFFF for entry in found] == codes[::-1] * 4
+    assert {entry >> 16 for entry in found} == {3}
+    assert set(drive.values.fault_log_uptime_s) == {2}
+
+
+def test_faults_of_one_tick_are_all_in_the_log() -> None:
+    drive = Drive()
+    drive.tick()
+    drive.sensors.faults = 1 << 1 | 1 << 3
+    drive.tick(3)
+    assert {entry & 0xFFFF for entry in list(drive.values.fault_log)[:2]} == {0x7305, 0x5300}
+    assert drive.values.fault_log[2] == 0

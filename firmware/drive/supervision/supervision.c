@@ -173,21 +173,29 @@ static uint32_t detail(uint32_t check, const supervision_t *supervision,
     }
 }
 
-uint16_t supervision_latch(supervision_t *supervision, node_t *node,
+uint32_t supervision_latch(supervision_t *supervision, node_t *node,
                            const supervision_inputs_t *inputs) {
-    uint32_t fresh = supervision->present & ~supervision->latched;
-    uint16_t first = EMCY_NO_ERROR;
+    const uint32_t fresh = supervision->present & ~supervision->latched;
+    uint32_t left = fresh;
     supervision->latched |= fresh;
-    for (uint32_t i = 0; fresh != 0 && i < SUPERVISION_BITS; i++) {
+    for (uint32_t i = 0; left != 0 && i < SUPERVISION_BITS; i++) {
         const uint32_t check = UINT32_C(1) << i;
-        if ((fresh & check) != 0) {
+        if ((left & check) != 0) {
             const supervision_row_t *row = &SUPERVISION[i];
             node_error_set(node, row->code, row->register_bits, detail(check, supervision, inputs));
-            first = first == EMCY_NO_ERROR ? row->code : first;
         }
-        fresh &= ~check;
+        left &= ~check;
     }
-    return first;
+    return fresh;
+}
+
+uint16_t supervision_code(uint32_t checks) {
+    for (uint32_t i = 0; i < SUPERVISION_BITS; i++) {
+        if ((checks >> i & 1u) != 0) {
+            return SUPERVISION[i].code;
+        }
+    }
+    return EMCY_NO_ERROR;
 }
 
 void supervision_reset(supervision_t *supervision, node_t *node, bool taken) {

@@ -70,10 +70,12 @@ void supervision_configure(supervision_t *supervision, const dictionary_t *dicti
 /* One tick: brings `present` and the limits up to date. */
 void supervision_step(supervision_t *supervision, const supervision_inputs_t *inputs);
 
-/* Latches what has failed anew and tells the node; returns the first EMCY code of it, or
- * EMCY_NO_ERROR. */
-uint16_t supervision_latch(supervision_t *supervision, node_t *node,
+/* Latches what has failed anew and tells the node; returns it, SUPERVISION_* bits. */
+uint32_t supervision_latch(supervision_t *supervision, node_t *node,
                            const supervision_inputs_t *inputs);
+
+/* EMCY code of the first of some checks; EMCY_NO_ERROR: there is none. */
+uint16_t supervision_code(uint32_t checks);
 
 /* A reset of faults was asked for while in Fault. `taken`: nothing is present and it is done: all
  * errors of the table are gone. */

@@ -92,7 +92,10 @@ def test_faults_tells_present_and_latched_and_what_to_do(
     assert not stoppable.bench.actuators.bridge_enabled
     send(stoppable, 0x000, b"\x01\x10")
     assert main(["faults", "--json"]) == 0
-    (failure,) = json.loads(capsys.readouterr().out)["failures"]
+    report = json.loads(capsys.readouterr().out)
+    (failure,) = report["failures"]
+    (logged,) = report["log"]
+    assert (logged["code"], logged["reset_cause"]) == (0x8131, "power-on")
     assert failure["check"] == "command_late"
     assert failure["present"] is True
     assert failure["code"] == 0x8131

@@ -1,7 +1,8 @@
 """List a drive's faults: those that are present, those that are latched, what to do about each.
 
-Also limits that cut the torque now, why the last fault reset was refused, and the errors since
-power-on. Nothing is written to the drive; exit status 0 also with faults.
+Also limits that cut the torque now, why the last fault reset was refused, the errors since
+power-on, and the log of the last 16 faults, which outlives power-off. Nothing is written to the
+drive; exit status 0 also with faults.
 """
 
 from __future__ import annotations
@@ -50,6 +51,9 @@ def _show(report: FaultReport) -> None:
     out.print(f"last start: {report.last_reset}", soft_wrap=True)
     for text in report.history:
         out.print(f"since power-on: {text}", markup=False, soft_wrap=True)
+    for fault in report.log:
+        when = f"{fault.uptime_s} s after a start by {fault.reset_cause}"
+        out.print(f"log: {fault.text}; {when}", markup=False, soft_wrap=True)
 
 
 def _line(failure: Failure) -> str:

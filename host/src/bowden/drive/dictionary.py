@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0x44DE2170
+HASH = 0x540D3D87
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -112,7 +112,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x44de2170, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x540d3d87, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -137,6 +137,10 @@ TABLE = Table(
         Entry(0x200D, 0, 'supervision_latched', 'u32', 'ro', 'state', 0, high=4294967295, pdo='tx', meaning=meanings.Supervision, doc='checks that have failed since the last fault reset; all of them, also those that came while in Fault'),
         Entry(0x200E, 0, 'fault_reset_refused', 'u32', 'ro', 'state', 0, high=4294967295, meaning=meanings.Supervision, doc='why the last fault reset was refused: the checks that failed then; 0: it was not'),
         Entry(0x200F, 0, 'limits_active', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.LimitsActive, doc='the limit that cuts the torque in this tick; no fault'),
+        Entry(0x2010, 0, 'fault_log.count', 'u8', 'const', 'communication', 16, high=255, doc='highest sub-index'),
+        *array(16, Entry(0x2010, 1, 'fault_log', 'u32', 'ro', 'state', 0, high=4294967295, persist=True, doc='the last faults, newest first, kept across power-off: EMCY code in the low word, reset_cause of that start in bits 16 to 23; 0: none')),
+        Entry(0x2011, 0, 'fault_log_uptime.count', 'u8', 'const', 'communication', 16, high=255, doc='highest sub-index'),
+        *array(16, Entry(0x2011, 1, 'fault_log_uptime', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1.0, persist=True, doc='of each: time since that start')),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),

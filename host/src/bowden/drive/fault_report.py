@@ -5,6 +5,7 @@ Input: a `Drive`. Output: `FaultReport`, in words, with what to do. Nothing is w
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bowden.drive.client import Drive
@@ -12,6 +13,8 @@ from bowden.drive.dictionary import EMERGENCIES, SUPERVISION
 from bowden.drive.faults import describe_emergency
 from bowden.drive.meanings import LimitsActive, ResetCause, Statusword
 from bowden.drive.power import power_state
+
+LOG_PLACES = 16
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,28 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class LoggedFault:
+    """A fault of the drive's log, which outlives power-off.
+
+    Parameters
+    ----------
+    code : int
+        Its EMCY code.
+    text : str
+        What it means, and what to do.
+    reset_cause : str
+        Why the program had started in which it came.
+    uptime_s : int, s
+        From that start.
+    """
+
+    code: int
+    text: str
+    reset_cause: str
+    uptime_s: int
+
+
+@dataclass(frozen=True)
 class FaultReport:
     """All that a drive says of its faults.
 
@@ -59,6 +84,8 @@ class FaultReport:
         command_deadline; 0: the host has opted out.
     history : tuple of str
         EMCY codes since power-on in words, newest first.
+    log : tuple of LoggedFault
+        The last faults, newest first, also from before power-off.
     last_reset : str
         Why the program of the drive started.
     """
@@ -69,6 +96,7 @@ class FaultReport:
     limits: tuple[str, ...]
     deadline_ms: int
     history: tuple[str, ...]
+    log: tuple[LoggedFault, ...]
     last_reset: str
 
 
@@ -90,8 +118,19 @@ def fault_report(drive: Drive) -> FaultReport:
         limits=tuple(limit.doc for limit in LimitsActive if limits & limit),
         deadline_ms=0 if opted_out else drive.read_raw("command_deadline"),
         history=tuple(describe_emergency(code) for code in history),
+        log=tuple(_logged(drive)),
         last_reset=ResetCause.describe(drive.read_raw("reset_cause")),
     )
+
+
+def _logged(drive: Drive) -> Iterator[LoggedFault]:
+    for place in range(1, LOG_PLACES + 1):
+        entry = drive.read_raw(f"fault_log.{place}")
+        if entry == 0:
+            return
+        code, cause = entry & 0xFFFF, entry >> 16 & 0xFF
+        uptime_s = drive.read_raw(f"fault_log_uptime.{place}")
+        yield LoggedFault(code, describe_emergency(code), ResetCause.describe(cause), uptime_s)
 
 
 def failures(present: int, latched: int, refused: int) -> tuple[Failure, ...]:
