@@ -102,7 +102,8 @@ enum {
     SUPERVISION_HOST_RESTARTED = 1 << 23, /* the watched host restarted while the drive ran */
     SUPERVISION_COMMAND_LATE = 1 << 24,  /* no command came from the host within command_deadline */
     SUPERVISION_CONFIGURATION = 1 << 25, /* configuration cannot run */
-    SUPERVISION_BITS = 26,               /* from the lowest to the highest */
+    SUPERVISION_NODE_ID_TAKEN = 1 << 26, /* another node on the bus has this drive's node id */
+    SUPERVISION_BITS = 27,               /* from the lowest to the highest */
 };
 
 /* the limit that cuts the torque in this tick; no fault */
@@ -115,6 +116,14 @@ enum {
                                  << 4, /* the conduit is within 10 K of conduit_temperature_limit */
     LIMITS_ACTIVE_BITS = 5,            /* from the lowest to the highest */
 };
+
+/* of the CAN bus, from the next start on, once it is stored */
+typedef enum {
+    BIT_RATE_KBIT_125 = 125,   /* 125 kbit/s */
+    BIT_RATE_KBIT_250 = 250,   /* 250 kbit/s */
+    BIT_RATE_KBIT_500 = 500,   /* 500 kbit/s */
+    BIT_RATE_KBIT_1000 = 1000, /* 1 Mbit/s */
+} bit_rate_t;
 
 /* of the cable pair, from the model */
 typedef enum {

@@ -116,3 +116,23 @@ def test_a_log_that_grows_leaves_what_was_saved(benches: Benches) -> None:
     restart(host)
     assert number(host, PRETENSION) == PRETENSION_DEFAULT
     assert number(host, FAULT_LOG, 1) & 0xFFFF == COMMAND_LATE
+
+
+NODE_ID, BIT_RATE = 0x2012, 0x2013
+
+
+def test_a_stored_node_id_counts_from_the_next_start_on(benches: Benches) -> None:
+    host = benches()
+    host.write(NODE_ID, 0, 21, 1)
+    assert number(host, NODE_ID) == 21  # and the node still answers as before
+    host.write(STORE, 1, SAVE, 4)
+    host.nmt(NMT_RESET_NODE)
+    host.node_id = 21
+    host.await_boot(2.0)
+    assert number(host, NODE_ID) == 21
+
+
+@pytest.mark.parametrize(("value", "size"), [(0, 1), (128, 1)])
+def test_no_impossible_node_id_is_taken(benches: Benches, value: int, size: int) -> None:
+    with pytest.raises(SdoAbort):
+        benches().write(NODE_ID, 0, value, size)

@@ -85,6 +85,7 @@ typedef struct {
      * `store` of the sensors says done or failed; then NULL comes, and `store` is idle again. */
     const uint32_t *store;
     uint32_t store_words; /* 1 .. BOARD_STORE_WORDS */
+    bool store_is_log;    /* nobody has asked for it: cut short it is no BOARD_SAVED_DAMAGED */
 } board_actuators_t;
 
 /* How the program before this one ended, entry crash_record; all zero when it did not crash since
@@ -105,7 +106,7 @@ typedef enum {
 
 /* Who this board is and how it came here; fixed from power-on. */
 typedef struct {
-    uint8_t node_id;        /* CANopen node id, 1 .. 127 */
+    uint8_t node_id;        /* CANopen node id, 1 .. 127, unless another was stored */
     uint32_t serial_number; /* 0x1018 sub 4; 32 bits of the chip's unique id */
     int32_t current_max_ua; /* the most that its bridge is to drive; 0: it has no such limit */
     reset_cause_t reset;

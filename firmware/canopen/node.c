@@ -206,6 +206,7 @@ void node_receive(node_t *node, const can_frame_t *frame) {
             receive_sdo(node, frame);
         }
     } else if (frame->cob_id > HEARTBEAT_COB_ID) {
+        node->namesake |= frame->cob_id == HEARTBEAT_COB_ID + node->od.node_id;
         node->commanded |= heartbeat_receive(&node->heartbeat, frame, node->now_us);
     } else if (state == NMT_OPERATIONAL) {
         receive_process_data(node, frame);
@@ -286,6 +287,12 @@ bool node_host_lost(const node_t *node) {
 
 bool node_host_restarted(const node_t *node) {
     return node->heartbeat.restarted;
+}
+
+bool node_take_namesake(node_t *node) {
+    const bool namesake = node->namesake;
+    node->namesake = false;
+    return namesake;
 }
 
 bool node_take_commanded(node_t *node) {

@@ -34,6 +34,7 @@ typedef struct {
     emcy_t emcy;
     frame_queue_t tx;
     bool commanded;            /* the host has written a command, or its heartbeat has come */
+    bool namesake;             /* a heartbeat with our own node id has come */
     storage_request_t storage; /* the drive carries it out, sets it back, node_storage_done() */
     const uint32_t *image;     /* what is kept across power-off; not owned */
     uint32_t image_words;
@@ -90,6 +91,9 @@ bool node_host_lost(const node_t *node);
 
 /* Has the host of 0x1016 started anew since the last node_tick()? */
 bool node_host_restarted(const node_t *node);
+
+/* Has another node with our node id been heard since the last call? */
+bool node_take_namesake(node_t *node);
 
 /* Has the host given a sign of life since the last call: an RPDO that was accepted, an SDO write to
  * an entry of role command, or the heartbeat of 0x1016? */

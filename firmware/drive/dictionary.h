@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x540D3D87)
+#define DICTIONARY_HASH UINT32_C(0xED3E4E78)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 215
+#define DICTIONARY_COUNT 217
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -114,6 +114,8 @@ typedef struct {
     uint8_t limits_active;                             /* 0x200F */
     uint32_t fault_log[16];                            /* 0x2010 */
     uint32_t fault_log_uptime_s[16];                   /* 0x2011 */
+    uint8_t node_id;                                   /* 0x2012 */
+    uint16_t bit_rate;                                 /* 0x2013 */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */
@@ -261,6 +263,8 @@ enum {
     EMCY_COMMAND_LATE_REGISTER = 0x11,
     EMCY_HOST_RESTARTED = 0x8132, /* the watched host restarted while the drive ran */
     EMCY_HOST_RESTARTED_REGISTER = 0x11,
+    EMCY_NODE_ID_TAKEN = 0x8133, /* another node on the bus has this drive's node id */
+    EMCY_NODE_ID_TAKEN_REGISTER = 0x11,
     EMCY_BUS_OFF_RECOVERED = 0x8140, /* recovered from bus-off */
     EMCY_BUS_OFF_RECOVERED_REGISTER = 0x11,
     EMCY_PROTOCOL_ERROR =

@@ -4,6 +4,8 @@
 #include "publish.h"
 #include "supervision/fault_log.h"
 
+#define NODE_ID_ENTRY 0x2012u
+
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
 /* A host writes many entries in a row; the model starts anew once, 50 ms after the last. */
@@ -25,6 +27,14 @@ static void tell_origin(drive_t *drive, storage_report_t report) {
     }
 }
 
+/* As it was stored, else the board's own. */
+static uint8_t own_node_id(const board_identity_t *identity) {
+    uint32_t stored = 0;
+    const bool found =
+        storage_find(identity->saved, identity->saved_words, NODE_ID_ENTRY, 0, &stored);
+    return found && stored >= 1 && stored <= 127 ? (uint8_t)stored : identity->node_id;
+}
+
 void drive_init(drive_t *drive, const board_identity_t *identity) {
     /* No configuration has these revisions: the first tick takes the defaults. */
     *drive = (drive_t){
@@ -32,9 +42,11 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
         .configured_revision = UINT32_MAX,
         .seen_revision = UINT32_MAX,
     };
-    node_init(&drive->node, DICTIONARY, DICTIONARY_COUNT, &drive->dictionary, identity->node_id, 0);
+    node_init(&drive->node, DICTIONARY, DICTIONARY_COUNT, &drive->dictionary, own_node_id(identity),
+              0);
     dictionary_t *dictionary = &drive->dictionary;
     drive->current_max_ua = identity->current_max_ua;
+    dictionary->node_id = drive->node.od.node_id;
     dictionary->identity_serial_number = identity->serial_number;
     dictionary->reset_cause = (uint8_t)identity->reset;
     dictionary->crash_record_crashes = identity->crash.crashes;
@@ -154,6 +166,7 @@ static supervision_inputs_t watched(drive_t *drive, const board_sensors_t *senso
         .host_commanded = node_take_commanded(&drive->node),
         .heartbeat_lost = node_host_lost(&drive->node),
         .host_restarted = node_host_restarted(&drive->node),
+        .namesake = node_take_namesake(&drive->node),
         .motor_counts = sensors->motor_encoder_counts,
         .load_counts = sensors->load_encoder_counts,
         .apart_nm = fixed_subtract(drive->motor_arc_nm, drive->load_arc_nm, &ignored),

@@ -69,5 +69,6 @@ bool saving_step(saving_t *saving, node_t *node, board_store_t board,
     }
     actuators->store = saving->busy ? saving->image : NULL;
     actuators->store_words = saving->busy ? saving->words : 0;
+    actuators->store_is_log = saving->busy && saving->for_log;
     return done && !saving->for_log;
 }

@@ -63,10 +63,10 @@ class Store:
         room = ffi.new("uint32_t[509]")
         self.found = list(room[0 : lib.store_open(self.raw, room)])
 
-    def save(self, image: list[int]) -> bool:
+    def save(self, image: list[int], is_log: bool = False) -> bool:
         """Whether the store says that the image is kept."""
         words = ffi.new("uint32_t[]", image)
-        if not lib.store_begin(self.raw, words, len(image)):
+        if not lib.store_begin(self.raw, words, len(image), is_log):
             return False
         for _ in range(3 * (len(image) + 3) + 1):
             if lib.store_step(self.raw) != lib.STORE_BUSY:
@@ -179,6 +179,32 @@ def test_a_save_that_was_cut_short_is_told_until_the_next(words: int) -> None:
     assert not Store().raw.damaged
 
 
+@pytest.mark.parametrize("words", [0, 2, 3, 4, 5])  # 1: whose mark was torn cannot be told
+@pytest.mark.parametrize("before", [[], [1, 2, 3]])
+def test_a_log_that_was_cut_short_is_no_damage(before: list[int], words: int) -> None:
+    ffi.memmove(lib.memory, b"\xff" * 4 * 65536, 4 * 65536)
+    if before:
+        assert Store().save(before)
+    lib.budget = words
+    assert not Store().save([4, 5, 6], is_log=True)
+    lib.budget = FOR_EVER
+    after = Store()
+    assert after.found == before
+    assert not after.raw.damaged
+    assert after.save([7], is_log=True)
+    assert Store().found == [7]
+
+
+def test_a_log_never_hides_that_a_save_was_cut_short() -> None:
+    assert Store().save([1, 2, 3])
+    lib.budget = 3
+    assert not Store().save([4, 5, 6])
+    lib.budget = FOR_EVER
+    after = Store()
+    assert not after.save([7], is_log=True)
+    assert Store().raw.damaged
+
+
 @pytest.mark.parametrize("word", [0, 1, 2, 5])
 def test_a_worn_word_costs_its_slot_only(word: int) -> None:
     lib.worn_word = word  # its lowest bit cannot be programmed
@@ -196,7 +222,7 @@ def test_a_flipped_bit_falls_back_to_the_image_before() -> None:
 
 @pytest.mark.parametrize("words", [0, IMAGE_WORDS + 1])
 def test_an_image_that_does_not_fit_is_refused(words: int) -> None:
-    assert not lib.store_begin(Store().raw, ffi.new("uint32_t[]", words + 1), words)
+    assert not lib.store_begin(Store().raw, ffi.new("uint32_t[]", words + 1), words, False)
 
 
 def test_the_largest_image_fits() -> None:

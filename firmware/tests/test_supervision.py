@@ -487,3 +487,17 @@ def test_faults_of_one_tick_are_all_in_the_log() -> None:
     drive.tick(3)
     assert {entry & 0xFFFF for entry in list(drive.values.fault_log)[:2]} == {0x7305, 0x5300}
     assert drive.values.fault_log[2] == 0
+
+
+# ---- identity ----
+
+
+def test_a_node_with_our_id_is_noticed_and_told() -> None:
+    drive = guarded()
+    drive.send(0x700 + NODE_ID + 1, b"\x05")
+    speak(drive)
+    assert drive.tick().bridge_enabled
+    drive.send(0x700 + NODE_ID, b"\x05")
+    assert not drive.tick().bridge_enabled
+    assert latched(drive) == Supervision.NODE_ID_TAKEN
+    assert emergencies(drive) == [0x8133]

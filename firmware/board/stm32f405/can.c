@@ -4,8 +4,10 @@
 #include "handlers.h"
 #include "registers.h"
 
-/* 42 MHz / 3 / (1 + 11 + 2) = 1 Mbit/s, sampled at 86 % (CiA 301 asks for 88 %). */
-#define BIT_TIMING (CAN_BTR_BRP(3u) | CAN_BTR_TS1(11u) | CAN_BTR_TS2(2u) | CAN_BTR_SJW(2u))
+/* 42 MHz / 3 / (1 + 11 + 2) = 1 Mbit/s, sampled at 86 % (CiA 301 asks for 88 %); slower rates by
+ * the prescaler alone. */
+#define BIT_TIMING (CAN_BTR_TS1(11u) | CAN_BTR_TS2(2u) | CAN_BTR_SJW(2u))
+#define PRESCALER_KBIT 3000u
 
 /* Entering and leaving initialisation takes at most 11 recessive bits: 11 us, 1900 core cycles. A
  * bus that is stuck dominant never lets us in: then the bit in MSR comes later by itself. */
@@ -36,6 +38,7 @@ static volatile bool rx_overrun;
 static uint16_t listened[CAN_RPDOS];
 static uint32_t since_recovery, passive; /* ticks */
 static uint8_t own_node_id;
+static uint32_t prescaler;
 static bool configured;
 static bool lost;
 static uint32_t unsent; /* ticks since a frame waits and none has left */
@@ -78,15 +81,16 @@ static void start_filters(uint8_t node_id) {
 
 /* In initialisation: from here on the controller may take part. */
 static void configure(void) {
-    CAN1->BTR = BIT_TIMING;
+    CAN1->BTR = BIT_TIMING | CAN_BTR_BRP(prescaler);
     start_filters(own_node_id);
     CAN1->IER = CAN_IER_FMPIE0;
     configured = true;
     CAN1->MCR &= ~CAN_MCR_INRQ;
 }
 
-void can_start(uint8_t node_id) {
+void can_start(uint8_t node_id, uint16_t bit_rate_kbit) {
     own_node_id = node_id;
+    prescaler = PRESCALER_KBIT / bit_rate_kbit;
     RCC->APB1ENR |= RCC_APB1ENR_CAN1EN;
     core_barrier();
     CAN1->MCR = CAN_MCR_INRQ | CAN_MCR_TXFP | CAN_MCR_DBF; /* awake, first come first sent */

@@ -1,4 +1,5 @@
-/* can.h: the CAN controller (bxCAN): 1 Mbit/s, hardware filters, a receive ring, three mailboxes.
+/* can.h: the CAN controller (bxCAN): 125 kbit/s to 1 Mbit/s, hardware filters, a receive ring,
+ * three mailboxes.
  *
  * Received frames are put into a ring by an interrupt, so that bursts outlive the three-deep FIFO;
  * the control tick takes them out. Frames are sent from the control tick alone: three mailboxes
@@ -16,7 +17,7 @@
 
 /* Starts the controller for NMT, SYNC, the node's SDO requests and all heartbeats. On a bus that
  * does not let it in, can_tick() goes on with it and reports bus-off meanwhile. */
-void can_start(uint8_t node_id);
+void can_start(uint8_t node_id, uint16_t bit_rate_kbit);
 
 /* Receives these identifiers too; 0 is none. Costs nothing while they stay the same. */
 void can_listen(const uint16_t cob_ids[CAN_RPDOS]);

@@ -67,6 +67,14 @@ void control_start(const board_identity_t *identity, uint32_t standing_faults,
     drive_init(&drive, &known);
 }
 
+uint8_t control_node_id(void) {
+    return drive.node.od.node_id;
+}
+
+uint16_t control_bit_rate_kbit(void) {
+    return drive.dictionary.bit_rate;
+}
+
 void control_run(void) {
     SYSTICK->LOAD = TICK_CYCLES - 1u;
     SYSTICK->VAL = 0;
@@ -239,9 +247,10 @@ static void keep(void) {
     } else if (sensors.store == BOARD_STORE_IDLE && store_is_full(&store)) {
         ask_for_room();
     } else if (sensors.store == BOARD_STORE_IDLE) {
-        sensors.store = store_begin(&store, actuators.store, actuators.store_words)
-                            ? BOARD_STORE_BUSY
-                            : BOARD_STORE_FAILED;
+        sensors.store =
+            store_begin(&store, actuators.store, actuators.store_words, actuators.store_is_log)
+                ? BOARD_STORE_BUSY
+                : BOARD_STORE_FAILED;
     } else if (sensors.store == BOARD_STORE_BUSY && !actuators.bridge_enabled) {
         step_store();
     }

@@ -23,6 +23,10 @@ void control_start(const board_identity_t *identity, uint32_t standing_faults,
 /* Lets SysTick run. The 20 kHz loop must run already; see control.c for the phase. */
 void control_run(void);
 
+/* Of the node, once control_start() has been called. */
+uint8_t control_node_id(void);
+uint16_t control_bit_rate_kbit(void);
+
 /* State of the drive, for the lamp. */
 drive_state_t control_state(void);
 

@@ -73,7 +73,7 @@ int main(void) {
     };
     control_start(&identity, source == CLOCK_INTERNAL ? (uint32_t)BOARD_FAULT_CLOCK : 0u,
                   ended_badly ? (uint32_t)BOARD_FAULT_RESTARTED : 0u);
-    can_start(identity.node_id);
+    can_start(control_node_id(), control_bit_rate_kbit());
     set_priorities();
     pwm_start();
     control_run();

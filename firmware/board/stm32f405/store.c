@@ -4,6 +4,8 @@
 #include "flash.h"
 
 #define MARK 0xB0DE0000u
+#define MARK_LOG 0xB0DF0000u
+#define MARK_BITS 0xFFFF0000u
 #define HEAD_WORDS 2u
 #define ALL_SLOTS (FLASH_SECTORS * STORE_SLOTS)
 #define CHECK_SEED 0x5EED5EEDu
@@ -34,7 +36,9 @@ static uint32_t check_with(uint32_t check, uint32_t word) {
 
 static uint32_t length_of(uint32_t header) {
     const uint32_t words = header & 0xFFFFu;
-    return (header & 0xFFFF0000u) == MARK && words <= STORE_IMAGE_WORDS ? words : 0;
+    const uint32_t mark = header & MARK_BITS;
+    const bool known = mark == MARK || mark == MARK_LOG;
+    return known && words <= STORE_IMAGE_WORDS ? words : 0;
 }
 
 /* Length of the image in a slot; 0: none that is whole. */
@@ -59,20 +63,26 @@ static uint32_t blank_slot_after(uint32_t slot) {
     return ALL_SLOTS;
 }
 
+/* Has somebody begun a slot who was to be told when it fails? */
+static bool is_asked_for(uint32_t slot) {
+    const uint32_t header = word_at(slot, 0);
+    return header != FLASH_BLANK && (header & MARK_BITS) != MARK_LOG;
+}
+
 /* Slots are used in order: is the one after the newest image begun? Then a save was cut short, or
  * it is spoiled since. A sector's first slot may still hold an older image. */
 static bool is_followed(uint32_t newest) {
     const uint32_t next = newest + 1u;
-    return next % STORE_SLOTS != 0 && word_at(next, 0) != FLASH_BLANK;
+    return next % STORE_SLOTS != 0 && is_asked_for(next);
 }
 
-static bool is_blank(void) {
+static bool was_ever_asked(void) {
     for (uint32_t slot = 0; slot < ALL_SLOTS; slot++) {
-        if (word_at(slot, 0) != FLASH_BLANK) {
-            return false;
+        if (is_asked_for(slot)) {
+            return true;
         }
     }
-    return true;
+    return false;
 }
 
 uint32_t store_open(store_t *store, uint32_t *image) {
@@ -89,7 +99,7 @@ uint32_t store_open(store_t *store, uint32_t *image) {
             }
         }
     }
-    store->damaged = words > 0 ? is_followed(store->newest) : !is_blank();
+    store->damaged = words > 0 ? is_followed(store->newest) : was_ever_asked();
     for (uint32_t word = 0; word < words; word++) {
         image[word] = word_at(store->newest, HEAD_WORDS + word);
     }
@@ -116,16 +126,18 @@ void store_erased(store_t *store) {
     }
 }
 
-bool store_begin(store_t *store, const uint32_t *image, uint32_t words) {
+bool store_begin(store_t *store, const uint32_t *image, uint32_t words, bool is_log) {
     if (store->progress == STORE_BUSY) {
         return false;
     }
     store->progress = STORE_FAILED;
-    if (words == 0 || words > STORE_IMAGE_WORDS || store->slot == ALL_SLOTS) {
+    const bool hides_damage = is_log && store->damaged;
+    if (words == 0 || words > STORE_IMAGE_WORDS || store->slot == ALL_SLOTS || hides_damage) {
         return false;
     }
     store->image = image;
     store->words = words;
+    store->mark = is_log ? MARK_LOG : MARK;
     store->word = 0;
     store->tries = 0;
     store->check = CHECK_SEED;
@@ -135,7 +147,7 @@ bool store_begin(store_t *store, const uint32_t *image, uint32_t words) {
 
 static uint32_t word_to_program(const store_t *store) {
     if (store->word == 0) {
-        return MARK | store->words;
+        return store->mark | store->words;
     }
     if (store->word == 1) {
         return store->sequence + 1u;

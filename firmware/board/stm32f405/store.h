@@ -26,9 +26,10 @@ typedef struct {
     uint32_t check;
     const uint32_t *image;
     uint32_t words;
+    uint32_t mark; /* of the image that is being saved */
     store_progress_t progress;
     uint32_t newest; /* slot of the image that counts; 2 STORE_SLOTS: there is none */
-    bool damaged;    /* something younger than it, or than nothing, is not whole */
+    bool damaged;    /* something, but a log, younger than it, or than nothing, is not whole */
 } store_t;
 
 /* Finds the image that counts and copies it to image[STORE_IMAGE_WORDS]; returns its length in
@@ -42,8 +43,10 @@ uint32_t store_sector_to_erase(const store_t *store);
 void store_erased(store_t *store);
 
 /* Begins to save `words` words; they must not change until store_step() no longer returns
- * STORE_BUSY. Not while busy. False: too long, or full. */
-bool store_begin(store_t *store, const uint32_t *image, uint32_t words);
+ * STORE_BUSY. Not while busy. `is_log`: nobody has asked for it, and cut short after its first word
+ * it is no damage. False: too long, or full, or a log that would hide that an asked save is
+ * damaged. */
+bool store_begin(store_t *store, const uint32_t *image, uint32_t words, bool is_log);
 
 /* Programs at most one word; after the last it reads the whole image back. STORE_DONE and
  * STORE_FAILED stay until the next store_begin(). */

@@ -35,4 +35,5 @@ const supervision_row_t SUPERVISION[SUPERVISION_BITS] = {
     [23] = {EMCY_HOST_RESTARTED, EMCY_HOST_RESTARTED_REGISTER, 1},         /* host_restarted */
     [24] = {EMCY_COMMAND_LATE, EMCY_COMMAND_LATE_REGISTER, 1},             /* command_late */
     [25] = {EMCY_CONFIGURATION_REFUSED, EMCY_CONFIGURATION_REFUSED_REGISTER, 1}, /* configuration */
+    [26] = {EMCY_NODE_ID_TAKEN, EMCY_NODE_ID_TAKEN_REGISTER, 1},                 /* node_id_taken */
 };

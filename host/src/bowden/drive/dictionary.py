@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0x540D3D87
+HASH = 0xED3E4E78
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -112,7 +112,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x540d3d87, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xed3e4e78, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -141,6 +141,8 @@ TABLE = Table(
         *array(16, Entry(0x2010, 1, 'fault_log', 'u32', 'ro', 'state', 0, high=4294967295, persist=True, doc='the last faults, newest first, kept across power-off: EMCY code in the low word, reset_cause of that start in bits 16 to 23; 0: none')),
         Entry(0x2011, 0, 'fault_log_uptime.count', 'u8', 'const', 'communication', 16, high=255, doc='highest sub-index'),
         *array(16, Entry(0x2011, 1, 'fault_log_uptime', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1.0, persist=True, doc='of each: time since that start')),
+        Entry(0x2012, 0, 'node_id', 'u8', 'rw', 'calibration', 16, low=1, high=127, persist=True, doc='CANopen node id from the next start on, once it is stored'),
+        Entry(0x2013, 0, 'bit_rate', 'u16', 'rw', 'calibration', 1000, low=125, high=1000, persist=True, meaning=meanings.BitRate, doc='of the CAN bus, from the next start on, once it is stored'),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),
@@ -272,6 +274,7 @@ EMERGENCIES = (
     Emergency(0x8130, 'heartbeat_lost', 16, 'the host went silent while the drive ran', 'restart the host tool; the bridge is off'),
     Emergency(0x8131, 'command_late', 16, 'no command came from the host within command_deadline', 'restart the host tool, or have the host send its command or heartbeat more often than command_deadline'),
     Emergency(0x8132, 'host_restarted', 16, 'the watched host restarted while the drive ran', 'start the host tool again; the bridge is off'),
+    Emergency(0x8133, 'node_id_taken', 16, "another node on the bus has this drive's node id", 'give one of them another node_id: connect it alone, bowden od write node_id=17 --store, restart it'),
     Emergency(0x8140, 'bus_off_recovered', 16, 'recovered from bus-off', 'check termination and bit rate'),
     Emergency(0x8200, 'protocol_error', 16, 'RPDO carries a value out of range; the whole frame was ignored', 'check the sender against the ranges of the dictionary'),
     Emergency(0x8210, 'pdo_length', 16, 'RPDO shorter than its mapping', "check the sender's mapping"),
@@ -309,6 +312,7 @@ SUPERVISION = (
     Check(23, 'host_restarted', 'boot-up message of the watched host', '', 'host_restarted'),
     Check(24, 'command_late', 'time since the last accepted RPDO, SDO write to a command, or watched heartbeat', 'command_deadline', 'command_late'),
     Check(25, 'configuration', 'a configuration that cannot run', '', 'configuration_refused'),
+    Check(26, 'node_id_taken', 'heartbeats and boot-up messages of other nodes with the same node id', '', 'node_id_taken'),
 )
 
 ENTRIES = TABLE.entries

@@ -97,6 +97,7 @@ class Supervision(NamedBits):
     HOST_RESTARTED = 1 << 23, 'the watched host restarted while the drive ran'
     COMMAND_LATE = 1 << 24, 'no command came from the host within command_deadline'
     CONFIGURATION = 1 << 25, 'configuration cannot run'
+    NODE_ID_TAKEN = 1 << 26, "another node on the bus has this drive's node id"
 
 
 class LimitsActive(NamedBits):
@@ -107,6 +108,15 @@ class LimitsActive(NamedBits):
     MOTOR_HEAT = 1 << 2, 'the motor is near its continuous current (I2t)'
     BRIDGE_HEAT = 1 << 3, 'the bridge is near its continuous current (I2t)'
     CONDUIT_HEAT = 1 << 4, 'the conduit is within 10 K of conduit_temperature_limit'
+
+
+class BitRate(NamedValue):
+    """Of the CAN bus, from the next start on, once it is stored."""
+
+    KBIT_125 = 125, '125 kbit/s'
+    KBIT_250 = 250, '250 kbit/s'
+    KBIT_500 = 500, '500 kbit/s'
+    KBIT_1000 = 1000, '1 Mbit/s'
 
 
 class SlipState(NamedValue):
