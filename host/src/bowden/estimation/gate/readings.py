@@ -68,6 +68,21 @@ class Readings:
             for name, one in asked.channels.items()
         )
 
+    def is_mended_by(self, mistake: Mistake) -> bool:
+        """Tell whether undoing a mistake leaves each channel explained, or no worse than it was."""
+        predicted, asked = self._split(mistake)
+        if asked is None:
+            return False
+        before = {} if self.as_read is None else self.as_read.channels
+        for name, channel in asked.channels.items():
+            now = channel.explained(predicted.get(name, 1.0))
+            if _unexplained(now, MOST_SURPRISE) < FAR:
+                continue
+            was = before[name].explained(1.0) if name in before else None
+            if was is None or now.relative > was.relative or now.surprise > was.surprise:
+                return False
+        return True
+
     def likeliest(self) -> tuple[Mistake, float]:
         """Return the likeliest mistake and its log odds against a recording that is right."""
         right = self._right()

@@ -50,8 +50,8 @@ def check_against_model(model: Model, mode: Mode, one: Recording, name: str) -> 
     worst = reading.worst()
     if worst > EXPLAINED:
         mistake, log_odds = reading.likeliest()
-        left = reading.left_by(mistake, MOST_SURPRISE)
-        if mistake.kind != "none" and log_odds > STOP_LOG_ODDS and left < FAR:
+        certain = mistake.kind != "none" and log_odds > STOP_LOG_ODDS
+        if certain and reading.is_mended_by(mistake):
             found = f"{mistake.words}; {_odds(log_odds)} that it is not as the file says"
             yield Finding(
                 mistake.kind, name, found, "SI units and the signs of the physics page", "stop"
