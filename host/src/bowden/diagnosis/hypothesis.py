@@ -17,7 +17,6 @@ from bowden.diagnosis.material import Material, with_offset
 from bowden.diagnosis.probes import off_value
 from bowden.estimation.covariance import DOUBTED, Covariance
 from bowden.estimation.descend import descend, jacobians
-from bowden.estimation.likelihood import Scales
 from bowden.estimation.parameters import Parameters, parameters_of
 from bowden.estimation.posterior import NOT_TOLD, Estimate
 from bowden.estimation.problem import Optimum, Problem
@@ -79,10 +78,6 @@ class Hypothesis:
         """Return the coordinate of each number by its path."""
         each = self.problem.parameters.each
         return {one.path: float(x) for one, x in zip(each, self.best.x, strict=False)}
-
-    def numbers(self, recording: int) -> list[tuple[object, float]]:
-        """Return the nuisance numbers that count for a recording."""
-        return list(self.problem.numbers(self.best.x, recording))
 
 
 def parameters_with(
@@ -178,12 +173,6 @@ def _with_slopes(
     sizes = np.clip(SPREAD * sigma, 1e-4 * problem.unit, 0.5 * problem.unit)
     slopes = jacobians(problem, best.x, best.residuals, best.noises, sizes)
     return Hypothesis(tuple(one for one, _ in effects), problem, best, tuple(slopes))
-
-
-def under(one: Hypothesis, noises: Sequence[Covariance], scales: Scales) -> Hypothesis:
-    """Return a hypothesis as it is, weighed under another covariance."""
-    own = with_offset(noises, [noise.offset for noise in one.best.noises])
-    return replace(one, best=replace(one.best, noises=own, scales=scales))
 
 
 def estimates_of(one: Hypothesis) -> tuple[Estimate, ...]:

@@ -20,7 +20,7 @@ from bowden.diagnosis.predict import UnseenPrediction
 
 _Floats = NDArray[np.float64]
 
-UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
+PRIOR_UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
 MORE = 0.25  # of rigs that miss some effects miss one more
 RESAMPLES = 2000
 
@@ -43,11 +43,6 @@ class Weighed:
     prediction: UnseenPrediction
     weight: float = 0.0
     beyond: float = 0.0
-
-    @property
-    def score(self) -> float:
-        """Log predictive density with its prior."""
-        return float(self.prediction.density.sum()) + log_prior(self.hypothesis)
 
 
 def log_prior(one: Hypothesis, candidates: int = 32) -> float:
@@ -80,7 +75,7 @@ def posterior(
         [one[1].density for one in found] + [one[1].beyond for one in found]
     )  # (2 h, blocks)
     prior = np.array([log_prior(one[0], candidates) + log_tolerances(one[0]) for one in found])
-    prior = np.concatenate([prior + math.log1p(-UNLISTED), prior + math.log(UNLISTED)])
+    prior = np.concatenate([prior + math.log1p(-PRIOR_UNLISTED), prior + math.log(PRIOR_UNLISTED)])
     blocks = density.shape[1]
     draws = np.random.default_rng([seed, 41]).dirichlet(np.ones(blocks), RESAMPLES) * blocks
     total = draws @ density.T + prior

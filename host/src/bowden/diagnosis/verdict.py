@@ -70,7 +70,7 @@ def decide(found: Found) -> Decision:
         chosen = (exactly or holding)[0]
         verdict, shown = "named", [chosen]
     elif nothing > LIKELIER:
-        verdict, chosen, shown = "complete", _simplest(base, every), []
+        verdict, chosen, shown = "complete", base, []
     else:
         shown = _credible(every)
         verdict, chosen = "ambiguous", shown[0]
@@ -86,11 +86,6 @@ def decide(found: Found) -> Decision:
         named.values(), key=lambda one: (-round(one.confidence, 2), -sizes.get(one.name, 0.0))
     )
     return Decision(verdict, tuple(order), chosen, _ties(_credible(every)), odds)
-
-
-def _simplest(base: Weighed, every: Sequence[Weighed]) -> Weighed:
-    """Return the calibrated model itself, which is what "complete" speaks of."""
-    return base if base in every else every[0]
 
 
 def explanations(every: Sequence[Weighed]) -> dict[str, float]:
