@@ -249,7 +249,6 @@ def test_a_time_limit_ends_the_search_and_says_so() -> None:
     hidden = TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"])
     found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1, time_limit_s=1e-9)
     assert found.effects == ()
-    assert found.verdict == "unlisted"
     assert any("time limit" in one for one in found.notes)
 
 

@@ -41,10 +41,10 @@ class Stub:
 
 def weighed(*sets: tuple[str, Any, Any]) -> list[Weighed]:
     found = []
-    for names, listed, beyond in sets:
+    for names, small, large in sets:
         stub = Stub(tuple(names.split()))
         prediction = UnseenPrediction(
-            np.zeros(BLOCKS) + listed, np.zeros(BLOCKS) + beyond, (), (), (), ()
+            np.zeros(BLOCKS) + small, np.zeros(BLOCKS) + large, (), (), (), ()
         )
         found.append((cast("Hypothesis", stub), prediction))
     return posterior(found, candidates=32, seed=0)
@@ -103,6 +103,15 @@ def test_something_unlisted_beats_names_that_fit_badly(monkeypatch: pytest.Monke
     found = decided(every, monkeypatch)
     assert found.verdict == "unlisted"
     assert found.effects == ()
+
+
+def test_one_block_that_fits_badly_is_an_outlier_and_three_are_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for bad, verdict in ((1, "complete"), (3, "unlisted")):
+        small = np.zeros(BLOCKS)
+        small[:bad] = -100.0
+        assert decided(weighed(("", small, -5.0)), monkeypatch).verdict == verdict
 
 
 def test_the_order_of_the_hypotheses_changes_nothing() -> None:

@@ -22,6 +22,7 @@ _Floats = NDArray[np.float64]
 
 PRIOR_UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
 MORE = 0.25  # of rigs that miss some effects miss one more
+AFFECTED = (0.05, 0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
 RESAMPLES = 2000
 
 
@@ -72,19 +73,21 @@ def posterior(
         Of the bootstrap.
     """
     density = np.stack(
-        [one[1].density for one in found] + [one[1].beyond for one in found]
-    )  # (2 h, blocks)
+        [one[1].density for one in found]
+        + [one[1].affected(share) for share in AFFECTED for one in found]
+    )  # ((1 + shares) h, blocks)
     prior = np.array([log_prior(one[0], candidates) + log_tolerances(one[0]) for one in found])
-    prior = np.concatenate([prior + math.log1p(-PRIOR_UNLISTED), prior + math.log(PRIOR_UNLISTED)])
+    unlisted = prior + math.log(PRIOR_UNLISTED / len(AFFECTED))
+    prior = np.concatenate([prior + math.log1p(-PRIOR_UNLISTED), *[unlisted] * len(AFFECTED)])
     blocks = density.shape[1]
     draws = np.random.default_rng([seed, 41]).dirichlet(np.ones(blocks), RESAMPLES) * blocks
     total = draws @ density.T + prior
     total -= total.max(axis=1, keepdims=True)
     share = np.exp(total)
     share = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
-    count = len(found)
+    by_share = share.reshape(1 + len(AFFECTED), len(found))
     weighed = [
-        Weighed(*one, weight=float(share[i]), beyond=float(share[count + i]))
+        Weighed(*one, weight=float(by_share[0, i]), beyond=float(by_share[1:, i].sum()))
         for i, one in enumerate(found)
     ]
     return sorted(weighed, key=lambda one: -(one.weight + one.beyond))

@@ -40,11 +40,9 @@ class UnseenPrediction:
 
     Parameters
     ----------
-    density : ndarray of shape (blocks,)
-        Log predictive density of each block, up to a constant of the data, where the model holds:
-        what is left is no more than two solvers of one law differ by, but for rare outliers.
-    beyond : ndarray of shape (blocks,)
-        The same where something unlisted is there: in every other block, of a size of its own.
+    small, large : ndarray of shape (blocks,)
+        Log predictive density of each block, up to a constant of the data: where the model leaves
+        no more than one does that is right in practice, and where something unlisted is there.
     residuals : tuple of ndarray of shape (n,)
         Measured minus predicted, each observation by a fit that has not seen its block.
     scales : tuple of Scales
@@ -55,12 +53,23 @@ class UnseenPrediction:
         Which fold each block of each recording is held out in.
     """
 
-    density: _Floats
-    beyond: _Floats
+    small: _Floats
+    large: _Floats
     residuals: tuple[_Floats, ...]
     scales: tuple[Scales, ...]
     points: tuple[_Floats, ...]
     folds: tuple[NDArray[np.intp], ...]
+
+    @property
+    def density(self) -> _Floats:
+        """Log density of each block if the model is right, but for rare outliers of the noise."""
+        return self.affected(OUTLIER)
+
+    def affected(self, share: float) -> _Floats:
+        """Log density of each block if something unlisted is there in such a share of them."""
+        return np.asarray(
+            np.logaddexp(self.small + math.log1p(-share), self.large + math.log(share))
+        )
 
 
 def predict_unseen(one: Hypothesis) -> UnseenPrediction:
@@ -73,8 +82,8 @@ def predict_unseen(one: Hypothesis) -> UnseenPrediction:
     problem, best = one.problem, one.best
     count = [len(data.observations.blocks) for data in problem.data]
     fold = _folds(count)
-    density = [np.zeros(number) for number in count]
-    beyond = [np.zeros(number) for number in count]
+    small = [np.zeros(number) for number in count]
+    large = [np.zeros(number) for number in count]
     residuals = [np.array(r) for r in best.residuals]
     every, points = [], []
     for k in range(max(f.max() for f in fold) + 1):
@@ -89,25 +98,21 @@ def predict_unseen(one: Hypothesis) -> UnseenPrediction:
             if not unseen[r]:
                 continue
             columns = np.column_stack([found[r], one.slopes[r] @ root])
-            small, large = (
-                _mixture(
+            for into, sizes in ((small, LISTED), (large, UNLISTED)):
+                into[r][unseen[r]] = _mixture(
                     [
                         _densities(data, best.noises[r], each, columns, unseen[r])
                         for each in _of_sizes(scales, sizes)
                     ]
                 )
-                for sizes in (LISTED, UNLISTED)
-            )
-            density[r][unseen[r]] = _either(small, large, OUTLIER)
-            beyond[r][unseen[r]] = _either(small, large, 0.5)
             for number in unseen[r]:
                 rows = data.observations.blocks[number]
                 residuals[r][rows] = found[r][rows]
         every.append(scales)
         points.append(x)
     return UnseenPrediction(
-        np.concatenate(density),
-        np.concatenate(beyond),
+        np.concatenate(small),
+        np.concatenate(large),
         tuple(residuals),
         tuple(every),
         tuple(points),
@@ -160,11 +165,6 @@ def _of_sizes(scales: Scales, sizes: Sequence[float]) -> list[Scales]:
         for first, second in itertools.product(sizes, sizes)
         if max(first, second) >= least
     ]
-
-
-def _either(small: _Floats, large: _Floats, share: float) -> _Floats:
-    """Return the log density of blocks of which a share is beyond what a right model leaves."""
-    return np.asarray(np.logaddexp(small + math.log1p(-share), large + math.log(share)))
 
 
 def _mixture(densities: Sequence[_Floats]) -> _Floats:

@@ -177,7 +177,7 @@ def ranking(found: Found) -> tuple[Ranked, ...]:
 
 
 def _density(one: Weighed) -> float:
-    return float(max(one.prediction.density.sum(), one.prediction.beyond.sum()))
+    return float(max(one.prediction.density.sum(), one.prediction.affected(LIKELIER).sum()))
 
 
 def unseen_gap(one: Hypothesis, prediction: UnseenPrediction, channel: int) -> float:
