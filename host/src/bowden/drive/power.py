@@ -100,7 +100,7 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
     if (state := power_state(drive.read_raw("statusword"))) in BRIDGE_ON:
         raise DriveFailed(
             f"node {drive.node_id} is in {state!r}: another program runs it; end that first "
-            "(or stop the drive: space bar of `bowden watch`)"
+            "(or `bowden stop`)"
         )
     heartbeat_before = drive.read_raw("consumer_heartbeat.1")
     try:
