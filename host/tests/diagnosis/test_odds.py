@@ -105,10 +105,10 @@ def test_something_unlisted_beats_names_that_fit_badly(monkeypatch: pytest.Monke
     assert found.effects == ()
 
 
-def test_one_block_that_fits_badly_is_an_outlier_and_three_are_not(
+def test_one_block_that_fits_badly_is_an_outlier_and_four_are_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for bad, verdict in ((1, "complete"), (3, "unlisted")):
+    for bad, verdict in ((1, "complete"), (4, "unlisted")):
         small = np.zeros(BLOCKS)
         small[:bad] = -100.0
         assert decided(weighed(("", small, -5.0)), monkeypatch).verdict == verdict

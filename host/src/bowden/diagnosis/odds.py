@@ -22,7 +22,7 @@ _Floats = NDArray[np.float64]
 
 PRIOR_UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
 MORE = 0.25  # of rigs that miss some effects miss one more
-AFFECTED = (0.05, 0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
+AFFECTED = (0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
 RESAMPLES = 2000
 
 
