@@ -256,3 +256,10 @@ def test_the_predecessor_is_reachable_and_agrees_on_a_plain_case() -> None:
     hidden = TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"])
     found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1, method="rules")
     assert [one.name for one in found.effects] == ["load_cell_offset"]
+
+
+def test_a_zero_far_from_half_a_count_is_an_effect_and_no_nuisance() -> None:
+    hidden = TRUTH.with_effect("encoder_offset", {"offset_rad": 0.02})  # six counts
+    found = diagnose(MODEL, [measured(hidden)], names=("encoder_offset", *NAMES), seed=1)
+    # Of which encoder, a constant between the two cannot say.
+    assert [one.name for one in found.effects] == ["encoder_offset"]

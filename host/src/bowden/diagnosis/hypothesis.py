@@ -235,8 +235,8 @@ def size_in_noise(like: Hypothesis, change: Sequence[_Floats]) -> float:
 def contributions(one: Hypothesis) -> list[list[_Floats] | None]:
     """Return what each effect does to each recording's prediction at the optimum.
 
-    With that effect switched off, beyond what calibration would do about it; None where the model
-    cannot run without it.
+    With that effect switched off and all other numbers as they are; None where the model cannot
+    run without it.
     """
     with_it = _predictions(one, one.model)
     found: list[list[_Floats] | None] = []
@@ -248,8 +248,7 @@ def contributions(one: Hypothesis) -> list[list[_Floats] | None]:
         except ModelError:
             found.append(None)
             continue
-        change = [a - b for a, b in zip(with_it, without, strict=True)]
-        found.append(_beyond_calibration(one, change))
+        found.append([a - b for a, b in zip(with_it, without, strict=True)])
     return found
 
 
@@ -276,11 +275,22 @@ def _error(noise: Covariance) -> _Floats:
     return np.asarray(noise.own + (DOUBTED * noise.offset) ** 2)
 
 
-def shares(one: Hypothesis) -> list[float]:
-    """Return how much each effect does at the optimum; see `size_in_noise`."""
+def sizes_of(one: Hypothesis) -> list[tuple[float, float]]:
+    """Return how much each effect does: in all, and beyond what calibration would do about it.
+
+    As `size_in_noise` has it; infinite where the model cannot run without it.
+    """
     return [
-        np.inf if change is None else size_in_noise(one, change) for change in contributions(one)
+        (np.inf, np.inf)
+        if change is None
+        else (size_in_noise(one, change), size_in_noise(one, _beyond_calibration(one, change)))
+        for change in contributions(one)
     ]
+
+
+def shares(one: Hypothesis) -> list[float]:
+    """Return how much each effect does beyond calibration."""
+    return [beyond for _, beyond in sizes_of(one)]
 
 
 def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
@@ -291,7 +301,7 @@ def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Cov
     """
     squares = [np.zeros(noise.own.size) for noise in noises]
     for effect, change in zip(one.effects, contributions(one), strict=True):
-        for k, done in enumerate(change or []):
+        for k, done in enumerate(_beyond_calibration(one, change) if change else []):
             squares[k] += (effect.effect.leeway * done) ** 2
     return [replace(noise, law=np.sqrt(s)) for noise, s in zip(noises, squares, strict=True)]
 

@@ -20,6 +20,7 @@ from bowden.diagnosis.hypothesis import (
     finish,
     fit_hypothesis,
     shares,
+    sizes_of,
 )
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import MORE, Weighed, log_prior, posterior
@@ -274,16 +275,18 @@ def _comparable(
 def matters(one: Hypothesis) -> bool:
     """Whether each effect of a set does something in practice: else the set is that without it.
 
-    More than a hundredth of its usual strength, and as much as `least_size` asks.
+    More than a hundredth of its usual strength, more than a single observation's error, and beyond
+    calibration more than a tenth of what another does: laws of one name differ by so much.
     """
-    sizes = shares(one)
-    for index, (effect, size) in enumerate(zip(one.effects, sizes, strict=True)):
+    sizes = sizes_of(one)
+    for index, (effect, (size, beyond)) in enumerate(zip(one.effects, sizes, strict=True)):
         values = one.values(index)
         strong = any(
             abs(strength_of(p, values[p.name])) >= abs(strength_of(p, p.typical)) / WEAK
             for p in effect.strengths
         )
-        if not strong or size < least_size([*sizes[:index], *sizes[index + 1 :]]):
+        others = [share for k, (_, share) in enumerate(sizes) if k != index]
+        if not strong or size < 1.0 or beyond < TO_A_TENTH * max(others, default=0.0):
             return False
     return True
 
