@@ -102,7 +102,7 @@ static od_abort_t check_begin(const node_t *node) {
     if (sdo->size_given && sdo->size != od_size(entry)) {
         return sdo->size > od_size(entry) ? OD_ABORT_TOO_LONG : OD_ABORT_TOO_SHORT;
     }
-    return OD_DONE;
+    return od_is_locked(&node->od, entry) ? OD_ABORT_STATE : OD_DONE;
 }
 
 /* Lets the part that `index` belongs to take its changed parameters. */

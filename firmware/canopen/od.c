@@ -118,6 +118,10 @@ static bool needs_unlocked(const od_entry_t *entry) {
     return entry->role == OD_CONFIG || entry->role == OD_CALIBRATION;
 }
 
+bool od_is_locked(const od_t *od, const od_entry_t *entry) {
+    return needs_unlocked(entry) && od->config_locked;
+}
+
 od_abort_t od_check(const od_t *od, const od_entry_t *entry, uint32_t value) {
     if ((entry->flags & OD_WRITE) == 0) {
         return OD_ABORT_READ_ONLY;
@@ -129,7 +133,7 @@ od_abort_t od_check(const od_t *od, const od_entry_t *entry, uint32_t value) {
     if (too_low || too_high) {
         return too_low ? OD_ABORT_TOO_LOW : OD_ABORT_TOO_HIGH;
     }
-    return needs_unlocked(entry) && od->config_locked ? OD_ABORT_STATE : OD_DONE;
+    return od_is_locked(od, entry) ? OD_ABORT_STATE : OD_DONE;
 }
 
 od_abort_t od_read(const od_t *od, uint16_t index, uint8_t sub, uint8_t *bytes, uint32_t capacity,

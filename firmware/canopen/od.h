@@ -80,6 +80,9 @@ typedef uint32_t od_abort_t;
 #define OD_ABORT_TOGGLE UINT32_C(0x05030000)
 #define OD_ABORT_TIMEOUT UINT32_C(0x05040000)
 #define OD_ABORT_COMMAND UINT32_C(0x05040001)
+#define OD_ABORT_BLOCK_SIZE UINT32_C(0x05040002)
+#define OD_ABORT_SEQUENCE UINT32_C(0x05040003)
+#define OD_ABORT_CRC UINT32_C(0x05040004)
 #define OD_ABORT_ACCESS UINT32_C(0x06010000)
 #define OD_ABORT_WRITE_ONLY UINT32_C(0x06010001)
 #define OD_ABORT_READ_ONLY UINT32_C(0x06010002)
@@ -119,6 +122,9 @@ void od_set(const od_t *od, const od_entry_t *entry, uint8_t sub, uint32_t value
 
 /* The value of an entry, or 0 when there is none. For the node's own parameters. */
 uint32_t od_value(const od_t *od, uint16_t index, uint8_t sub);
+
+/* Is it configuration or calibration, and locked? */
+bool od_is_locked(const od_t *od, const od_entry_t *entry);
 
 /* Would a write of `value` from the bus be accepted? Access, range and state; changes nothing. */
 od_abort_t od_check(const od_t *od, const od_entry_t *entry, uint32_t value);

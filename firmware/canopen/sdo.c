@@ -1,7 +1,8 @@
 /* sdo.c: see sdo.h. Command bytes are those of CiA 301, 7.2.4.3. */
 #include "sdo.h"
 
-#define SEGMENT_BYTES 7u
+#include "sdo_block.h"
+#include "sdo_frames.h"
 
 /* Client command specifiers, bits 5 .. 7 of the first byte. */
 enum {
@@ -17,7 +18,6 @@ enum {
     DOWNLOAD_SEGMENT_OK = 0x20,
     UPLOAD_OK = 0x40,
     DOWNLOAD_OK = 0x60,
-    ABORTED = 0x80,
 };
 
 /* Flags. */
@@ -28,45 +28,13 @@ enum {
     TOGGLE = 0x10,
 };
 
-static void send(uint8_t node_id, const uint8_t data[8], frame_queue_t *tx) {
-    can_frame_t frame = {.cob_id = (uint16_t)(SDO_TX_COB_ID + node_id), .length = 8};
-    for (uint32_t i = 0; i < 8; i++) {
-        frame.data[i] = data[i];
-    }
-    frame_queue_push(tx, &frame);
-}
-
-/* An answer that starts with command, index and sub, then 4 bytes. */
-static void send_addressed(const sdo_t *sdo, uint8_t command, uint32_t value, uint8_t node_id,
-                           frame_queue_t *tx) {
-    uint8_t data[8] = {command, (uint8_t)sdo->index, (uint8_t)(sdo->index >> 8), sdo->sub};
-    od_encode(value, &data[4], 4);
-    send(node_id, data, tx);
-}
-
-static void abort_transfer(sdo_t *sdo, od_abort_t code, uint8_t node_id, frame_queue_t *tx) {
-    sdo->transfer = SDO_IDLE;
-    send_addressed(sdo, ABORTED, code, node_id, tx);
-}
-
 static uint32_t smaller(uint32_t a, uint32_t b) {
     return a < b ? a : b;
 }
 
-/* A new transfer ends one that was in progress. */
-static void begin(sdo_t *sdo, const can_frame_t *frame) {
-    sdo->transfer = SDO_IDLE;
-    sdo->index = (uint16_t)(frame->data[1] | frame->data[2] << 8);
-    sdo->sub = frame->data[3];
-    sdo->toggle = false;
-    sdo->size_given = false;
-    sdo->size = 0;
-    sdo->done = 0;
-}
-
 static sdo_request_t begin_write(sdo_t *sdo, const can_frame_t *frame) {
     const uint8_t command = frame->data[0];
-    begin(sdo, frame);
+    sdo_begin(sdo, frame);
     sdo->size_given = (command & SIZE_GIVEN) != 0;
     sdo->answer = DOWNLOAD_OK;
     if ((command & EXPEDITED) != 0) {
@@ -76,9 +44,7 @@ static sdo_request_t begin_write(sdo_t *sdo, const can_frame_t *frame) {
         }
         return SDO_WRITE;
     }
-    for (uint32_t i = 0; sdo->size_given && i < 4; i++) {
-        sdo->size |= (uint32_t)frame->data[4 + i] << (8 * i);
-    }
+    sdo->size = sdo->size_given ? sdo_announced_size(frame) : 0;
     sdo->transfer = SDO_DOWNLOADING;
     return SDO_BEGIN_WRITE;
 }
@@ -86,9 +52,9 @@ static sdo_request_t begin_write(sdo_t *sdo, const can_frame_t *frame) {
 static sdo_request_t write_segment(sdo_t *sdo, const can_frame_t *frame, uint8_t node_id,
                                    frame_queue_t *tx) {
     const uint8_t command = frame->data[0];
-    const uint32_t count = SEGMENT_BYTES - (command >> 1 & 7u);
+    const uint32_t count = SDO_SEGMENT_BYTES - (command >> 1 & 7u);
     if (sdo->done + count > SDO_BUFFER_SIZE) {
-        abort_transfer(sdo, OD_ABORT_TOO_LONG, node_id, tx);
+        sdo_abort(sdo, OD_ABORT_TOO_LONG, node_id, tx);
         return SDO_NOTHING;
     }
     for (uint32_t i = 0; i < count; i++) {
@@ -99,12 +65,12 @@ static sdo_request_t write_segment(sdo_t *sdo, const can_frame_t *frame, uint8_t
     sdo->toggle = !sdo->toggle;
     if ((command & LAST_SEGMENT) == 0) {
         const uint8_t data[8] = {sdo->answer};
-        send(node_id, data, tx);
+        sdo_send(node_id, data, tx);
         return SDO_NOTHING;
     }
     sdo->transfer = SDO_IDLE;
     if (sdo->size_given && sdo->size != sdo->done) {
-        abort_transfer(sdo, OD_ABORT_LENGTH, node_id, tx);
+        sdo_abort(sdo, OD_ABORT_LENGTH, node_id, tx);
         return SDO_NOTHING;
     }
     sdo->size = sdo->done;
@@ -113,8 +79,8 @@ static sdo_request_t write_segment(sdo_t *sdo, const can_frame_t *frame, uint8_t
 }
 
 static void read_segment(sdo_t *sdo, uint8_t node_id, frame_queue_t *tx) {
-    const uint32_t count = smaller(SEGMENT_BYTES, sdo->size - sdo->done);
-    uint8_t data[8] = {(uint8_t)((sdo->toggle ? TOGGLE : 0) | (SEGMENT_BYTES - count) << 1)};
+    const uint32_t count = smaller(SDO_SEGMENT_BYTES, sdo->size - sdo->done);
+    uint8_t data[8] = {(uint8_t)((sdo->toggle ? TOGGLE : 0) | (SDO_SEGMENT_BYTES - count) << 1)};
     for (uint32_t i = 0; i < count; i++) {
         data[1 + i] = sdo->buffer[sdo->done + i];
     }
@@ -124,18 +90,18 @@ static void read_segment(sdo_t *sdo, uint8_t node_id, frame_queue_t *tx) {
         data[0] |= LAST_SEGMENT;
         sdo->transfer = SDO_IDLE;
     }
-    send(node_id, data, tx);
+    sdo_send(node_id, data, tx);
 }
 
 /* A segment must belong to a transfer of its kind and carry the expected toggle bit. */
 static bool segment_fits(sdo_t *sdo, const can_frame_t *frame, uint8_t node_id, frame_queue_t *tx) {
     const bool reading = frame->data[0] >> 5 == UPLOAD_SEGMENT;
     if (sdo->transfer != (reading ? SDO_UPLOADING : SDO_DOWNLOADING)) {
-        abort_transfer(sdo, OD_ABORT_COMMAND, node_id, tx);
+        sdo_abort(sdo, OD_ABORT_COMMAND, node_id, tx);
         return false;
     }
     if (((frame->data[0] & TOGGLE) != 0) != sdo->toggle) {
-        abort_transfer(sdo, OD_ABORT_TOGGLE, node_id, tx);
+        sdo_abort(sdo, OD_ABORT_TOGGLE, node_id, tx);
         return false;
     }
     return true;
@@ -146,7 +112,7 @@ static void refuse_while_waiting(const can_frame_t *frame, uint8_t node_id, fram
     if (frame->data[0] >> 5 != ABORT) {
         sdo_t other = {.index = (uint16_t)(frame->data[1] | frame->data[2] << 8),
                        .sub = frame->data[3]};
-        abort_transfer(&other, OD_ABORT_BUSY, node_id, tx);
+        sdo_abort(&other, OD_ABORT_BUSY, node_id, tx);
     }
 }
 
@@ -160,6 +126,9 @@ sdo_request_t sdo_receive(sdo_t *sdo, const can_frame_t *frame, uint8_t node_id,
         refuse_while_waiting(frame, node_id, tx);
         return SDO_NOTHING;
     }
+    if (sdo_block_concerns(sdo, frame)) {
+        return sdo_block_receive(sdo, frame, node_id, tx);
+    }
     switch (frame->data[0] >> 5) {
     case DOWNLOAD_INITIATE:
         return begin_write(sdo, frame);
@@ -167,7 +136,7 @@ sdo_request_t sdo_receive(sdo_t *sdo, const can_frame_t *frame, uint8_t node_id,
         return segment_fits(sdo, frame, node_id, tx) ? write_segment(sdo, frame, node_id, tx)
                                                      : SDO_NOTHING;
     case UPLOAD_INITIATE:
-        begin(sdo, frame);
+        sdo_begin(sdo, frame);
         return SDO_READ;
     case UPLOAD_SEGMENT:
         if (segment_fits(sdo, frame, node_id, tx)) {
@@ -177,21 +146,25 @@ sdo_request_t sdo_receive(sdo_t *sdo, const can_frame_t *frame, uint8_t node_id,
     case ABORT: /* the client gives up; an abort is not answered */
         sdo->transfer = SDO_IDLE;
         return SDO_NOTHING;
-    default: /* block transfer, or no command at all */
-        begin(sdo, frame);
-        abort_transfer(sdo, OD_ABORT_COMMAND, node_id, tx);
+    default: /* no command at all */
+        sdo_begin(sdo, frame);
+        sdo_abort(sdo, OD_ABORT_COMMAND, node_id, tx);
         return SDO_NOTHING;
     }
 }
 
 void sdo_answer_read(sdo_t *sdo, od_abort_t abort, uint8_t node_id, frame_queue_t *tx) {
     if (abort != OD_DONE) {
-        abort_transfer(sdo, abort, node_id, tx);
+        sdo_abort(sdo, abort, node_id, tx);
+        return;
+    }
+    if (sdo->transfer == SDO_BLOCK_OFFERED) {
+        sdo_block_offer(sdo, node_id, tx);
         return;
     }
     if (sdo->size > 4) {
         sdo->transfer = SDO_UPLOADING;
-        send_addressed(sdo, UPLOAD_OK | SIZE_GIVEN, sdo->size, node_id, tx);
+        sdo_send_addressed(sdo, UPLOAD_OK | SIZE_GIVEN, sdo->size, node_id, tx);
         return;
     }
     uint32_t value = 0;
@@ -199,24 +172,29 @@ void sdo_answer_read(sdo_t *sdo, od_abort_t abort, uint8_t node_id, frame_queue_
         value |= (uint32_t)sdo->buffer[i] << (8 * i);
     }
     const uint32_t unused = 4 - sdo->size;
-    send_addressed(sdo, (uint8_t)(UPLOAD_OK | EXPEDITED | SIZE_GIVEN | unused << 2), value, node_id,
-                   tx);
+    sdo_send_addressed(sdo, (uint8_t)(UPLOAD_OK | EXPEDITED | SIZE_GIVEN | unused << 2), value,
+                       node_id, tx);
 }
 
 void sdo_answer_write(sdo_t *sdo, od_abort_t abort, uint8_t node_id, frame_queue_t *tx) {
     if (abort != OD_DONE) {
-        abort_transfer(sdo, abort, node_id, tx);
+        sdo_abort(sdo, abort, node_id, tx);
+    } else if (sdo->answer == SDO_BLOCK_ACCEPTED) {
+        sdo_block_accept(sdo, node_id, tx);
     } else if (sdo->answer == DOWNLOAD_OK) {
-        send_addressed(sdo, DOWNLOAD_OK, 0, node_id, tx);
+        sdo_send_addressed(sdo, DOWNLOAD_OK, 0, node_id, tx);
     } else {
         const uint8_t data[8] = {sdo->answer};
-        send(node_id, data, tx);
+        sdo_send(node_id, data, tx);
     }
 }
 
 void sdo_tick(sdo_t *sdo, uint8_t node_id, uint32_t now_us, frame_queue_t *tx) {
+    if (sdo_block_send(sdo, node_id, tx)) {
+        sdo->active_us = now_us;
+    }
     if (sdo->transfer != SDO_IDLE && sdo->transfer != SDO_WAITING &&
         now_us - sdo->active_us >= SDO_TIMEOUT_US) {
-        abort_transfer(sdo, OD_ABORT_TIMEOUT, node_id, tx);
+        sdo_abort(sdo, OD_ABORT_TIMEOUT, node_id, tx);
     }
 }

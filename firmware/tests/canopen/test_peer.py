@@ -23,6 +23,13 @@ class DirectNetwork(canopen.Network):
         assert not remote
         self.drive.send(can_id, bytes(data))
         self.pump()
+        if can_id == 0x610:  # segments of a block upload go out with time
+            self.settle()
+
+    def settle(self) -> None:
+        for _ in range(200):
+            self.drive.tick()
+            self.pump()
 
     def pump(self) -> None:
         for cob_id, data in self.drive.frames():
@@ -68,6 +75,15 @@ def test_writes_expedited_and_segmented(remote: canopen.RemoteNode, node: Any) -
     assert node.values.tunnel_stiffness_unm_per_rad == 77
     remote.sdo["target_torque"].raw = -8_388_607
     assert node.values.target_torque_unm == -8_388_607
+
+
+def test_block_transfers_both_ways(remote: canopen.RemoteNode, node: Any) -> None:
+    with remote.sdo.open(0x1008, 0, "rb", block_transfer=True) as stream:
+        assert stream.read() == b"bowden drive"
+    value = (77).to_bytes(4, "little")
+    with remote.sdo.open(0x2121, 0, "wb", size=4, block_transfer=True) as stream:
+        stream.write(value)
+    assert node.values.tunnel_stiffness_unm_per_rad == 77
 
 
 def test_aborts_arrive_as_such(remote: canopen.RemoteNode) -> None:

@@ -12,6 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_stat
 
 WRITABLE = [e for e in ENTRIES if e.access == "rw" and e.index >= 0x2000]
 LOCKED_ROLES = {"config", "calibration"}
+BLOCK_TRANSFER = range(3, 9)  # of sdo_t.transfer: not every frame is answered
 VOLATILE = (0x1000, 0x2000)  # the protocol's own area changes as frames arrive
 
 
@@ -36,11 +37,14 @@ def machine(make_node: Callable[..., Any]) -> type[RuleBasedStateMachine]:
             if not (-half <= value < half if entry.signed else 0 <= value < 2 * half):
                 return
             expected = 0
-            if value < entry.low:
+            locked = self.node.node.od.config_locked and entry.role in LOCKED_ROLES
+            if segmented and locked:  # before its value is known
+                expected = 0x08000022
+            elif value < entry.low:
                 expected = 0x06090032
             elif value > entry.high:
                 expected = 0x06090031
-            elif self.node.node.od.config_locked and entry.role in LOCKED_ROLES:
+            elif locked:
                 expected = 0x08000022
             raw = value.to_bytes(size, "little", signed=entry.signed)
             if segmented:
@@ -56,6 +60,8 @@ def machine(make_node: Callable[..., Any]) -> type[RuleBasedStateMachine]:
             head = bytes([0x21, *entry.index.to_bytes(2, "little"), entry.sub])
             answer = self.node.sdo(head + len(raw).to_bytes(4, "little"))
             for i, byte in enumerate(raw):  # one byte a segment
+                if answer[0] == 0x80:
+                    break
                 last = i == len(raw) - 1
                 answer = self.node.sdo(bytes([(i % 2) << 4 | 6 << 1 | last, byte]))
             return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
@@ -120,6 +126,9 @@ def test_every_sdo_frame_gets_at_most_one_answer_and_the_server_recovers(
 ) -> None:
     node = make_node()
     for request in requests:
+        in_blocks = node.node.sdo.transfer in BLOCK_TRANSFER
         answer = node.sdo(request)  # asserts that there is at most one
-        assert (answer is None) == (request[0] >> 5 == 4)
+        if not in_blocks:
+            assert (answer is None) == (request[0] >> 5 == 4)
+    assert node.sdo(b"\x80") is None
     assert node.read(0x1000) == bytes.fromhex("92010200")
