@@ -14,7 +14,7 @@ from typing import Final
 import can
 import pytest
 from bowden_rig.bench import Bench
-from bowden_rig.rig.parameters import Hand, Rig
+from bowden_rig.rig.parameters import Operator, Rig
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.virtual_bus import VirtualBus
 
@@ -35,11 +35,11 @@ TARGET_TORQUE: Final = 0x2040
 RESET_CAUSE: Final = 0x200A
 
 
-def rig_with(hand: Hand | None = None, rig: Rig | None = None) -> Rig:
+def rig_with(operator: Operator | None = None, rig: Rig | None = None) -> Rig:
     """Return a rig whose amplifier is the emulated board's own: none besides."""
     rig = rig or Rig()
     motor = replace(rig.motor, amplifier_bandwidth_hz=10_000.0)
-    return replace(rig, motor=motor, hand=hand or rig.hand)
+    return replace(rig, motor=motor, operator=operator or rig.operator)
 
 
 class Board:
@@ -47,8 +47,8 @@ class Board:
 
     Parameters
     ----------
-    hand : Hand
-        What the person does; `still` unless told otherwise.
+    operator : Operator
+        What the operator does; `still` by default.
     options : Options
         Of the chip.
     rig : Rig
@@ -63,14 +63,14 @@ class Board:
 
     def __init__(
         self,
-        hand: Hand | None = None,
+        operator: Operator | None = None,
         options: Options | None = None,
         rig: Rig | None = None,
         elf: Path = ELF,
     ) -> None:
         self.target = EmulatedTarget(elf, options=options)
         self.chip = self.target.chip
-        simulated = SimulatedRig(rig_with(hand or Hand(motion="still"), rig), 0)
+        simulated = SimulatedRig(rig_with(operator or Operator(motion="still"), rig), 0)
         self.bench = Bench(simulated, self.target, trace=True)
         self.host = LockstepHost(VirtualBus(self.bench))
 
@@ -155,7 +155,7 @@ def start_node(board: Board) -> None:
 
 def running(torque_nm: float = 0.1, options: Options | None = None) -> Board:
     """Return a board in operation enabled with current in the motor."""
-    board = Board(hand=Hand(motion="locked"), options=options)
+    board = Board(operator=Operator(motion="locked"), options=options)
     board.run(0.02)
     board.enable(torque_nm)
     assert board.chip.bridge().enabled

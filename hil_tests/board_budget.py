@@ -14,7 +14,7 @@ from typing import Final
 
 import can
 from bowden.drive.meanings import CompensationLaw, ModeOfOperation
-from bowden_rig.rig.parameters import Hand
+from bowden_rig.rig.parameters import Operator
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
 from hil_tests.board_parity import COMPENSATION_LAW, SETTLE_S
@@ -40,7 +40,7 @@ class Scenario:
     """What goes on while instructions are counted."""
 
     name: str
-    hand: Hand
+    operator: Operator
     mode: int = ModeOfOperation.TUNNEL
     command: Callable[[Board], None] | None = None  # in every control period
     babbler: can.Message | None = None  # on the bus without a pause
@@ -73,27 +73,27 @@ def _reversals(board: Board) -> None:
 _SHORTEST: Final = can.Message(arbitration_id=0x080, is_extended_id=False)
 
 SCENARIOS: Final = (
-    Scenario("dwell", Hand(motion="locked")),
-    Scenario("tunnel, 40 deg at 0.5 Hz", Hand(motion="sine")),
-    Scenario("fast hand, 40 deg at 2 Hz", Hand(motion="sine", frequency_hz=2.0)),
-    Scenario("reversals", Hand(motion="locked"), TORQUE_MODE, _reversals),
+    Scenario("dwell", Operator(motion="locked")),
+    Scenario("tunnel, 40 deg at 0.5 Hz", Operator(motion="sine")),
+    Scenario("fast operator, 40 deg at 2 Hz", Operator(motion="sine", frequency_hz=2.0)),
+    Scenario("reversals", Operator(motion="locked"), TORQUE_MODE, _reversals),
     # without motor torque the pulled-out cable goes slack in a third of each cycle
-    Scenario("slack, 40 deg at 1 Hz", Hand(motion="sine", frequency_hz=1.0), TORQUE_MODE),
-    Scenario("bus flood", Hand(motion="sine"), babbler=_SHORTEST),
+    Scenario("slack, 40 deg at 1 Hz", Operator(motion="sine", frequency_hz=1.0), TORQUE_MODE),
+    Scenario("bus flood", Operator(motion="sine"), babbler=_SHORTEST),
     Scenario(
         "model inversion, 40 deg at 0.5 Hz",
-        Hand(motion="sine"),
+        Operator(motion="sine"),
         law=CompensationLaw.MODEL_INVERSION,
     ),
     Scenario(
         "model inversion, 40 deg at 2 Hz, bus flood",
-        Hand(motion="sine", frequency_hz=2.0),
+        Operator(motion="sine", frequency_hz=2.0),
         babbler=_SHORTEST,
         law=CompensationLaw.MODEL_INVERSION,
     ),
     Scenario(
         "model inversion, reversals",
-        Hand(motion="locked"),
+        Operator(motion="locked"),
         TORQUE_MODE,
         _reversals,
         law=CompensationLaw.MODEL_INVERSION,
@@ -110,7 +110,7 @@ def measure(scenario: Scenario, duration_s: float = 2.0) -> list[Share]:
     duration_s : float
         Counted; boot and enabling are not.
     """
-    board = Board(hand=scenario.hand)
+    board = Board(operator=scenario.operator)
     board.run(0.05)
     if scenario.law:
         board.host.write(COMPENSATION_LAW, 0, scenario.law, 1)

@@ -19,7 +19,7 @@ from typing import Final
 import can
 from bowden.drive.meanings import CompensationLaw, ModeOfOperation
 from bowden_rig.native import NativeTarget
-from bowden_rig.rig.parameters import Hand
+from bowden_rig.rig.parameters import Operator
 from bowden_rig.rig.rig import Actuators
 from bowden_rig.rig.sensors import Sensors
 
@@ -37,10 +37,10 @@ RING_FRAMES: Final = 32  # can.c
 
 @dataclass(frozen=True)
 class Experiment:
-    """What the person does, the torque that the host commands (None: the tunnel), and the law."""
+    """What the operator does, the torque that the host commands (None: the tunnel), and the law."""
 
     name: str
-    hand: Hand
+    operator: Operator
     torque_nm: Callable[[float, float], float] | None
     law: CompensationLaw = CompensationLaw.NONE
 
@@ -58,12 +58,12 @@ def _follow(time_s: float, load_angle_rad: float) -> float:
 
 
 EXPERIMENTS: Final = (
-    Experiment("1, load locked", Hand(motion="locked"), _locked_sine),
-    Experiment("2, passive transmission with the tunnel", Hand(motion="sine"), None),
-    Experiment("3, position control of the handle", Hand(motion="free"), _follow),
+    Experiment("1, load locked", Operator(motion="locked"), _locked_sine),
+    Experiment("2, passive transmission with the tunnel", Operator(motion="sine"), None),
+    Experiment("3, position control of the handle", Operator(motion="free"), _follow),
     Experiment(
         "4, tunnel through model inversion",
-        Hand(motion="sine"),
+        Operator(motion="sine"),
         None,
         CompensationLaw.MODEL_INVERSION,
     ),
@@ -197,7 +197,7 @@ def compare(
     babbler : can.Message
         Sent by another node without a pause, so that frames pile up in the mailboxes.
     """
-    board = Board(hand=experiment.hand)
+    board = Board(operator=experiment.operator)
     shadow = Shadow(board, distort)
     _watch(board, shadow)
     board.run(0.05)

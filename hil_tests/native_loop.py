@@ -78,8 +78,8 @@ def _run(  # noqa: PLR0917
     current_ua: NDArray[np.int32],
     bridge_on: NDArray[np.uint8],
     drive: NDArray[np.uint8],
-    told: bool,
-    hand: NDArray[np.float64],
+    given: bool,
+    operator: NDArray[np.float64],
     commands: NDArray[np.int32],
     command: NDArray[np.int32],
     watched: NDArray[np.int64],
@@ -96,9 +96,9 @@ def _run(  # noqa: PLR0917
         while _call(calls[1], calls[2], calls[5], 0) & 1:
             pass
         bridge = bridge_on[0] != 0
-        angle = hand[k, 0] if told else 0.0
-        speed = hand[k, 1] if told else 0.0
-        pass_period(parts, current_ua[0], bridge, told, angle, speed)
+        angle = operator[k, 0] if given else 0.0
+        speed = operator[k, 1] if given else 0.0
+        pass_period(parts, current_ua[0], bridge, given, angle, speed)
         enabled[k] = bridge
         for i in range(rig_rows.shape[1]):
             rig_rows[k, i] = parts.scalars[i]
@@ -109,7 +109,7 @@ def _run(  # noqa: PLR0917
 def run(
     bench: Bench,
     ticks: int,
-    hand: NDArray[np.float64] | None = None,
+    operator: NDArray[np.float64] | None = None,
     target_torque_nm: NDArray[np.float64] | None = None,
     watch: Sequence[str] = (),
 ) -> Record:
@@ -121,8 +121,8 @@ def run(
         With the native target.
     ticks : int
         Of 250 us.
-    hand : ndarray, shape (ticks, 2), optional
-        Angle (rad) and speed (rad/s) that the hand wants; else what the rig's person has in mind.
+    operator : ndarray, shape (ticks, 2), optional
+        Intended angle (rad) and speed (rad/s); else those of the rig's `Operator`.
     target_torque_nm : ndarray, shape (ticks,), optional
         What the host writes into the drive's target torque before each tick.
     watch : sequence of str
@@ -159,8 +159,8 @@ def run(
             current_ua,
             bridge_on,
             inside.drive,
-            hand is not None,
-            np.zeros((0, 2)) if hand is None else hand[some],
+            operator is not None,
+            np.zeros((0, 2)) if operator is None else operator[some],
             asked[some],
             command,
             watched,

@@ -15,7 +15,7 @@ import canopen
 import numpy as np
 import pytest
 from bowden_rig.frame_loss import SeededLoss
-from bowden_rig.rig.parameters import Cable, Hand, Rig, Sensing
+from bowden_rig.rig.parameters import Cable, Operator, Rig, Sensing
 from bowden_rig.virtual_bus import VirtualBus
 
 from hil_tests.artefacts import directory_of, keep
@@ -147,7 +147,7 @@ def test_reset_node_opens_the_bridge_and_boots_again(benches: Benches) -> None:
 
 
 def test_torque_mode_moves_the_motor_by_the_torque_asked_for(benches: Benches) -> None:
-    host = benches(Rig(hand=Hand(motion="locked")))
+    host = benches(Rig(operator=Operator(motion="locked")))
     host.enable(TORQUE)
     host.write(0x2040, 0, 125_000, 3)
     host.listen(0.5)
@@ -186,7 +186,7 @@ def test_railed_load_cell_stops_the_drive(benches: Benches) -> None:
 
 
 def test_handle_let_go_comes_to_rest(benches: Benches) -> None:
-    free = Rig(hand=Hand(motion="free"))
+    free = Rig(operator=Operator(motion="free"))
     host = benches(free)
     host.enable(TUNNEL)
     host.bus.bench.rig.plant.scalars[3] = 5.0  # a knock: load speed, rad/s

@@ -17,7 +17,7 @@ from bowden.drive.meanings import (
     CompensationRung,
     ModeOfOperation,
 )
-from bowden_rig.rig.parameters import Cable, Hand, Rig, Sensing
+from bowden_rig.rig.parameters import Cable, Operator, Rig, Sensing
 from bowden_rig.virtual_bus import VirtualBus
 
 from hil_tests.benches import Benches
@@ -141,10 +141,10 @@ def test_an_encoder_that_leaves_the_cables_stops_the_drive(
 def test_torque_that_the_cables_hold_when_the_law_starts_is_no_broken_cell(
     benches: Benches,
 ) -> None:
-    """The hand has moved the load, the motor gave nothing: friction holds 3 N m in the cables, of
+    """The operator has moved the load without motor torque: friction holds 3 N m in the cables, of
     which a model that starts now knows nothing."""
-    hand = Hand(starts="now", frequency_hz=0.1)
-    rig = Rig(cable=Cable(pretension_n=10.0), hand=hand)
+    operator = Operator(starts="now", frequency_hz=0.1)
+    rig = Rig(cable=Cable(pretension_n=10.0), operator=operator)
     host = benches(rig)
     host.listen(2.3)  # it all but rests at the end of its first stroke
     assert abs(read(host, "load_torque")) > 2e6

@@ -7,7 +7,7 @@ import math
 import can
 import numpy as np
 import pytest
-from bowden_rig.rig.parameters import Hand
+from bowden_rig.rig.parameters import Operator
 
 from hil_tests.board_bench import ENABLED, NEEDS_ELF, Board, running, start_node
 from hil_tests.lockstep_host import CONTROLWORD
@@ -114,7 +114,7 @@ def test_the_bridge_is_on_in_operation_enabled_only() -> None:
 
 @pytest.mark.parametrize("torque_nm", [0.3, -0.3])
 def test_the_motor_gets_the_current_that_the_torque_needs(torque_nm: float) -> None:
-    board = Board(hand=Hand(motion="locked"))
+    board = Board(operator=Operator(motion="locked"))
     board.run(0.02)
     board.enable(torque_nm)
     board.run(0.3)
@@ -129,7 +129,7 @@ def test_the_motor_gets_the_current_that_the_torque_needs(torque_nm: float) -> N
 
 
 def test_quick_stop_takes_the_current_down_before_the_bridge() -> None:
-    board = Board(hand=Hand(motion="locked"))
+    board = Board(operator=Operator(motion="locked"))
     board.run(0.02)
     board.enable(0.3)
     board.run(0.1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from bowden_rig.rig.parameters import Hand
+from bowden_rig.rig.parameters import Operator
 
 from hil_tests.board_bench import (
     FAULT,
@@ -33,7 +33,7 @@ WATCHDOG_US = 38_000.0  # of the slowest oscillator; nominal 20 ms
 
 def test_a_late_tick_is_a_fault() -> None:
     """A core six times slower: ticks are late in motion, none so late that the watchdog bites."""
-    board = Board(hand=Hand(motion="sine"), options=Options(cycles_per_instruction=6.0))
+    board = Board(operator=Operator(motion="sine"), options=Options(cycles_per_instruction=6.0))
     board.run(0.1)
     board.enable(0.1)
     board.run(0.5)
@@ -183,7 +183,7 @@ def test_crashes_are_counted_until_power_off() -> None:
 
 
 def test_a_reset_in_mid_motion_leaves_no_fault() -> None:
-    board = Board(hand=Hand(motion="sine"))
+    board = Board(operator=Operator(motion="sine"))
     board.run(0.02)
     board.enable(0.2)
     board.run(0.5)

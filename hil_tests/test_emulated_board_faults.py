@@ -10,7 +10,7 @@ import math
 
 import can
 import pytest
-from bowden_rig.rig.parameters import Hand, Rig, Sensing
+from bowden_rig.rig.parameters import Operator, Rig, Sensing
 
 from hil_tests.board_bench import FAULT, NEEDS_ELF, TICK_US, Board, off_after_us, running
 from hil_tests.emulated.records import CanFault, Options, ResetCause
@@ -96,7 +96,7 @@ def test_a_converter_that_stops_is_a_fault_that_is_still_told() -> None:
 def test_a_dead_load_cell_is_seen_in_a_quarter_of_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     # without noise of its own in the rig, and still: what is left is that of the amplifier
     quiet = Rig(sensing=Sensing(load_cell_noise_nm=0.0))
-    board = Board(hand=Hand(motion="locked"), rig=quiet)
+    board = Board(operator=Operator(motion="locked"), rig=quiet)
     board.run(0.02)
     board.enable(0.0)
     board.run(0.5)
@@ -244,7 +244,7 @@ def test_a_motor_resistance_of_a_hot_winding_is_no_fault() -> None:
 
 @pytest.mark.parametrize("offset_a", [-0.2, 0.3])
 def test_the_current_zero_is_measured_while_the_bridge_is_off(offset_a: float) -> None:
-    board = Board(hand=Hand(motion="locked"))
+    board = Board(operator=Operator(motion="locked"))
     board.chip.break_current_sense("offset", offset_a)
     board.run(0.05)
     board.enable(0.1)
@@ -254,7 +254,7 @@ def test_the_current_zero_is_measured_while_the_bridge_is_off(offset_a: float) -
 
 
 def test_a_current_zero_that_is_far_off_refuses_to_start_and_says_why() -> None:
-    board = Board(hand=Hand(motion="locked"))
+    board = Board(operator=Operator(motion="locked"))
     board.chip.break_current_sense("offset", 0.8)
     board.run(0.05)
     with pytest.raises(RuntimeError, match="statusword"):
@@ -345,7 +345,7 @@ def test_alone_on_the_bus_is_no_fault_while_the_bridge_is_off() -> None:
 
 def test_a_babbling_node_that_drowns_the_host_stops_the_motor() -> None:
     """The strongest identifier without a pause: no heartbeat of the host comes through."""
-    board = Board(hand=Hand(motion="locked"))
+    board = Board(operator=Operator(motion="locked"))
     board.run(0.02)
     board.host.write(0x1016, 1, 127 << 16 | 100, 4)
     board.enable(0.1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import can
 import pytest
 from bowden_rig.bench import Bench
-from bowden_rig.rig.parameters import Hand, Motor, Rig
+from bowden_rig.rig.parameters import Motor, Operator, Rig
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.rig.sensors import Sensors
 
@@ -164,7 +164,7 @@ def test_reset_is_a_power_cycle(image: Image) -> None:
 def test_the_loop_closes_on_the_simulated_rig(image: Image) -> None:
     # The load is bolted; a positive current winds cable a: the motor turns positive until the
     # stretched cables hold it, and the emulated timers count the same angle as the rig.
-    rig = Rig(motor=Motor(amplifier_bandwidth_hz=10_000), hand=Hand(motion="locked"))
+    rig = Rig(motor=Motor(amplifier_bandwidth_hz=10_000), operator=Operator(motion="locked"))
     bench = Bench(SimulatedRig(rig, seed=3), EmulatedTarget(image), trace=True)
     for _ in range(40):
         bench.step()

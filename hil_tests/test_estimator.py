@@ -18,7 +18,7 @@ import pytest
 from bowden.drive.dictionary import TABLE
 from bowden_rig.bench import TICKS_PER_S, Bench
 from bowden_rig.rig import state as at
-from bowden_rig.rig.parameters import Cable, Hand, Rig, Sensing
+from bowden_rig.rig.parameters import Cable, Operator, Rig, Sensing
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
 from bowden_rig.virtual_bus import VirtualBus
@@ -90,10 +90,10 @@ def drive_on(rig: Rig, **model: float) -> Iterator[Bench]:
 
 
 def moved(bench: Bench, angle_rad: Array) -> Run:
-    """Let a hand move the load along these angles, one a tick."""
+    """Let an operator move the load along these angles, one a tick."""
     speed = np.gradient(angle_rad) * TICKS_PER_S
-    hand = np.column_stack([angle_rad, speed])
-    return Run(native_loop.run(bench, len(hand), hand, watch=WATCHED))
+    operator = np.column_stack([angle_rad, speed])
+    return Run(native_loop.run(bench, len(operator), operator, watch=WATCHED))
 
 
 def strokes(seconds: float, amplitude_rad: float = 0.5, frequency_hz: float = 0.5) -> Array:
@@ -102,11 +102,13 @@ def strokes(seconds: float, amplitude_rad: float = 0.5, frequency_hz: float = 0.
     return angle
 
 
-STIFF_HAND: Final = Hand(motion="still", stiffness_nm_per_rad=200.0, damping_nm_s_per_rad=1.0)
+STIFF_OPERATOR: Final = Operator(
+    motion="still", stiffness_nm_per_rad=200.0, damping_nm_s_per_rad=1.0
+)
 
 
 def rig_of(cable: Cable = CABLE, **sensing: float) -> Rig:
-    return Rig(cable=cable, hand=STIFF_HAND, sensing=replace(Sensing(), **sensing))  # type: ignore[arg-type]
+    return Rig(cable=cable, operator=STIFF_OPERATOR, sensing=replace(Sensing(), **sensing))  # type: ignore[arg-type]
 
 
 AFTER_A_STROKE: Final = slice(TICKS_PER_S, None)

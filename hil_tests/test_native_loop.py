@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bowden_rig.bench import TICKS_PER_S, Bench
 from bowden_rig.rig import state as at
-from bowden_rig.rig.parameters import Cable, Hand, Rig
+from bowden_rig.rig.parameters import Cable, Operator, Rig
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
 from bowden_rig.virtual_bus import VirtualBus
@@ -55,15 +55,15 @@ def test_loop_repeats_the_bench_bit_for_bit(rig: Rig) -> None:
 
 
 def test_hand_and_command_are_those_given() -> None:
-    still = replace(Rig(), hand=Hand(motion="still"))
+    still = replace(Rig(), operator=Operator(motion="still"))
     host = enabled(still, TORQUE)
     ticks = TICKS_PER_S // 2
     time_s = np.arange(ticks) / TICKS_PER_S
-    hand = np.column_stack([0.1 * np.sin(6.0 * time_s), 0.6 * np.cos(6.0 * time_s)])
-    record = native_loop.run(host.bus.bench, ticks, hand, np.full(ticks, 0.05))
+    operator = np.column_stack([0.1 * np.sin(6.0 * time_s), 0.6 * np.cos(6.0 * time_s)])
+    record = native_loop.run(host.bus.bench, ticks, operator, np.full(ticks, 0.05))
     # 40 us of motor time constant against half a second; the current sense's noise is not in it
     assert record.rig[-1, at.MOTOR_TORQUE] == pytest.approx(0.05, rel=1e-3)
-    assert record.rig[-1, at.WANTED_ANGLE] == hand[-1, 0]
-    # the hand's spring gives by the cables' friction, 3.7 N m / 200 N m/rad, and by its damper
+    assert record.rig[-1, at.INTENDED_ANGLE] == operator[-1, 0]
+    # the operator's spring gives by the cables' friction, 3.7 N m / 200 N m/rad, and by its damper
     assert record.rig[-1, at.LOAD_ANGLE] == pytest.approx(0.1 * math.sin(3.0), abs=0.02)
     host.bus.shutdown()

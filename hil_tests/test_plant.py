@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from bowden_rig.rig import state as at
 from bowden_rig.rig.constants import CONTROL_PERIOD_S, largest_stable_step_s
-from bowden_rig.rig.parameters import Cable, Hand, Load, Motor, Rig
+from bowden_rig.rig.parameters import Cable, Load, Motor, Operator, Rig
 from bowden_rig.rig.plant import Plant
 from numpy.typing import NDArray
 
 CAPSTAN = math.exp(1.5)
 COULOMB = Rig(cable=Cable(viscous_s_per_m=0.0), motor=Motor(current_limit_a=50.0))
-LOCKED = replace(COULOMB, hand=Hand(motion="locked"))
+LOCKED = replace(COULOMB, operator=Operator(motion="locked"))
 PLATEAU_NM = 3.12  # 2 r_load T0 m
 
 Series = Callable[[float], float]
@@ -138,7 +138,7 @@ def test_cyclic_locked_load_closes_the_loop_of_the_closed_form() -> None:
 
 
 def test_rest_stays_at_rest() -> None:
-    rows, plant = run(replace(COULOMB, hand=Hand(motion="still")), 0.5, lambda _: 0.0)
+    rows, plant = run(replace(COULOMB, operator=Operator(motion="still")), 0.5, lambda _: 0.0)
     assert np.all(rows[:, [at.MOTOR_ANGLE, at.LOAD_ANGLE, at.LOAD_TORQUE]] == 0.0)
     assert np.all(plant.tension_n() == 10.0)
 
@@ -169,7 +169,7 @@ def test_energy_never_appears_in_a_rig_left_alone(cable: Cable) -> None:
         cable=cable,
         load=Load(bearing_friction_nm=0.01),
         motor=Motor(bearing_friction_nm=1e-3),
-        hand=Hand(motion="free"),
+        operator=Operator(motion="free"),
     )
     plant = Plant(free)
     plant.scalars[at.LOAD_SPEED] = 6.0  # a knock on the handle
@@ -192,7 +192,7 @@ def test_powered_rig_stores_no_more_than_was_put_in() -> None:
         t = k * CONTROL_PERIOD_S
         speed = (stroke(t + CONTROL_PERIOD_S) - stroke(t)) / CONTROL_PERIOD_S
         plant.advance(5.0 * math.sin(7.0 * t), True, stroke(t), speed)
-        work_j = plant.scalars[at.MOTOR_WORK] + plant.scalars[at.HAND_WORK]
+        work_j = plant.scalars[at.MOTOR_WORK] + plant.scalars[at.OPERATOR_WORK]
         assert plant.stored_energy_j() - start_j <= work_j + 1e-6
 
 
@@ -239,7 +239,7 @@ def test_energy_is_kept_where_nothing_rubs(eccentricity: float) -> None:
     smooth = Rig(
         cable=Cable(friction=0.0, viscous_s_per_m=0.0, material_damping_s=0.0, pretension_n=40.0),
         motor=Motor(eccentricity=eccentricity),
-        hand=Hand(motion="free"),
+        operator=Operator(motion="free"),
     )
     plant = Plant(smooth)
     start_j = plant.stored_energy_j()

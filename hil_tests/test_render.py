@@ -162,9 +162,9 @@ def test_wanted_torque_is_the_tunnel_times_the_ratio() -> None:
 
 def test_hand_of_every_task_starts_at_rest_at_zero() -> None:
     for task in TASKS:
-        hand = task.hand(draw(3))
-        assert hand.shape == (task.ticks, 2)
-        assert np.all(hand[0] == pytest.approx(0.0, abs=1e-3))
+        operator = task.operator(draw(3))
+        assert operator.shape == (task.ticks, 2)
+        assert np.all(operator[0] == pytest.approx(0.0, abs=1e-3))
 
 
 def outcome(seed: int, law: str, rms_nm: float, **more: object) -> Outcome:
@@ -314,7 +314,7 @@ def test_steps_beyond_the_motor_are_no_worse_than_naive(seed: int, law: str) -> 
 
 
 # Friction that builds up late does not hold the motor while the side changes: it threw the handle
-# of a loose hand, by 4 to 40 % of the exchanged energy.
+# of a loose operator, by 4 to 40 % of the exchanged energy.
 @pytest.mark.parametrize(
     ("seed", "law"),
     [(110, WITHOUT_CELL), (361, WITHOUT_CELL), (422, OURS), (541, OURS), (541, WITHOUT_CELL)],
@@ -324,7 +324,7 @@ def test_late_friction_does_not_throw_a_loose_hand(seed: int, law: str) -> None:
 
 
 # The first throw cannot be known of before; it left the law waiting on the wrong side, 1.4 times
-# the naive law's error, while the hand moved the load back too slowly for a stroke.
+# the naive law's error, while the operator moved the load back too slowly for a stroke.
 def test_a_load_that_is_moved_back_slowly_is_followed() -> None:
     assert ratio_to_naive(110, OURS, "wall-edge") < 0.5
 

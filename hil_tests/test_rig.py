@@ -1,4 +1,4 @@
-"""The rig around its mechanics: the person at the handle, the sensors, changed parameters."""
+"""The rig around its mechanics: the operator at the handle, the sensors, changed parameters."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from bowden_rig.rig import state as at
 from bowden_rig.rig.compiled import packed
-from bowden_rig.rig.human import reduced, wanted
-from bowden_rig.rig.parameters import Hand, Rig, Sensing, changed
+from bowden_rig.rig.operator import intended, reduced
+from bowden_rig.rig.parameters import Operator, Rig, Sensing, changed
 from bowden_rig.rig.rig import Actuators, SimulatedRig
 from bowden_rig.rig.sensors import FAULT_LOAD_CELL, SensorBoard
 
@@ -39,21 +39,21 @@ def test_person_waits_for_the_bridge_and_stops_with_it() -> None:
     assert abs(rig.plant.scalars[at.LOAD_SPEED]) < 1e-3
 
 
-def test_person_moves_without_jumps() -> None:
-    person, s, period = packed(reduced(Hand())), np.zeros(at.SCALARS), 250e-6
-    intended = [wanted(person, s, k < 14000, period) for k in range(20000)]
-    angle, speed = np.array(intended).T
+def test_the_operator_moves_without_jumps() -> None:
+    motion, s, period = packed(reduced(Operator())), np.zeros(at.SCALARS), 250e-6
+    path = [intended(motion, s, k < 14000, period) for k in range(20000)]
+    angle, speed = np.array(path).T
     largest_rad_per_s = 1.2 * math.radians(41.6) * math.pi + 1.5 * math.radians(41.6)
     assert np.max(np.abs(np.diff(angle))) < largest_rad_per_s * period
     # speed is the derivative of the angle: second-order agreement with a central difference
     central = (angle[2:] - angle[:-2]) / (2.0 * period)
     assert np.max(np.abs(central - speed[1:-1])) < 2e-3
-    assert intended[-1] == (0.0, 0.0)
+    assert path[-1] == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("motion", ["still", "locked"])
 def test_held_handle_stays_where_it_is(motion: str) -> None:
-    rig = SimulatedRig(Rig(hand=Hand(motion=motion)))  # type: ignore[arg-type]
+    rig = SimulatedRig(Rig(operator=Operator(motion=motion)))  # type: ignore[arg-type]
     counts = [
         rig.step(Actuators(motor_current_ua=4_000_000, bridge_enabled=True)).load_encoder_counts
         for _ in range(2000)

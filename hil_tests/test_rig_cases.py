@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bowden_rig.rig.hidden import TABLE
-from bowden_rig.rig.parameters import Cable, Hand, Motor, Rig
+from bowden_rig.rig.parameters import Cable, Motor, Operator, Rig
 
 from hil_tests import rig_cases
 from hil_tests.hidden_effects import effects, unlisted
@@ -20,7 +20,7 @@ from hil_tests.rig_cases.cases import draw_case
 from hil_tests.rig_cases.recording import record
 
 SHORT_S = 2.0
-CALM = Hand(motion="still", stiffness_nm_per_rad=200.0, damping_nm_s_per_rad=2.0)
+CALM = Operator(motion="still", stiffness_nm_per_rad=200.0, damping_nm_s_per_rad=2.0)
 
 
 def there_and_back(length_s: float = 2.5) -> Signals:
@@ -86,7 +86,7 @@ def test_the_rig_does_what_the_continuum_does_where_nothing_is_hidden() -> None:
             contact_stiffness_n_per_m2=1.5e8,
         ),
         motor=Motor(inertia_kg_m2=1e-5),
-        hand=CALM,
+        operator=CALM,
     )
     said = record(rig, signals, 1)
     answer = solve(pair, signals.time_s, said["motor_torque_nm"], said["load_angle_rad"])
@@ -100,7 +100,7 @@ def test_the_rig_does_what_the_continuum_does_where_nothing_is_hidden() -> None:
 def test_a_factor_on_friction_acts_while_it_lasts() -> None:
     signals = there_and_back()
     doubled = Histories(np.where(signals.time_s > 1.3, 1.5, 1.0), None, None)
-    rig = Rig(Cable(viscous_s_per_m=0.0), hand=CALM)
+    rig = Rig(Cable(viscous_s_per_m=0.0), operator=CALM)
     plain, changed = record(rig, signals, 1), record(rig, signals, 1, doubled)
     torque = changed["load_torque_nm"]
     assert np.array_equal(torque[:1300], plain["load_torque_nm"][:1300])
@@ -109,7 +109,7 @@ def test_a_factor_on_friction_acts_while_it_lasts() -> None:
 
 
 def test_a_drive_that_cannot_tell_the_torque_is_refused() -> None:
-    strong = Rig(Cable(pretension_n=40.0), hand=replace(CALM, stiffness_nm_per_rad=500.0))
+    strong = Rig(Cable(pretension_n=40.0), operator=replace(CALM, stiffness_nm_per_rad=500.0))
     with pytest.raises(ArithmeticError, match="cannot tell"):
         record(strong, there_and_back(), 1)
 

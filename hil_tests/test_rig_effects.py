@@ -16,7 +16,7 @@ from bowden_rig.rig import state as at
 from bowden_rig.rig.cable import CREEP
 from bowden_rig.rig.constants import CONTROL_PERIOD_S
 from bowden_rig.rig.hidden import TABLE, hide
-from bowden_rig.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
+from bowden_rig.rig.parameters import Cable, Load, Motor, Operator, Rig, Sensing
 from bowden_rig.rig.plant import Plant
 from bowden_rig.rig.sensors import SensorBoard
 
@@ -27,7 +27,7 @@ SMOOTH = Cable(friction=0.0, viscous_s_per_m=0.0, material_damping_s=1e-3)
 SLIPPERY = Rig(
     cable=SMOOTH,
     motor=Motor(bearing_viscous_nm_s_per_rad=0.01, current_limit_a=50.0),
-    hand=Hand(motion="locked"),
+    operator=Operator(motion="locked"),
     elements=8,
     substeps=48,
 )
@@ -191,7 +191,7 @@ def test_gravity_and_inertia_are_between_cables_and_load_cell() -> None:
     heavy = hide(LOCKED, "gravity_imbalance", {"amplitude_nm": 0.3, "phase_rad": 0.5 * math.pi})
     s = settled(heavy, 0.0, 0.1).scalars
     assert s[at.CELL_TORQUE_MEAN] == pytest.approx(s[at.LOAD_TORQUE] - 0.3, abs=1e-9)
-    swung = hide(replace(SLIPPERY, hand=Hand()), "load_inertia", {"inertia_kg_m2": 1e-3})
+    swung = hide(replace(SLIPPERY, operator=Operator()), "load_inertia", {"inertia_kg_m2": 1e-3})
     rows, _ = run(swung, 3.0, lambda _: 0.0, stroke)
     rows = rows[4000:]
     acceleration = np.gradient(rows[:, at.LOAD_SPEED], CONTROL_PERIOD_S)
@@ -223,7 +223,9 @@ def test_motor_offset_is_there_only_while_the_bridge_is_on() -> None:
 def test_eccentric_pulley_winds_the_integral_of_its_arm(end: str) -> None:
     name = {"": "e", "load_": "load_e"}[end]
     phase = {"": "phase_rad", "load_": "load_phase_rad"}[end]
-    rig = hide(replace(SLIPPERY, hand=Hand()), "pulley_eccentricity", {name: 0.05, phase: 1.0})
+    rig = hide(
+        replace(SLIPPERY, operator=Operator()), "pulley_eccentricity", {name: 0.05, phase: 1.0}
+    )
     _, plant = run(rig, 1.5, lambda _: 0.0, lambda t: 0.4 * min(t, 1.0))
     s = plant.scalars
     motor, load = s[at.MOTOR_ANGLE], s[at.LOAD_ANGLE]
@@ -307,7 +309,7 @@ def test_load_cell_with_play_follows_where_the_play_is_used_up() -> None:
 def test_no_effect_makes_energy_in_a_rig_left_alone(
     effect: str, parameters: dict[str, float]
 ) -> None:
-    free = Rig(load=Load(bearing_friction_nm=0.01), hand=Hand(motion="free"))
+    free = Rig(load=Load(bearing_friction_nm=0.01), operator=Operator(motion="free"))
     plant = Plant(hide(free, effect, parameters))
     plant.scalars[at.LOAD_SPEED] = 6.0  # a knock on the handle
     plant.scalars[at.MOTOR_SPEED] = -40.0

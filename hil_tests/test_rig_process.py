@@ -123,8 +123,8 @@ def test_runs_for_its_duration_and_reports(
         (["--drop-probability", "2"], "found 2.0; accepted: 0 to 1"),
         (["--set", "cable.friction=lots"], "rig.cable.friction: found 'lots'"),
         (["--set", "elements=3"], "rig: found 'elements=3'"),
-        (["--human-frequency-hz", "-1"], "frequency_hz: found -1.0; accepted: 0 or above"),
-        (["--human", "dancing"], "--human"),
+        (["--operator-frequency-hz", "-1"], "frequency_hz: found -1.0; accepted: 0 or above"),
+        (["--operator", "dancing"], "--operator"),
     ],
 )
 def test_bad_usage_is_one_line_and_status_2(

@@ -32,7 +32,9 @@ def figures() -> list[Figure]:
 
 def _speed() -> list[Figure]:
     bench = Bench(SimulatedRig(), make_target("native"))
-    for _ in range(TICKS_PER_S):  # a second of the hand's motion, so that the cables are not virgin
+    for _ in range(
+        TICKS_PER_S
+    ):  # a second of the operator's motion, so that the cables are not virgin
         bench.step()
     target, rig = bench.target, bench.rig
 
@@ -57,7 +59,7 @@ def _speed() -> list[Figure]:
             "rig.realtime_factor",
             _TICKS / TICKS_PER_S / times["plant"],
             "simulated s per s",
-            "the simulated rig alone, stepped at 4 kHz with its sensors and hand, one core",
+            "the simulated rig alone, stepped at 4 kHz with its sensors and operator, one core",
         ),
     ]
 

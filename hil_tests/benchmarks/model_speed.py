@@ -1,6 +1,6 @@
 """How fast the offline model is: mesh, mesh-free solution, the paper's dense solve, batches.
 
-The work is Experiment 2 (a hand moves the load by 40 degrees at 0.5 Hz against the tunnel) at
+The work is Experiment 2 (an operator moves the load by 40 degrees at 0.5 Hz against the tunnel) at
 1 kHz, on one core.
 """
 

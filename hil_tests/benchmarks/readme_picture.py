@@ -45,7 +45,7 @@ SETTINGS: Final = (
     f"cable.pretension_n={PRETENSION_N:g}",
     f"motor.torque_constant_nm_per_a={TORQUE_CONSTANT_NM_PER_A:g}",
     "cable.viscous_s_per_m=0",
-    "hand.frequency_hz=0.25",
+    "operator.frequency_hz=0.25",
 )
 WIDTH, HEIGHT = 860, 430
 LEFT, RIGHT, TOP, BOTTOM = 74, 20, 52, 52

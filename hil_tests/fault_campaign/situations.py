@@ -12,7 +12,7 @@ from typing import Final
 
 from bowden.drive.dictionary import TABLE
 from bowden.drive.meanings import CompensationLaw, ModeOfOperation
-from bowden_rig.rig.parameters import Cable, Hand, Rig
+from bowden_rig.rig.parameters import Cable, Operator, Rig
 
 PRETENSION_N: Final = 5.0  # friction of 0.3 N m at the motor: the limit leaves a law room
 MOTOR_LIMIT_NM: Final = 0.5  # default of motor_torque_limit
@@ -23,10 +23,10 @@ SETTLED_S: Final = 0.3  # configuration taken, states gone through
 STROKE_S: Final = 1.2  # from enabling to the handle's turning point outside the tunnel
 SHUTDOWN, SWITCH_ON, ENABLE, QUICK_STOP, STOP = 0x06, 0x07, 0x0F, 0x02, 0x00
 
-STROKES: Final = Hand(
+STROKES: Final = Operator(
     motion="sine", amplitude_rad=math.radians(20.0), frequency_hz=1.0, ramp_s=0.25
 )
-STILL: Final = Hand(motion="still")
+STILL: Final = Operator(motion="still")
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Situation:
     law : CompensationLaw
     onset_s : float
         From the first controlword to the fault.
-    hand : Hand
+    operator : Operator
     operational : bool
         NMT operational, else pre-operational.
     faulted : bool
@@ -56,7 +56,7 @@ class Situation:
     mode: ModeOfOperation = ModeOfOperation.TORQUE
     law: CompensationLaw = CompensationLaw.NONE
     onset_s: float = SETTLED_S
-    hand: Hand = STILL
+    operator: Operator = STILL
     operational: bool = True
     faulted: bool = False
     stops: bool = False
@@ -64,7 +64,7 @@ class Situation:
     @property
     def rig(self) -> Rig:
         """The rig that belongs to it."""
-        return Rig(cable=Cable(pretension_n=PRETENSION_N), hand=self.hand)
+        return Rig(cable=Cable(pretension_n=PRETENSION_N), operator=self.operator)
 
     @property
     def bridge_on(self) -> bool:
@@ -92,7 +92,7 @@ SITUATIONS: Final = (
             mode=ModeOfOperation.TUNNEL,
             law=law,
             onset_s=SETTLED_S + STROKE_S,
-            hand=STROKES,
+            operator=STROKES,
         )
         for law in CompensationLaw
     ),

@@ -32,14 +32,15 @@ def main() -> int:
     except ValueError as error:
         parser.error(str(error))
     rig = draw(options.seed)
-    cable, hand = rig.rig.cable, rig.rig.hand
+    cable, operator = rig.rig.cable, rig.rig.operator
     say(
         f"rig {rig.seed}: wrap {2.0 / cable.path[0][1]:.2f} rad, T0 {cable.pretension_n:.2f} N, "
         f"mu {cable.friction:.3f}, EA {cable.axial_stiffness_n:.0f} N, friction "
         f"{rig.friction_nm:.3f} of {rig.motor_limit_nm:.3f} N m at the motor"
         f"{' (apart)' if rig.apart else ''}, tunnel {rig.tunnel.limit_nm:.3f} N m, motor "
-        f"{1e6 * rig.rig.motor.inertia_kg_m2:.0f} g cm2 x 0.1, hand "
-        f"{hand.stiffness_nm_per_rad:.1f} N m/rad {hand.damping_nm_s_per_rad:.2f} N m s/rad, "
+        f"{1e6 * rig.rig.motor.inertia_kg_m2:.0f} g cm2 x 0.1, operator "
+        f"{operator.stiffness_nm_per_rad:.1f} N m/rad {operator.damping_nm_s_per_rad:.2f} "
+        "N m s/rad, "
         f"load side {0.25 * rig.rig.sensing.load_encoder_delay_ticks:g} ms late"
     )
     for effect, parameters in rig.hidden.items():

@@ -26,8 +26,8 @@ developed on seeds below 1000 only.
 
 - **Rigs** (`hil_tests/render/rigs.py`): wrap 1 to 8 rad, pretension 1 to 20 N, mu 0.05 to 0.25, EA
   2 to 8 kN, motor limit 0.3 to 3 N m, motor inertia 1e-5 to 5e-5 kg m2, handle 1e-3 to 1e-2 kg m2,
-  a hand of 5 to 200 N m/rad, load cell noise 0.2 to 2 mN m, load encoder and load cell up to 2 ms
-  late. Two effects of the catalogue are hidden in each at moderate strength.
+  an operator of 5 to 200 N m/rad, load cell noise 0.2 to 2 mN m, load encoder and load cell up to 2
+  ms late. Two effects of the catalogue are hidden in each at moderate strength.
 - **What the drive believes**: friction, pretension, stiffness and motor inertia are wrong by up to
   15 % each, independently. It is configured over the bus; what is not listed here has its default,
   but for the gain of the integral law: the default is chosen for the model inversion, and force
@@ -91,17 +91,18 @@ def _worst(outcomes: Sequence[Outcome], law: str) -> str:
     ratios = error_ratios(counted, law)
     rows = [
         f"## Where {law} does worst\n",
-        "| seed | error ratio | wrap | pretension | friction, of the motor's limit | hand | late "
+        "| seed | error ratio | wrap | pretension | friction, of the motor's limit | operator "
+        "| late "
         "| hidden |",
         "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
     ]
     for seed in sorted(ratios, key=lambda seed: -ratios[seed])[:WORST]:
         rig = draw(seed)
-        cable, hand, sensing = rig.rig.cable, rig.rig.hand, rig.rig.sensing
+        cable, operator, sensing = rig.rig.cable, rig.rig.operator, rig.rig.sensing
         rows.append(
             f"| {seed} | {ratios[seed]:.3f} | {LENGTH_M / cable.path[0][1]:.1f} rad "
             f"| {cable.pretension_n:.1f} N | {rig.friction_nm / rig.motor_limit_nm:.0%} "
-            f"| {hand.stiffness_nm_per_rad:.0f} N m/rad "
+            f"| {operator.stiffness_nm_per_rad:.0f} N m/rad "
             f"| {1e3 * CONTROL_PERIOD_S * sensing.load_encoder_delay_ticks:.2g} ms "
             f"| {', '.join(rig.hidden)} |"
         )

@@ -79,7 +79,7 @@ def net_energy(
     period: int,
     least_torque_nm: float = 0.0,
 ) -> float:
-    """Most energy that a closed path has given the hand beyond the wanted, as a part of exchanged.
+    """Return the largest net energy of a closed path to the operator, as a share of the exchanged.
 
     Over each whole period: integral of (tau - wanted) d theta over that of abs(tau d theta), but at
     least of `least_torque_nm` along the path, where next to nothing is to be exchanged. The wanted

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from bowden_rig.rig.constants import least_substeps
 from bowden_rig.rig.hidden import hide
-from bowden_rig.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
+from bowden_rig.rig.parameters import Cable, Load, Motor, Operator, Rig, Sensing
 
 MODEL_ERROR: Final = 0.15
 LENGTH_M: Final = 2.0
@@ -95,7 +95,7 @@ def draw(seed: int) -> RenderRig:
     motor = replace(motor, current_limit_a=2.0 * limit_nm / motor.torque_constant_nm_per_a)
     load = Load(inertia_kg_m2=_log(random, 1e-3, 1e-2))
     stiffness = _log(random, 5.0, 200.0)
-    hand = Hand(
+    operator = Operator(
         motion="still",
         stiffness_nm_per_rad=stiffness,
         # between 0.2 and 1 of critical with the handle alone, as for a relaxed to a tense arm
@@ -111,7 +111,7 @@ def draw(seed: int) -> RenderRig:
         load_cell_delay_ticks=delay,
         conduit_temperature_c=random.uniform(15.0, 40.0),
     )
-    rig = Rig(cable, motor, load, hand, sensing)
+    rig = Rig(cable, motor, load, operator, sensing)
     rig = replace(rig, substeps=max(rig.substeps, least_substeps(rig.cable, rig.elements)))
     chosen = sorted(random.choice(sorted(MODERATE), size=HIDDEN_EFFECTS, replace=False).tolist())
     hidden = {name: MODERATE[name](random, rig) for name in chosen}

@@ -1,8 +1,8 @@
-"""What a person does with the handle, and what is asked of the drive meanwhile.
+"""What the operator does with the handle, and what is asked of the drive meanwhile.
 
-Input: a `RenderRig`. Output: for every tick the motion in the hand's mind and, in torque mode, the
-target torque; and what is wanted at the load for an angle. All tasks begin at rest at zero, with
-virgin cables, and are scored from `scored_from_s`.
+Input: a `RenderRig`. Output: for every tick the intended motion of the operator and, in torque
+mode, the target torque; and what is wanted at the load for an angle. All tasks begin at rest at
+zero, with virgin cables, and are scored from `scored_from_s`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Task:
         ``rest``: hold still after having moved; ``steps`` of torque at a hand that stays.
     duration_s, scored_from_s : float
     motion : callable
-        Angle that the hand wants, rad, from time, s.
+        Intended angle, rad, from time, s.
     period_s : float
         Of a closed path; 0 where the path is not closed.
     """
@@ -65,20 +65,20 @@ class Task:
         """Time at the start of each tick."""
         return np.arange(self.ticks) / TICKS_PER_S
 
-    def hand(self, rig: RenderRig) -> Array:
-        """Angle (rad) and speed (rad/s) that the hand wants in each tick, shape (ticks, 2).
+    def operator(self, rig: RenderRig) -> Array:
+        """Intended angle (rad) and speed (rad/s) of the operator in each tick, shape (ticks, 2).
 
-        A person who meets friction aims past the stroke that they want.
+        An operator who works against friction aims beyond the intended stroke.
         """
         angle = self.motion(np.arange(self.ticks + 1) / TICKS_PER_S)
         if self.period_s > 0.0:
             felt_nm = rig.ratio * rig.friction_nm
-            overreach_rad = min(felt_nm / rig.rig.hand.stiffness_nm_per_rad, MOST_OVERREACH_RAD)
+            overreach_rad = min(felt_nm / rig.rig.operator.stiffness_nm_per_rad, MOST_OVERREACH_RAD)
             angle *= 1.0 + overreach_rad / np.max(np.abs(angle))
         return np.column_stack([angle[:-1], np.diff(angle) * TICKS_PER_S])
 
     def tunnel(self, rig: RenderRig) -> Tunnel:
-        """Tunnel to configure: where the hand is to be free, one that it does not leave."""
+        """Tunnel to configure: free in a dead zone that covers the whole motion."""
         return replace(rig.tunnel, half_width_rad=1.5) if self.kind == "free" else rig.tunnel
 
     def target_nm(self, rig: RenderRig) -> Array | None:

@@ -140,7 +140,9 @@ def run(
     if begins is not None:
         begins()
     if target.name == "native":
-        record = native_loop.run(bench, task.ticks, task.hand(rig), task.target_nm(rig), WATCHED)
+        record = native_loop.run(
+            bench, task.ticks, task.operator(rig), task.target_nm(rig), WATCHED
+        )
         rows, enabled = record.rig, bool(record.bridge_enabled.all())
         drive = {name: record.drive[:, i] for i, name in enumerate(WATCHED)}
     else:
@@ -155,7 +157,7 @@ def _tick_by_tick(host: LockstepHost[VirtualBus], rig: RenderRig, task: Task) ->
     bench = host.bus.bench
     rows = np.empty((task.ticks, at.SCALARS))
     target, last, enabled = task.target_nm(rig), 0.0, True
-    for k, (angle, speed) in enumerate(task.hand(rig).tolist()):
+    for k, (angle, speed) in enumerate(task.operator(rig).tolist()):
         if target is not None and target[k] != last:
             last = float(target[k])
             host.write(TARGET_TORQUE, 0, round(1e6 * last), 3)

@@ -2,11 +2,11 @@
 
 Rigs, beliefs, motions and effects are drawn as for the continuum. The rig moves as masses do, so
 the lab states what it knows of that: the motor's inertia, from its data sheet. It keeps its cables
-taut, because slack ones show the inertias of everything, its hand is calm, and its cables and liner
-are stiff and well damped. The rest of what the rig has and no model file knows is small against the
-noise floor, or calibrated away: shear of the liner over 50 nm, the cable's own mass, whose weight
-adds a per mille of friction and whose waves take a millisecond or two. What the hand does within a
-count of the encoder is real, and left in.
+taut, because slack ones show the inertias of everything, its operator is calm, and its cables and
+liner are stiff and well damped. The rest of what the rig has and no model file knows is small
+against the noise floor, or calibrated away: shear of the liner over 50 nm, the cable's own mass,
+whose weight adds a per mille of friction and whose waves take a millisecond or two. What the
+operator does within a count of the encoder is real, and left in.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from bowden_rig.rig.constants import CONTROL_PERIOD_S, least_substeps
 from bowden_rig.rig.hidden import hide
-from bowden_rig.rig.parameters import Cable, Hand, Load, Motor, Rig, Sensing
+from bowden_rig.rig.parameters import Cable, Load, Motor, Operator, Rig, Sensing
 
 from hil_tests.hidden_effects import effects, excitation, unlisted
 from hil_tests.hidden_effects.hidden import Hidden, Signals, Values, Vector, together
@@ -121,7 +121,7 @@ def _draw_lab(rng: np.random.Generator) -> tuple[LabRig, float]:
 
 
 def _draw_rig(rng: np.random.Generator, lab: LabRig, *, warm: bool) -> Rig:
-    """Draw what the continuum has no number for: motor, handle, hand, warming."""
+    """Draw what the continuum has no number for: motor, handle, operator, warming."""
     pair = lab.pair
     warm = bool(rng.random() < 0.5) or warm
     cable = Cable(
@@ -140,7 +140,7 @@ def _draw_rig(rng: np.random.Generator, lab: LabRig, *, warm: bool) -> Rig:
     load = Load(inertia_kg_m2=float(rng.uniform(2e-3, 6e-3)))
     stiffness = float(rng.uniform(150.0, 250.0))
     critical = 2.0 * math.sqrt(stiffness * load.inertia_kg_m2)
-    hand = Hand(
+    operator = Operator(
         motion="still",
         stiffness_nm_per_rad=stiffness,
         damping_nm_s_per_rad=critical * float(rng.uniform(0.9, 1.2)),
@@ -152,7 +152,7 @@ def _draw_rig(rng: np.random.Generator, lab: LabRig, *, warm: bool) -> Rig:
         conduit_temperature_c=20.0,
     )
     steps = least_substeps(cable, ELEMENTS)
-    return Rig(cable, motor, load, hand, sensing, elements=ELEMENTS, substeps=steps)
+    return Rig(cable, motor, load, operator, sensing, elements=ELEMENTS, substeps=steps)
 
 
 def _as_run(name: str, values: Values) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""A rig, a motion of the hand and a motor torque in; what the drive records of it out.
+"""Records a rig, given the operator's motion and the motor torque, as the drive does.
 
 The drive is started and enabled over its bus, renders the torque (mode -2), and is read as a host
 reads it: every fourth control tick what its process data would say. What no rig's parameter can
@@ -43,14 +43,14 @@ WATCHED: Final = (
 def record(
     rig: Rig, signals: Signals, seed: int, histories: Histories | None = None
 ) -> dict[str, Vector]:
-    """Let hand and motor do what is wanted, and return what the drive said.
+    """Simulate the given operator motion and motor torque; return what the drive records.
 
     Parameters
     ----------
     rig : Rig
         Holds still until the drive is enabled.
     signals : Signals
-        `motor_torque_nm` is asked of the drive, `load_angle_rad` is what the hand wants.
+        `motor_torque_nm` is the drive's set-point, `load_angle_rad` the operator's intended angle.
     seed : int
         Of the sensors' noise.
     histories : Histories, optional
@@ -78,7 +78,7 @@ def record(
     ticks = round(signals.time_s[1] * TICKS_PER_S)  # a sample
     time_s = np.arange(size * ticks) / TICKS_PER_S
     angle = np.interp(time_s, signals.time_s, signals.load_angle_rad)
-    hand = np.column_stack([angle, np.gradient(angle, time_s)])
+    operator = np.column_stack([angle, np.gradient(angle, time_s)])
     torque = np.interp(time_s, signals.time_s, signals.motor_torque_nm)
     rows, on = [], True
     chunk = size if histories is None else CHUNK
@@ -86,7 +86,7 @@ def record(
         if histories is not None:
             _change(bench.rig, histories, first)
         some = slice(ticks * first, ticks * min(first + chunk, size))
-        done = native_loop.run(bench, some.stop - some.start, hand[some], torque[some], WATCHED)
+        done = native_loop.run(bench, some.stop - some.start, operator[some], torque[some], WATCHED)
         rows.append(done.drive[::ticks])
         on &= bool(done.bridge_enabled.all())
     host.bus.shutdown()

@@ -96,7 +96,7 @@ def test_a_rig_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_rig_gets_the_same_bus() -> None:
-    command = rig_command(BusOptions("socketcan", "vcan0", 500_000), 17, ["--human", "still"])
+    command = rig_command(BusOptions("socketcan", "vcan0", 500_000), 17, ["--operator", "still"])
     text = " ".join(command)
     assert "-m bowden_rig -i socketcan -c vcan0 -b 500000" in text
-    assert text.endswith("--node-id 17 --human still")
+    assert text.endswith("--node-id 17 --operator still")

@@ -16,14 +16,16 @@ from bowden.drive.connection import Connection
 from bowden.model import format_model, table_1
 from bowden_rig.bench import Bench
 from bowden_rig.frame_loss import Loss
-from bowden_rig.rig.parameters import Hand, Rig
+from bowden_rig.rig.parameters import Operator, Rig
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
 from bowden_rig.virtual_bus import VirtualBus
 
 
 def open_rig(drop: Loss | None = None, motion: str = "sine") -> tuple[Drive, VirtualBus]:
-    bench = Bench(SimulatedRig(Rig(hand=Hand(motion=motion))), make_target("native"), trace=True)
+    bench = Bench(
+        SimulatedRig(Rig(operator=Operator(motion=motion))), make_target("native"), trace=True
+    )
     bus = VirtualBus(bench, drop)
     connection = Connection(
         bus, adapter={"interface": "virtual"}, clock=lambda: bus.time_s, threaded=False

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 import can
 from bowden_rig.bench import Bench
-from bowden_rig.rig.parameters import Hand, Rig
+from bowden_rig.rig.parameters import Operator, Rig
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
 
@@ -17,8 +17,8 @@ Sender = Callable[[float], Iterable[can.Message]]
 
 
 def bench(node_id: int, motion: str = "sine", frequency_hz: float = 0.5) -> Bench:
-    hand = Hand(motion=motion, frequency_hz=frequency_hz, starts="now")
-    return Bench(SimulatedRig(Rig(hand=hand)), make_target("native", node_id))
+    operator = Operator(motion=motion, frequency_hz=frequency_hz, starts="now")
+    return Bench(SimulatedRig(Rig(operator=operator)), make_target("native", node_id))
 
 
 class SharedWire(can.BusABC):

@@ -30,16 +30,16 @@ def test_a_run_is_recorded_without_a_loss(rig: MakeRig, tmp_path: Path) -> None:
     told: list[Progress] = []
     path = tmp_path / "run.blf"
     capture = record(
-        drive, path, 2.0, run=TUNNEL, metadata={"notes": "hand"}, on_progress=told.append
+        drive, path, 2.0, run=TUNNEL, metadata={"notes": "operator"}, on_progress=told.append
     )
     assert capture.decoded.losses.total == 0
     recording = read_recording(path)
     np.testing.assert_allclose(np.diff(recording.time_s), 1e-3, atol=1e-9)
     assert 2000 <= recording.time_s.size < 2200  # and the samples before and after the bridge
-    # The hand moves the handle; the drive's encoder reads what the rig has.
+    # The operator moves the handle; the drive's encoder reads what the rig has.
     assert np.ptp(recording.load_angle_rad) > 0.5
     assert recording.metadata["frames_lost"] == "0"
-    assert recording.metadata["notes"] == "hand"
+    assert recording.metadata["notes"] == "operator"
     assert recording.metadata["drive_mode"] == "tunnel"
     assert recording.metadata["tunnel_half_width_rad"] == "0.05"
     assert "cut" not in recording.metadata

@@ -16,7 +16,7 @@ from bowden.drive.connection import Connection
 from bowden.errors import DriveFailed
 from bowden.recording.recording import Recording
 from bowden_rig.bench import Bench
-from bowden_rig.rig.parameters import Hand, Rig
+from bowden_rig.rig.parameters import Operator, Rig
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
 from bowden_rig.virtual_bus import VirtualBus
@@ -81,8 +81,8 @@ def test_error_frames_point_at_the_bit_rate(silent: Callable[..., tuple]) -> Non
 
 
 def moved_by_hand() -> tuple[Recording, float]:
-    hand = Hand(motion="sine", starts="now")
-    bench = Bench(SimulatedRig(Rig(hand=hand)), make_target("native"), trace=True)
+    operator = Operator(motion="sine", starts="now")
+    bench = Bench(SimulatedRig(Rig(operator=operator)), make_target("native"), trace=True)
     bus = VirtualBus(bench)
     bus.advance(4.0)
     truth = bench.truth()

@@ -1,4 +1,4 @@
-"""The rig of the mesh-free closed forms: Table I with Coulomb friction, and short hands."""
+"""The rig of the mesh-free closed forms: Table I with Coulomb friction, and short operators."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def wrap_friction(found: Trajectory) -> float:
     return float(np.log(found.motor_tension_a_n[-1] / found.load_tension_a_n[-1]))
 
 
-def hand(speed: float, **law: float) -> FloatArray:
+def operator(speed: float, **law: float) -> FloatArray:
     t = np.arange(0, 2, 1e-3)
     angle = 0.6 * np.sin(speed * t)
     return simulate_mesh(printed(20, **law), TP, t, np.zeros_like(t), angle).load_torque_nm
@@ -54,11 +54,11 @@ def test_viscous_friction_without_coulombs() -> None:
 
 
 def test_viscous_friction_tends_to_coulomb_when_slow() -> None:
-    fast, slow = (hand(speed, mu_v_s_per_m=0.3) for speed in (3.0, 0.03))
-    plain_slow = hand(0.03, mu_v_s_per_m=1e-15)
+    fast, slow = (operator(speed, mu_v_s_per_m=0.3) for speed in (3.0, 0.03))
+    plain_slow = operator(0.03, mu_v_s_per_m=1e-15)
     assert np.abs(slow - plain_slow).max() < 0.05
-    assert np.abs(fast - hand(3.0)).max() > 0.5
-    np.testing.assert_allclose(hand(3.0, mu_v_s_per_m=1e-15), hand(3.0), atol=5e-2)
+    assert np.abs(fast - operator(3.0)).max() > 0.5
+    np.testing.assert_allclose(operator(3.0, mu_v_s_per_m=1e-15), operator(3.0), atol=5e-2)
 
 
 def test_viscous_friction_does_not_depend_on_the_step() -> None:
@@ -124,7 +124,7 @@ def test_friction_after_a_rest_grows_with_the_logarithm_of_it(rest_s: float) -> 
 
 
 def test_stribeck_without_gain_is_coulomb() -> None:
-    np.testing.assert_allclose(hand(3.0, stribeck_gain=1e-15), hand(3.0), atol=5e-2)
+    np.testing.assert_allclose(operator(3.0, stribeck_gain=1e-15), operator(3.0), atol=5e-2)
 
 
 @pytest.mark.parametrize("p", [0.25, -0.25])
@@ -137,7 +137,7 @@ def test_friction_that_falls_or_rises_with_tension_in_steady_sliding(p: float) -
 
 
 def test_friction_that_falls_with_tension_tends_to_coulomb() -> None:
-    np.testing.assert_allclose(hand(3.0, tension_exponent=1e-12), hand(3.0), atol=5e-2)
+    np.testing.assert_allclose(operator(3.0, tension_exponent=1e-12), operator(3.0), atol=5e-2)
 
 
 @pytest.mark.parametrize(
@@ -172,12 +172,12 @@ def test_direction_asymmetry_in_steady_sliding() -> None:
 
 
 def test_stiction_at_mu_d_is_coulomb() -> None:
-    assert np.array_equal(hand(3.0, mu_s=MU, stiction_length_m=0.1), hand(3.0))
+    assert np.array_equal(operator(3.0, mu_s=MU, stiction_length_m=0.1), operator(3.0))
 
 
 def test_stiction_shows_at_breakaway_only() -> None:
-    torque = hand(3.0, mu_s=0.63, stiction_length_m=0.1)
-    plain = hand(3.0)
+    torque = operator(3.0, mu_s=0.63, stiction_length_m=0.1)
+    plain = operator(3.0)
     assert np.abs(torque).max() > 1.05 * np.abs(plain).max()
     assert torque[400] == pytest.approx(plain[400], rel=2e-2)
 

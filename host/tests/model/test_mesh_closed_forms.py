@@ -38,7 +38,7 @@ def locked(pair: Transmission, torque: FloatArray) -> Trajectory:
     return simulate_mesh(pair, TP, times(torque), torque, np.zeros_like(torque))
 
 
-def hand(pair: Transmission, torque: float, *corners: float) -> Trajectory:
+def operator(pair: Transmission, torque: float, *corners: float) -> Trajectory:
     angle = through(*corners, steps=1000)
     return simulate_mesh(pair, TP, times(angle), np.full_like(angle, torque), angle)
 
@@ -137,12 +137,13 @@ def test_virgin_peak_and_steady_amplitude_differ() -> None:
     assert found.load_torque_nm[-401:].max() == pytest.approx(0.520, rel=1e-6)
 
 
-# ---- Experiment 2: a hand moves the load ---------------------------------------------------------
+# ---- Experiment 2: an operator moves the load
+# ---------------------------------------------------------
 
 
 @pytest.mark.parametrize("segments", [1, 2, *MESHES])
 def test_plateaus_of_the_moving_load_do_not_depend_on_the_mesh(segments: int) -> None:
-    found = hand(printed(segments), 0.0, 0, 0.7, -0.7)
+    found = operator(printed(segments), 0.0, 0, 0.7, -0.7)
     out, back = 1000, 2000
     assert found.load_torque_nm[out] == pytest.approx(-3.12, rel=ROUNDING)
     assert found.load_torque_nm[back] == pytest.approx(3.12, rel=ROUNDING)
@@ -159,7 +160,7 @@ def test_plateaus_of_the_moving_load_do_not_depend_on_the_mesh(segments: int) ->
 )
 def test_loops_in_the_conduit(loops: int, friction_nm: float, backlash_rad: float) -> None:
     curvature = np.array([2 * np.pi * loops / LENGTH_M])
-    found = hand(printed(piece_curvature_per_m=curvature), 0.0, 0, 1.2, -1.2)
+    found = operator(printed(piece_curvature_per_m=curvature), 0.0, 0, 1.2, -1.2)
     assert found.load_torque_nm[-1] == pytest.approx(friction_nm, rel=2e-4)
     lost_motion = found.motor_angle_rad - RHO * found.load_angle_rad
     assert np.ptp(lost_motion[1000:]) == pytest.approx(backlash_rad, rel=3e-4)
@@ -167,7 +168,7 @@ def test_loops_in_the_conduit(loops: int, friction_nm: float, backlash_rad: floa
 
 @pytest.mark.parametrize("segments", MESHES)
 def test_a_slack_cable_leaves_the_capstan_of_the_other(segments: int) -> None:
-    found = hand(printed(segments), -0.2, 0, 0.7, -0.7)
+    found = operator(printed(segments), -0.2, 0, 0.7, -0.7)
     assert found.load_torque_nm[1000] == pytest.approx(-0.2 * RHO * np.exp(M), rel=1e-9)
     assert found.slack[1000] == 1
     # What is left of the segments in which two virgin fronts met: second order in ds.
@@ -180,7 +181,7 @@ def test_a_slack_cable_leaves_the_capstan_of_the_other(segments: int) -> None:
 )
 def test_work_lost_in_a_cycle_of_forty_degrees(segments: int, share: float) -> None:
     amplitude = np.deg2rad(40.0)
-    found = hand(printed(segments), 0.0, 0, amplitude, -amplitude, amplitude)
+    found = operator(printed(segments), 0.0, 0, amplitude, -amplitude, amplitude)
     cycle = slice(1000, 3001)
     work = abs(np.trapezoid(found.load_torque_nm[cycle], found.load_angle_rad[cycle]))
     assert work == pytest.approx(8.4586, rel=share + 1e-5)
@@ -247,13 +248,13 @@ def test_without_friction_the_torque_is_the_motors_times_the_ratio(
 
 def test_a_straight_piece_moves_no_torque_and_adds_its_stretch() -> None:
     """A straight lead-in of 1 m behaves as a longer cable: same plateau, more lost motion."""
-    curved = hand(printed(), 0.0, 0, 1.2, -1.2)
+    curved = operator(printed(), 0.0, 0, 1.2, -1.2)
     pieces: dict[str, Any] = {
         "piece_length_m": np.array([1.0, LENGTH_M]),
         "piece_curvature_per_m": np.array([0.0, 1 / RADIUS_M]),
         "segments": 150,
     }
-    longer = hand(printed(**pieces), 0.0, 0, 1.2, -1.2)
+    longer = operator(printed(**pieces), 0.0, 0, 1.2, -1.2)
     # T_a + T_b at the motor is what the straight parts feel; the sum of all stretches is kept.
     total = 2 * 10 * 3.0
     a_plus, a_minus = RADIUS_M / MU * np.expm1(M), -RADIUS_M / MU * np.expm1(-M)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 COLUMNS = (TIME, *MAIN_CHANNELS)
 HEADER = ",".join(COLUMNS)
-GOOD = ["# rig: bench 1", "# notes: hand: steady", HEADER, "0,1,2,3,4", "0.001,1,2,3,4"]
+GOOD = ["# rig: bench 1", "# notes: operator: steady", HEADER, "0,1,2,3,4", "0.001,1,2,3,4"]
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -107,7 +107,7 @@ def test_a_recording_may_end_with_motion_that_has_turned() -> None:
 
 @pytest.mark.parametrize("drifts", [False, True])
 def test_what_seems_to_rest_may_move_where_its_torque_drifts(drifts: bool) -> None:
-    """Half a second of rest in the middle: what a slow hand does in it shows in the torque only."""
+    """Half a second of standstill: slow motion within it shows in the torque only."""
     angle = stop_and_go()
     felt = 100.0 * np.sin(2 * np.pi * TIME_S) if drifts else np.zeros(TIME_S.size)
     found = dequantise(TIME_S, counted(angle), felt=np.stack([felt, np.zeros(TIME_S.size)]))
@@ -120,7 +120,7 @@ def test_what_seems_to_rest_may_move_where_its_torque_drifts(drifts: bool) -> No
 
 @pytest.mark.parametrize("alone", [True, False])
 def test_a_hand_backs_up_in_a_rest_where_its_torque_alone_comes_back(alone: bool) -> None:
-    """A torque that follows the other end's says nothing about the hand."""
+    """A torque that follows the other end's says nothing about the operator."""
     hump = 200.0 * np.clip(1.0 - ((TIME_S - 2.9) / 0.08) ** 2, 0.0, None)
     felt = np.stack([hump, np.zeros(TIME_S.size) if alone else hump])
     found = dequantise(TIME_S, counted(stop_and_go()), felt=felt)

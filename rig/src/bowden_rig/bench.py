@@ -29,8 +29,8 @@ FRAMES_KEPT: Final = 100_000  # half a minute of process data
 class Truth:
     """What really happened, one row a tick, without sensors: arrays of shape (ticks,), SI units.
 
-    `load_torque_nm` is by the cables on the load. `motor_work_j` and `hand_work_j` are what motor
-    and hand have put into the rig since the start.
+    `load_torque_nm` is by the cables on the load. `motor_work_j` and `operator_work_j` are what
+    motor and operator have put into the rig since the start.
     """
 
     time_s: NDArray[np.float64]
@@ -43,7 +43,7 @@ class Truth:
     motor_tension_b_n: NDArray[np.float64]
     load_tension_b_n: NDArray[np.float64]
     motor_work_j: NDArray[np.float64]
-    hand_work_j: NDArray[np.float64]
+    operator_work_j: NDArray[np.float64]
     bridge_enabled: NDArray[np.bool_]
 
 
@@ -77,8 +77,8 @@ class Bench:
         """Virtual time since the start."""
         return self.ticks / TICKS_PER_S
 
-    def step(self, hand: tuple[float, float] | None = None) -> None:
-        """Let one control period pass; `hand` as in `SimulatedRig.step`."""
+    def step(self, operator: tuple[float, float] | None = None) -> None:
+        """Let one control period pass; `operator` as in `SimulatedRig.step`."""
         target = self.target
         while self.to_drive:
             sent = self.to_drive.popleft()
@@ -96,7 +96,7 @@ class Bench:
             target.reset()
             actuators = Actuators()
         self.actuators = actuators
-        self.rig.step(actuators, hand)
+        self.rig.step(actuators, operator)
         if self._rows is not None:
             self._rows.append(self.rig.plant.scalars.copy())
             self._enabled.append(actuators.bridge_enabled)
@@ -117,7 +117,7 @@ class Bench:
             motor_tension_b_n=rows[:, at.MOTOR_TENSION_B],
             load_tension_b_n=rows[:, at.LOAD_TENSION_B],
             motor_work_j=rows[:, at.MOTOR_WORK],
-            hand_work_j=rows[:, at.HAND_WORK],
+            operator_work_j=rows[:, at.OPERATOR_WORK],
             bridge_enabled=np.array(self._enabled, dtype=np.bool_),
         )
 

@@ -1,6 +1,6 @@
 """The simulated rig as a process of its own: a CANopen node on any python-can bus, in real time.
 
-    python -m bowden_rig -i socketcan -c vcan0 --human sine --drop-probability 0.001
+    python -m bowden_rig -i socketcan -c vcan0 --operator sine --drop-probability 0.001
     python -m bowden_rig --target emulated     the flashed ELF on the emulated chip
 
 Runs the bench in slices of 1 ms beside the wall clock and carries frames between the drive and the
@@ -225,13 +225,13 @@ def _advice(error: BaseException) -> str:
 
 def _describe(options: argparse.Namespace) -> parameters.Rig:
     """Build the rig from the defaults and what the command line changes."""
-    hand = parameters.Hand(
-        motion=options.human,
-        amplitude_rad=math.radians(options.human_amplitude_deg),
-        frequency_hz=options.human_frequency_hz,
+    operator = parameters.Operator(
+        motion=options.operator,
+        amplitude_rad=math.radians(options.operator_amplitude_deg),
+        frequency_hz=options.operator_frequency_hz,
         starts=options.start,
     )
-    rig = parameters.Rig(hand=hand)
+    rig = parameters.Rig(operator=operator)
     for assignment in options.set:
         rig = parameters.changed(rig, assignment)
     return rig
@@ -247,10 +247,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--target", choices=names(), default="native", help="runs the firmware")
     add("--node-id", type=int, default=DEFAULT_NODE_ID, choices=range(1, 128), metavar="1..127")
     add("--seed", type=int, default=0, help="of the sensors' noise and of the dropped frames")
-    add("--human", choices=("still", "sine", "locked", "free"), default="sine")
-    add("--human-amplitude-deg", type=float, default=40.0, metavar="DEG")
-    add("--human-frequency-hz", type=float, default=0.5, metavar="HZ")
-    add("--start", choices=("on-enable", "now"), default="on-enable", help="of the human")
+    add("--operator", "--human", choices=("still", "sine", "locked", "free"), default="sine")
+    add(
+        "--operator-amplitude-deg", "--human-amplitude-deg", type=float, default=40.0, metavar="DEG"
+    )
+    add("--operator-frequency-hz", "--human-frequency-hz", type=float, default=0.5, metavar="HZ")
+    add("--start", choices=("on-enable", "now"), default="on-enable", help="of the operator")
     add("--set", action="append", default=[], metavar="PART.FIELD=VALUE", help="change the rig")
     add("--drop-probability", type=float, default=0.0, metavar="P", help="of each TPDO frame")
     add("--drop-log", type=Path, metavar="CSV", help="write the dropped frames here at the end")

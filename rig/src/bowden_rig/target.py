@@ -19,7 +19,7 @@ from bowden_rig.rig.sensors import Sensors
 DEFAULT_NODE_ID: Final = 16
 
 VIRTUAL_TIME: Final = "virtual-time"  # time passes only while a caller waits; reproducible
-SIMULATED_RIG: Final = "simulated-rig"  # motor, cables, hand and the truth about them
+SIMULATED_RIG: Final = "simulated-rig"  # motor, cables, operator and the truth about them
 SEVERAL: Final = "several"  # many drives can live at once
 NODE_ID: Final = "node-id"  # the node id can be chosen
 MOTION: Final = "motion"  # the bridge may be switched on

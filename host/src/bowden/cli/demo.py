@@ -1,8 +1,8 @@
 """The main job in one go: simulated rig, drive, configuration, recording, comparison, report.
 
-Starts a rig of its own, runs the paper's Experiment 2 on it (a hand moves the load by 40 degrees
-at 0.5 Hz while the drive renders the error-reduction tunnel) and compares what was recorded with
-the offline model. Ctrl-C at any time leaves the drive disabled and no process behind.
+Starts a rig of its own, runs the paper's Experiment 2 on it (an operator moves the load by 40
+degrees at 0.5 Hz while the drive renders the error-reduction tunnel) and compares what was recorded
+with the offline model. Ctrl-C at any time leaves the drive disabled and no process behind.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _record(args: argparse.Namespace, model_path: Path, run_path: Path) -> Captu
         changes = difference(drive, wanted)
         write(drive, changes)
         say(f"Table I: {len(wanted)} entries checked, {len(changes)} changed and read back")
-        say(f"Experiment 2 for {args.duration:g} s: tunnel on, a hand moves 40 degrees at 0.5 Hz")
+        say(f"Experiment 2 for {args.duration:g} s: tunnel on, operator moves 40 degrees at 0.5 Hz")
         capture = record_to(
             drive,
             run_path,

@@ -72,12 +72,12 @@ numerics: {segments: 32}
 HIDDEN = "cable.extra_wrap_rad=3"
 
 #: The rest of the rig: half of Table I's pretension, a motor that can carry the friction, friction
-#: that is dry, a calm hand.
+#: that is dry, a calm operator.
 RIG = (
     "cable.pretension_n=5",
     f"motor.torque_constant_nm_per_a={TORQUE_CONSTANT_NM_PER_A:g}",
     "cable.viscous_s_per_m=0",
-    "hand.frequency_hz=0.25",
+    "operator.frequency_hz=0.25",
 )
 
 #: A tunnel in which the uncompensated cables stay taut: what they do slack shows the inertias too.
@@ -178,7 +178,7 @@ def close_the_loop(
     Parameters
     ----------
     drive : Drive
-        On a rig whose hand moves while the drive runs.
+        On a rig whose operator moves while the drive runs.
     directory : Path
         For recordings, models and the page of the diagnosis.
     duration_s : float, s

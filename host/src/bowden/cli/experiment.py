@@ -1,10 +1,10 @@
 """Run one of the paper's experiments, on the offline model or on a drive, and say what came out.
 
-1a: load locked, four pretensions. 1b: load locked, one to three loops of conduit. 2: a hand moves
-the load by 40 degrees at 0.5 Hz, the motor renders the error-reduction tunnel. 3: the motor follows
-the load's position, ideally and with a PI controller. The preset `printed` is the rig of the
-paper's Table I, with which no torque arrives in Experiment 1; `transmitting` has a pretension with
-which it does.
+1a: load locked, four pretensions. 1b: load locked, one to three loops of conduit. 2: an operator
+moves the load by 40 degrees at 0.5 Hz, the motor renders the error-reduction tunnel. 3: the motor
+follows the load's position, ideally and with a PI controller. The preset `printed` is the rig of
+the paper's Table I, with which no torque arrives in Experiment 1; `transmitting` has a pretension
+with which it does.
 
 tunnel: Experiment 2; with --compensation not offline but on the connected drive, or on a simulated
 rig of its own (--start-rig): each law renders the same tunnel for the same motion, is recorded and

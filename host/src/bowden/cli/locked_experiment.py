@@ -136,7 +136,7 @@ def _drive(
         with connect_drive(args) as drive:
             yield drive
         return
-    arguments = ["--target", args.target, "--seed", str(args.seed), "--human", "locked"]
+    arguments = ["--target", args.target, "--seed", str(args.seed), "--operator", "locked"]
     settings = [*([] if pretension_n is None else [f"cable.pretension_n={pretension_n:g}"])]
     for setting in [*settings, *args.set]:
         arguments += ["--set", setting]

@@ -1,4 +1,4 @@
-"""Experiment 2 on a drive, law by law: the same tunnel, the same hand, each compensation in turn.
+"""Experiment 2 on a drive, law by law: same tunnel, same motion, each compensation in turn.
 
 `experiment tunnel --compensation ...` calls it. The drive is left as it was found, but for the
 model if one was given. Without compensation always comes first: the others are measured against it.
@@ -33,7 +33,7 @@ from bowden.report.words import percent
 #: Every law, for --compensation.
 ALL = "all"
 
-#: At the start of a run the hand swells to its stroke, and the cables forget what was before.
+#: At the start of a run the strokes grow to full amplitude and erase the earlier tension profile.
 SETTLE_S = 3.0
 _REST_S = 2.0
 
@@ -174,7 +174,7 @@ def render(
         For table and page, where the law's name does not say enough.
     """
     law = CompensationLaw(drive.read_raw("compensation_law"))
-    drive.connection.listen(_REST_S)  # the hand comes to rest
+    drive.connection.listen(_REST_S)  # the operator comes to rest
     notes = {"notes": f"Experiment 2 with compensation: {law.word}"}
     record_to(drive, path, duration_s, Run(ModeOfOperation.TUNNEL), notes)
     recording = read_recording(path)

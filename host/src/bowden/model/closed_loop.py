@@ -2,7 +2,7 @@
 
 `Tunnel` is eq. (7) of the paper, on the angle it is asked to look at; `PiFollower` the position
 controller of Experiment 3. `simulate_closed_loop` steps the mesh with the controller in the loop
-and returns a `Trajectory`; the hand prescribes the load angle.
+and returns a `Trajectory`; the operator prescribes the load angle.
 
 A controller is asked for a line, torque less stiffness times the motor's motion within the sample,
 and the mesh finds where that line meets the cables. So a stiff controller needs no motor inertia to
@@ -141,7 +141,7 @@ class PiFollower:
 def simulate_closed_loop(
     model: Model, controller: Controller, time_s: FloatArray, load_angle_rad: FloatArray
 ) -> Trajectory:
-    """Simulate a virgin rig whose motor obeys a controller while a hand moves the load.
+    """Simulate a virgin rig whose motor obeys a controller while an operator moves the load.
 
     Parameters
     ----------

@@ -139,7 +139,7 @@ def _tunnel(experiment: Experiment, level: int) -> list[Section]:
             "Tunnel asked for and torque felt",
             [
                 paragraph(
-                    "What the motor is told to render, and what the hand feels through the cable. "
+                    "Torque that the motor renders, and torque that reaches the operator. "
                     "The area inside is the work that the conduit takes."
                 ),
                 figure(plots.tunnel_loop(experiment.cases), "tunnel-loop"),
@@ -175,7 +175,7 @@ def _follower(experiment: Experiment, level: int) -> list[Section]:
             [
                 paragraph(
                     "An ideal follower moves one half of the cable and the hand the other: the "
-                    "same torque, of opposite sign. A real one lags, and leaves more to the hand."
+                    "same torque, of opposite sign. A real one lags: the operator moves more."
                 ),
                 figure(plots.sharing(experiment.cases, 4.0), "sharing"),
             ],

@@ -80,7 +80,7 @@ def rendering_report(
                     paragraph(
                         "Orange: the torque that is to arrive at the load, the tunnel times the "
                         "transmission ratio. Blue: what the load cell read. The area inside the "
-                        "blue loop is the work that the conduit takes from the hand."
+                        "blue loop is the work that the conduit takes from the operator."
                     ),
                     figure(loops(runs, tunnel, settle_s), "rendering-loops"),
                 ],

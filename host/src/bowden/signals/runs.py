@@ -22,7 +22,7 @@ REST_SAMPLES = 20
 DRIFTS = 4.0  # standard deviations of a sample's noise
 PARTS = 12  # of a rest, whose means tell whether the torque comes back
 BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
-BRAKING = (0.5, 3.0)  # as far as draws go: hands start and stop more or less gently
+BRAKING = (0.5, 3.0)  # as far as draws go: operators start and stop more or less gently
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Standstill:
     in the count it stands, nor when exactly it began to move, but it came and left without turning
     twice. One that a recording begins or ends with may be no rest at all: a motion that is still
     slow, or one that has turned already. Nor may one in which the torque at that end `drifts`. And
-    where that torque goes one way and comes back by itself (`returns`), the hand did so, too.
+    where that torque goes one way and comes back by itself (`returns`), the operator did so, too.
     """
 
     first: int
@@ -68,7 +68,7 @@ class Standstill:
         return self._settle(path, place, coming, going)
 
     def draw(self, path: _Floats, generator: np.random.Generator) -> None:
-        """Let a path (changed in place) stop somewhere, as gently as hands may."""
+        """Let a path (changed in place) stop somewhere, as gently as operators may."""
         offset = float(generator.uniform(-0.5, 0.5))
         place = self.count + offset
         low, high = np.log(BRAKING)

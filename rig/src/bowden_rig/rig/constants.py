@@ -15,9 +15,9 @@ CONTROL_PERIOD_S: Final = 250e-6
 GRAVITY_M_PER_S2: Final = 9.81
 REFERENCE_C: Final = 20.0  # at which the conduit's friction is stated
 
-HAND_ON: Final = 0
-HAND_FREE: Final = 1
-HAND_LOCKED: Final = 2
+OPERATOR_ON: Final = 0
+OPERATOR_FREE: Final = 1
+OPERATOR_LOCKED: Final = 2
 
 
 class Constants(NamedTuple):
@@ -87,9 +87,9 @@ class Constants(NamedTuple):
     gravity_phase_rad: float
     play_rad: float
     pulley_inertia_kg_m2: float
-    hand: int
-    hand_stiffness_nm: float
-    hand_damping_nm_s: float
+    operator: int
+    operator_stiffness_nm: float
+    operator_damping_nm_s: float
 
 
 def largest_stable_step_s(cable: parameters.Cable, elements: int) -> float:
@@ -114,7 +114,7 @@ def least_substeps(cable: parameters.Cable, elements: int) -> int:
 
 def constants(rig: parameters.Rig) -> Constants:
     """Reduce the parameters; ValueError where the step would not be stable."""
-    cable, motor, load, hand = rig.cable, rig.motor, rig.load, rig.hand
+    cable, motor, load, operator = rig.cable, rig.motor, rig.load, rig.operator
     dt = CONTROL_PERIOD_S / rig.substeps
     if dt > 0.9 * largest_stable_step_s(cable, rig.elements):
         raise ValueError(
@@ -124,7 +124,7 @@ def constants(rig: parameters.Rig) -> Constants:
     dx = cable.length_m / rig.elements
     spring = cable.axial_stiffness_n / dx
     stribeck = cable.stribeck_speed_m_per_s
-    holds = {"free": HAND_FREE, "locked": HAND_LOCKED}
+    holds = {"free": OPERATOR_FREE, "locked": OPERATOR_LOCKED}
     return Constants(
         dt_s=dt,
         substeps=rig.substeps,
@@ -186,9 +186,9 @@ def constants(rig: parameters.Rig) -> Constants:
         gravity_phase_rad=load.gravity_phase_rad,
         play_rad=load.play_rad,
         pulley_inertia_kg_m2=load.pulley_inertia_kg_m2,
-        hand=holds.get(hand.motion, HAND_ON),
-        hand_stiffness_nm=hand.stiffness_nm_per_rad,
-        hand_damping_nm_s=hand.damping_nm_s_per_rad,
+        operator=holds.get(operator.motion, OPERATOR_ON),
+        operator_stiffness_nm=operator.stiffness_nm_per_rad,
+        operator_damping_nm_s=operator.damping_nm_s_per_rad,
     )
 
 

@@ -1,4 +1,4 @@
-"""One control period of the rig's mechanics, compiled: two cables, motor, load and a hand.
+"""One control period of the rig's mechanics, compiled: two cables, motor, load and an operator.
 
 One step is semi-implicit Euler: speeds from forces, then positions from speeds. The bristles are
 solved implicitly, so their stiffness puts no bound on the step; the axial waves do (see
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bowden_rig.rig import state as at
 from bowden_rig.rig.cable import TENSION, move, rub
 from bowden_rig.rig.compiled import compiled
-from bowden_rig.rig.constants import HAND_LOCKED, HAND_ON, Constants
+from bowden_rig.rig.constants import OPERATOR_LOCKED, OPERATOR_ON, Constants
 from bowden_rig.rig.slow_changes import age
 
 BEARING_WINDUP_RAD: Final = 1e-4  # a bearing winds up elastically by this before it turns
@@ -87,23 +87,23 @@ def turn_pulley(c: Constants, s: NDArray[np.float64], tau: float) -> float:
 
 @compiled
 def turn_load(
-    c: Constants, s: NDArray[np.float64], arm_m: float, wanted_rad: float, wanted_speed: float
+    c: Constants, s: NDArray[np.float64], arm_m: float, intended_rad: float, intended_speed: float
 ) -> float:
-    """Turn the load by one step under cables, hand and bearing; what the load cell feels (N m)."""
+    """Advance the load by one step; return the torque on the load cell (N m)."""
     tau = float(arm_m * (s[at.LOAD_TENSION_A] - s[at.LOAD_TENSION_B]))
     s[at.LOAD_TORQUE] = tau
     if c.play_rad > 0.0:
         tau = turn_pulley(c, s, tau)
     if c.gravity_nm != 0.0:
         tau -= c.gravity_nm * math.sin(s[at.LOAD_ANGLE] + c.gravity_phase_rad)
-    if c.hand == HAND_LOCKED:
+    if c.operator == OPERATOR_LOCKED:
         return tau
     speed = s[at.LOAD_SPEED]
-    hand = 0.0
-    if c.hand == HAND_ON:
-        hand = c.hand_stiffness_nm * (wanted_rad - s[at.LOAD_ANGLE])
-        hand += c.hand_damping_nm_s * (wanted_speed - speed)
-    new = speed + c.dt_s / c.load_inertia_kg_m2 * (tau + hand)
+    operator = 0.0
+    if c.operator == OPERATOR_ON:
+        operator = c.operator_stiffness_nm * (intended_rad - s[at.LOAD_ANGLE])
+        operator += c.operator_damping_nm_s * (intended_speed - speed)
+    new = speed + c.dt_s / c.load_inertia_kg_m2 * (tau + operator)
     if c.load_bearing_nm > 0.0:
         stiffness = c.load_bearing_nm / BEARING_WINDUP_RAD
         new, s[at.LOAD_BRISTLE] = rub(
@@ -111,7 +111,7 @@ def turn_load(
         )
     s[at.LOAD_SPEED] = new
     s[at.LOAD_ANGLE] += c.dt_s * new
-    s[at.HAND_WORK] += hand * 0.5 * (speed + new) * c.dt_s
+    s[at.OPERATOR_WORK] += operator * 0.5 * (speed + new) * c.dt_s
     return float(tau - c.cell_inertia_kg_m2 * (new - speed) / c.dt_s)
 
 
@@ -124,13 +124,13 @@ def advance(  # noqa: PLR0917
     s: NDArray[np.float64],
     reference_a: float,
     bridge_enabled: bool,
-    wanted_rad: float,
-    wanted_speed: float,
+    intended_rad: float,
+    intended_speed: float,
 ) -> None:
     """Let one control period pass.
 
     `constants`: `Constants`, packed; `masses` and `springs` are `cable`'s; `s`: the scalars.
-    `wanted_rad`, `wanted_speed`: the motion in the hand's mind, speed held over the period.
+    `intended_rad`, `intended_speed`: the intended motion, speed held over the period.
     """
     c: Any = constants[0]
     if c.ages:
@@ -165,8 +165,8 @@ def advance(  # noqa: PLR0917
         if not bridge_enabled:
             s[at.CURRENT] = 0.0  # all switches open: the current dies within a step
         turn_motor(c, s, arm_m, bridge_enabled)
-        now_rad = wanted_rad + step * c.dt_s * wanted_speed
-        cell_sum += turn_load(c, s, far_arm_m, now_rad, wanted_speed)
+        now_rad = intended_rad + step * c.dt_s * intended_speed
+        cell_sum += turn_load(c, s, far_arm_m, now_rad, intended_speed)
         current_sum += s[at.CURRENT]
     s[at.CURRENT_MEAN] = current_sum / c.substeps
     s[at.CELL_TORQUE_MEAN] = cell_sum / c.substeps

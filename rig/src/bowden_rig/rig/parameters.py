@@ -1,6 +1,6 @@
 """What the simulated rig is made of: plain numbers, frozen, SI units.
 
-Imports nothing of ours. `plant`, `human` and `sensors` read it. The defaults are the paper's
+Imports nothing of ours. `plant`, `operator` and `sensors` read it. The defaults are the paper's
 Table I (EA 4000 N, L 2 m, R 0.28 m, T0 10 N, mu_d 0.21, 40 deg at 0.5 Hz) on a small brushed motor.
 
 Two choices make the rig honestly unlike the offline model. Static friction equals dynamic friction
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal
+from typing import Final, Literal
 
 
 def _check(part: object, positive: tuple[str, ...]) -> None:
@@ -37,7 +37,7 @@ SIGNED = (
     *("error", "offset", "drift", "asymmetry", "eccentricity", "temperature"),
     *("change", "phase", "extra"),
 )
-HandMotion = Literal["still", "sine", "locked", "free"]
+OperatorMotion = Literal["still", "sine", "locked", "free"]
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class Motor:
     """Motor, amplifier and proximal pulley.
 
     `torque_constant_error` g, `torque_offset_nm` b: the true torque is (1 + g) times what the drive
-    believes, plus b while the bridge is on, plus cogging A cos(k theta + phase).
+    assumes, plus b while the bridge is on, plus cogging A cos(k theta + phase).
     `eccentricity` e: the pulley's radius is r (1 + e sin(theta + phase)).
     """
 
@@ -223,15 +223,15 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Hand:
-    """The person at the handle: a spring and damper towards the motion that they have in mind.
+class Operator:
+    """The operator at the handle: a spring and damper towards the intended motion.
 
-    The transmission pushes back with 3 to 5 N m, so a person who wants 40 deg aims past it by
-    `overreach_rad`. Motion `still` holds the handle at zero, `locked` bolts it (Experiment 1),
+    The transmission resists with 3 to 5 N m: to reach 40 deg, the operator aims `overreach_rad`
+    beyond. Motion `still` holds the handle at zero, `locked` bolts it (Experiment 1),
     `free` lets go of it.
     """
 
-    motion: HandMotion = "sine"
+    motion: OperatorMotion = "sine"
     amplitude_rad: float = math.radians(40.0)
     frequency_hz: float = 0.5
     overreach_rad: float = math.radians(1.6)
@@ -305,13 +305,17 @@ class Rig:
     cable: Cable = field(default_factory=Cable)
     motor: Motor = field(default_factory=Motor)
     load: Load = field(default_factory=Load)
-    hand: Hand = field(default_factory=Hand)
+    operator: Operator = field(default_factory=Operator)
     sensing: Sensing = field(default_factory=Sensing)
     elements: int = 32
     substeps: int = 12
 
     def __post_init__(self) -> None:
         _check(self, positive=("elements", "substeps"))
+
+
+#: Names of version 0.2 that are still read.
+DEPRECATED_PARTS: Final = {"hand": "operator"}
 
 
 def changed(rig: Rig, assignment: str) -> Rig:
@@ -321,6 +325,7 @@ def changed(rig: Rig, assignment: str) -> Rig:
     """
     name, _, text = assignment.partition("=")
     part_name, _, field_name = name.partition(".")
+    part_name = DEPRECATED_PARTS.get(part_name, part_name)
     parts = {f.name for f in fields(rig) if not isinstance(f.default, int)}
     if part_name not in parts:
         raise ValueError(

@@ -1,7 +1,7 @@
 """The rig's mechanics and its state: what `mechanics` moves, built from the parameters.
 
 Holds the arrays that a step works on and knows the energy in the rig. Input: the actuators and the
-hand's intention, a control period at a time. Called by `rig`; `scalars` (places named in `state`)
+intended motion, a control period at a time. Called by `rig`; `scalars` (places named in `state`)
 are what `sensors` and the bench's trace read.
 """
 
@@ -63,10 +63,10 @@ class Plant:
         self,
         reference_a: float,
         bridge_enabled: bool,
-        hand_angle_rad: float,
-        hand_speed_rad_per_s: float,
+        operator_angle_rad: float,
+        operator_speed_rad_per_s: float,
     ) -> None:
-        """One control period with these actuators and this motion in the hand's mind."""
+        """One control period with these actuators and this intended motion of the operator."""
         mechanics.advance(
             self.packed_constants,
             self.wrap_rad,
@@ -75,8 +75,8 @@ class Plant:
             self.scalars,
             reference_a,
             bridge_enabled,
-            hand_angle_rad,
-            hand_speed_rad_per_s,
+            operator_angle_rad,
+            operator_speed_rad_per_s,
         )
 
     def tension_n(self) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 """The simulated rig in one piece: actuators in, one control period passes, sensors out.
 
-Puts `plant`, `human` and `sensors` together. `bench` steps it in lock-step with a target;
+Puts `plant`, `operator` and `sensors` together. `bench` steps it in lock-step with a target;
 `native_loop` runs it with the natively built drive without coming back to Python.
 """
 
@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden_rig.rig import human, mechanics, parameters
+from bowden_rig.rig import mechanics, parameters
+from bowden_rig.rig import operator as person
 from bowden_rig.rig import sensors as board
 from bowden_rig.rig import state as at
 from bowden_rig.rig.compiled import compiled, packed
@@ -34,7 +35,7 @@ class Parts(NamedTuple):
     """All that a control period works on: constants as records, state as arrays."""
 
     constants: NDArray[np.void]
-    person: NDArray[np.void]
+    intended: NDArray[np.void]
     reading: NDArray[np.void]
     wrap_rad: NDArray[np.float64]
     masses: NDArray[np.float64]
@@ -48,16 +49,16 @@ class Parts(NamedTuple):
 
 @compiled
 def pass_period(  # noqa: PLR0917  (compiled code takes no keywords)
-    p: Parts, current_ua: int, bridge_enabled: bool, told: bool, angle: float, speed: float
+    p: Parts, current_ua: int, bridge_enabled: bool, given: bool, angle: float, speed: float
 ) -> None:
     """Let one control period pass and sample the rig.
 
-    `told`: the hand wants `angle` and `speed`; else what the person has in mind.
+    `given`: the operator intends `angle` and `speed`; else what `parameters.Operator` describes.
     """
-    if not told:
-        go = bridge_enabled or not p.person[0]["waits"]
-        angle, speed = human.wanted(p.person, p.scalars, go, CONTROL_PERIOD_S)
-    p.scalars[at.WANTED_ANGLE] = angle
+    if not given:
+        go = bridge_enabled or not p.intended[0]["waits"]
+        angle, speed = person.intended(p.intended, p.scalars, go, CONTROL_PERIOD_S)
+    p.scalars[at.INTENDED_ANGLE] = angle
     mechanics.advance(
         p.constants,
         p.wrap_rad,
@@ -100,7 +101,7 @@ class SimulatedRig:
         self.sensors: Sensors = self.board.read(self.plant.scalars, start_time_us)
         self.parts = Parts(
             self.plant.packed_constants,
-            packed(human.reduced(self.description.hand)),
+            packed(person.reduced(self.description.operator)),
             self.board.reading,
             self.plant.wrap_rad,
             self.plant.masses,
@@ -112,19 +113,18 @@ class SimulatedRig:
             self.board.sample,
         )
 
-    def step(self, actuators: Actuators, hand: tuple[float, float] | None = None) -> Sensors:
+    def step(self, actuators: Actuators, operator: tuple[float, float] | None = None) -> Sensors:
         """Let one control period pass with these actuators; what the board then reads.
 
-        `hand`: angle (rad) and speed (rad/s) that the hand wants instead of what the person of the
-        description has in mind.
+        `operator`: intended angle (rad) and speed (rad/s), in place of those of the description.
         """
         self.board.stock_up()
-        angle, speed = hand or (0.0, 0.0)
+        angle, speed = operator or (0.0, 0.0)
         pass_period(
             self.parts,
             actuators.motor_current_ua,
             actuators.bridge_enabled,
-            hand is not None,
+            operator is not None,
             angle,
             speed,
         )

@@ -56,9 +56,9 @@ def _finding(ideal: Case, realistic: Case) -> str:
     return (
         f"The ideal follower carries {100 * share:.1f} % of the friction, "
         f"{ideal.steady.motor_torque_pp_nm / 2:.2f} N m at the motor; "
-        f"{ideal.steady.load_torque_pp_nm / 2:.2f} N m are left to the hand. The PI follower "
+        f"{ideal.steady.load_torque_pp_nm / 2:.2f} N m are left to the operator. The PI follower "
         f"({realistic.figures['kp_nm_per_rad']:g} N m/rad, "
         f"{realistic.figures['ki_nm_per_rad_s']:g} N m/(rad s)) lags by up to "
-        f"{1e3 * lag_rad:.0f} mrad at the motor and carries {100 * real:.1f} %: the hand feels "
+        f"{1e3 * lag_rad:.0f} mrad at the motor and carries {100 * real:.1f} %: the operator feels "
         f"{realistic.steady.load_torque_pp_nm / 2:.2f} N m."
     )

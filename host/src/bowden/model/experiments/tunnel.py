@@ -1,6 +1,6 @@
-"""Experiment 2: a hand moves the load, the motor renders the error-reduction tunnel (Figs. 5 to 7).
+"""Experiment 2: an operator moves the load, the motor renders the tunnel (Figs. 5 to 7).
 
-Torque-position mode. The tunnel is eq. (7) on the load angle, which the hand prescribes.
+Torque-position mode. The tunnel is eq. (7) on the load angle, which the operator prescribes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HALF_WIDTH_RAD = 0.05
 STIFFNESS_NM_PER_RAD = 0.5
 TORQUE_LIMIT_NM = 0.2
 
-# Of the order that the paper's residual suggests: mu grows by a third at the hand's top speed.
+# Of the order that the paper's residual suggests: mu grows by a third at the operator's top speed.
 VISCOUS_TERM_S_PER_M = 0.3
 # A term of speed needs a mesh.
 SEGMENTS_WITH_VISCOUS_TERM = 100
@@ -55,7 +55,7 @@ def tunnel(model: Model, preset: str) -> Experiment:
         "viscous",
     )
     cases = (plain, viscous)
-    title = "Experiment 2: error-reduction tunnel, a hand moves the load"
+    title = "Experiment 2: error-reduction tunnel, an operator moves the load"
     return Experiment("2", preset, title, _finding(cases), cases)
 
 
@@ -90,7 +90,7 @@ def _finding(cases: tuple[Case, Case]) -> str:
     slope, share = velocity_slope(viscous, plain)
     text = (
         f"The tunnel asks for up to {asked:.2f} N m at the handle; friction makes it "
-        f"{felt:.2f} N m. The hand loses {plain.steady.loss_j:.2f} J in a cycle, and the motor "
+        f"{felt:.2f} N m. The operator loses {plain.steady.loss_j:.2f} J in a cycle, and the motor "
         f"follows with {1e3 * (plain.steady.backlash_rad or 0.0):.0f} mrad of backlash."
     )
     if plain.steady.slack_share > 0:
