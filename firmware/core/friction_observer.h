@@ -15,8 +15,9 @@
  * 64 times a second.
  *
  * *Sure* is that friction less one standard deviation: what may be compensated without giving the
- * operator energy. Of more friction than the model's only half is believed, because play at the load
- * and a motor whose own friction is unknown look the same, and pushing is worse than being felt.
+ * operator energy. Of more friction than the model's only half is believed, because play at the
+ * load and a motor whose own friction is unknown look the same, and pushing is worse than being
+ * felt.
  *
  * In the frame of the direction s a mirrored motion is the same motion, to the bit. Pure.
  */
