@@ -103,7 +103,9 @@ enum {
     SUPERVISION_COMMAND_LATE = 1 << 24,  /* no command came from the host within command_deadline */
     SUPERVISION_CONFIGURATION = 1 << 25, /* configuration cannot run */
     SUPERVISION_NODE_ID_TAKEN = 1 << 26, /* another node on the bus has this drive's node id */
-    SUPERVISION_BITS = 27,               /* from the lowest to the highest */
+    SUPERVISION_REFERENCE = 1 << 27, /* the zero of the angles is unknown since the last reset, and
+                                        a tunnel was asked for */
+    SUPERVISION_BITS = 28,           /* from the lowest to the highest */
 };
 
 /* the limit that cuts the torque in this tick; no fault */
@@ -124,6 +126,28 @@ typedef enum {
     BIT_RATE_KBIT_500 = 500,   /* 500 kbit/s */
     BIT_RATE_KBIT_1000 = 1000, /* 1 Mbit/s */
 } bit_rate_t;
+
+/* with the bridge off: sets the zero of both angles; reads 0 once it is done, angle_reference says
+ * what came of it */
+typedef enum {
+    HOMING_NONE = 0, /* nothing */
+    HOMING_HERE = 1, /* the rig stands at zero now */
+} homing_t;
+enum { HOMING_COUNT = 2 };
+
+/* where the angles count from; with lost, moved and proving the tunnel is refused */
+typedef enum {
+    ANGLE_REFERENCE_POWER_ON = 0, /* from where the rig stood at power-on */
+    ANGLE_REFERENCE_HOMED = 1,    /* from where the host said here */
+    ANGLE_REFERENCE_KEPT =
+        2, /* as before the last reset: both encoders stood still before and after it */
+    ANGLE_REFERENCE_PROVING =
+        3, /* as before the last reset, if both encoders stand still for 100 ms */
+    ANGLE_REFERENCE_MOVED = 4, /* unknown: an encoder moved right after the last reset */
+    ANGLE_REFERENCE_LOST = 5,  /* unknown: an encoder moved before the last reset, or that reset did
+                                  not spare the memory */
+} angle_reference_t;
+enum { ANGLE_REFERENCE_COUNT = 6 };
 
 /* of the cable pair, from the model */
 typedef enum {

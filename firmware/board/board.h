@@ -76,6 +76,13 @@ typedef struct {
     board_bus_t bus;
 } board_sensors_t;
 
+/* Where the encoders stand, counted from the zero of the angles: kept by the board over a reset
+ * that spares its memory. */
+typedef struct {
+    bool holds; /* the zero is known, and both encoders have stood still for a while */
+    int32_t motor_counts, load_counts;
+} board_reference_t;
+
 /* What the board must do until the next tick. Bridge off overrides the current. */
 typedef struct {
     int32_t motor_current_ua; /* reference of the current loop, microamperes */
@@ -84,8 +91,9 @@ typedef struct {
     /* To be kept across power-off, all or nothing, or NULL. The words stay as they are until
      * `store` of the sensors says done or failed; then NULL comes, and `store` is idle again. */
     const uint32_t *store;
-    uint32_t store_words; /* 1 .. BOARD_STORE_WORDS */
-    bool store_is_log;    /* nobody has asked for it: cut short it is no BOARD_SAVED_DAMAGED */
+    board_reference_t reference; /* of this tick, to be kept over a reset */
+    uint32_t store_words;        /* 1 .. BOARD_STORE_WORDS */
+    bool store_is_log; /* nobody has asked for it: cut short it is no BOARD_SAVED_DAMAGED */
 } board_actuators_t;
 
 /* How the program before this one ended, entry crash_record; all zero when it did not crash since
@@ -111,6 +119,8 @@ typedef struct {
     int32_t current_max_ua; /* the most that its bridge is to drive; 0: it has no such limit */
     reset_cause_t reset;
     board_crash_t crash;
+    board_reference_t
+        reference;         /* kept; holds only where `reset` and the encoders since allow it */
     const uint32_t *saved; /* what was kept last; read in drive_init() only */
     uint32_t saved_words;  /* 0: nothing */
     board_saved_t saved_state;

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xED3E4E78)
+#define DICTIONARY_HASH UINT32_C(0x03E72477)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 217
+#define DICTIONARY_COUNT 219
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -116,6 +116,8 @@ typedef struct {
     uint32_t fault_log_uptime_s[16];                   /* 0x2011 */
     uint8_t node_id;                                   /* 0x2012 */
     uint16_t bit_rate;                                 /* 0x2013 */
+    uint8_t homing;                                    /* 0x2014 */
+    uint8_t angle_reference;                           /* 0x2015 */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */
@@ -281,6 +283,9 @@ enum {
     EMCY_LOAD_SPEED_REGISTER = 0x81,
     EMCY_LOAD_ANGLE = 0x8612, /* the load is outside load_angle_min to load_angle_max */
     EMCY_LOAD_ANGLE_REGISTER = 0x81,
+    EMCY_REFERENCE_LOST = 0x8613, /* the zero of the angles is unknown since the last reset, and a
+                                     tunnel was asked for */
+    EMCY_REFERENCE_LOST_REGISTER = 0x81,
     EMCY_COMPENSATION_FALLBACK = 0xFF01, /* a warning: a lesser compensation law runs than the one
                                             configured; the drive does not stop */
     EMCY_COMPENSATION_FALLBACK_REGISTER = 0x81,

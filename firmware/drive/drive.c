@@ -49,6 +49,7 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
     dictionary->node_id = drive->node.od.node_id;
     dictionary->identity_serial_number = identity->serial_number;
     dictionary->reset_cause = (uint8_t)identity->reset;
+    drive->reference = reference_of(identity->reset, identity->reference);
     dictionary->crash_record_crashes = identity->crash.crashes;
     dictionary->crash_record_cause = identity->crash.cause;
     dictionary->crash_record_program_counter = identity->crash.program_counter;
@@ -162,6 +163,8 @@ static supervision_inputs_t watched(drive_t *drive, const board_sensors_t *senso
         .powered = up || is_powered(drive->state),
         .running = state_bridge_on(drive->state) || (up && drive->state == STATE_SWITCHED_ON),
         .in_fault = drive->state == STATE_FAULT,
+        .reference_lost = dictionary->mode_of_operation == MODE_OF_OPERATION_TUNNEL &&
+                          !reference_is_known(&drive->reference),
         .configuration_refused = up && !drive->configured && !compensates,
         .host_commanded = node_take_commanded(&drive->node),
         .heartbeat_lost = node_host_lost(&drive->node),
@@ -279,6 +282,16 @@ static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
 
 /* ---- the tick ---- */
 
+/* A host's "here" counts with the bridge off only: a zero that jumps would move the tunnel. */
+static void follow_reference(drive_t *drive, const board_sensors_t *sensors) {
+    dictionary_t *dictionary = &drive->dictionary;
+    const bool here = dictionary->homing == HOMING_HERE && !state_bridge_on(drive->state);
+    dictionary->homing = HOMING_NONE;
+    reference_step(&drive->reference, sensors->motor_encoder_counts, sensors->load_encoder_counts,
+                   here);
+    dictionary->angle_reference = (uint8_t)drive->reference.state;
+}
+
 static void pass_time(drive_t *drive) {
     drive->second_ticks++;
     if (drive->second_ticks == TICKS_PER_SECOND) {
@@ -291,6 +304,7 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     const bool late = drive->took_configuration;
     pass_time(drive);
     note_command(drive);
+    follow_reference(drive, sensors);
     drive->took_configuration = follow_configuration(drive, sensors);
     publish_sensors(drive, sensors);
     step_state(drive, sensors, late);
@@ -305,6 +319,8 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     *actuators = (board_actuators_t){
         .bridge_enabled = state_bridge_on(drive->state),
         .motor_current_ua = drive->commanded_ua,
+        .reference = reference_to_keep(&drive->reference, sensors->motor_encoder_counts,
+                                       sensors->load_encoder_counts),
     };
     if (saving_step(&drive->saving, &drive->node, sensors->store, actuators)) {
         node_error_clear(&drive->node, EMCY_CONFIGURATION_CHANGED);

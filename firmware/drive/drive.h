@@ -21,6 +21,7 @@
 #include "command.h"
 #include "dictionary.h"
 #include "parameters.h"
+#include "reference.h"
 #include "rendering.h"
 #include "saving.h"
 #include "state.h"
@@ -50,6 +51,7 @@ typedef struct {
     supervision_t supervision;
     uint32_t second_ticks, uptime_s; /* since the start */
     saving_t saving;
+    reference_t reference; /* of the angles */
 } drive_t;
 
 /* Power-on: dictionary defaults or what was saved, the node in pre-operational with its boot-up

@@ -13,9 +13,11 @@ void publish_sensors(drive_t *drive, const board_sensors_t *sensors) {
     dictionary->motor_encoder_counts = sensors->motor_encoder_counts;
     dictionary->load_encoder_counts = sensors->load_encoder_counts;
     dictionary->motor_angle_urad =
-        fixed_scale(sensors->motor_encoder_counts, parameters->motor_urad_per_count, count);
+        fixed_scale(counts_since(sensors->motor_encoder_counts, drive->reference.motor_zero_counts),
+                    parameters->motor_urad_per_count, count);
     dictionary->load_angle_urad =
-        fixed_scale(sensors->load_encoder_counts, parameters->load_urad_per_count, count);
+        fixed_scale(counts_since(sensors->load_encoder_counts, drive->reference.load_zero_counts),
+                    parameters->load_urad_per_count, count);
     const int32_t torque =
         fixed_scale(sensors->motor_current_ua, parameters->torque_per_current, count);
     dictionary->motor_torque_unm = fixed_clamp(torque, -PUBLISH_I24_MAX, PUBLISH_I24_MAX);
@@ -50,7 +52,8 @@ void publish_model(drive_t *drive) {
         return;
     }
     const int32_t zero_urad =
-        fixed_scale(drive->motor_zero_counts, drive->parameters.motor_urad_per_count, count);
+        fixed_scale(counts_since(drive->motor_zero_counts, drive->reference.motor_zero_counts),
+                    drive->parameters.motor_urad_per_count, count);
     dictionary->model_motor_angle_urad =
         fixed_add(zero_urad, transmission_motor_angle_urad(transmission), count);
     dictionary->model_load_torque_unm = transmission_load_torque_unm(transmission);

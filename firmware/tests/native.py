@@ -50,7 +50,7 @@ class Drive:
     """
 
     def __init__(
-        self, node_id: int = NODE_ID, start_us: int = 0, guarded: bool = False, **board: int
+        self, node_id: int = NODE_ID, start_us: int = 0, guarded: bool = False, **board: Any
     ) -> None:
         self.raw = ffi.new("drive_t *")
         self.sensors = ffi.new("board_sensors_t *", {"bus_voltage_mv": 24000, "time_us": start_us})
@@ -58,7 +58,8 @@ class Drive:
         self.node_id = node_id
         self.values = self.raw.dictionary
         self._sent: list[Frame] = []
-        lib.drive_init(self.raw, ffi.new("board_identity_t *", {"node_id": node_id, **board}))
+        identity = {"node_id": node_id, "reset": lib.RESET_CAUSE_POWER_ON, **board}
+        lib.drive_init(self.raw, ffi.new("board_identity_t *", identity))
         if not guarded:
             self.values.command_deadline_ms = 0
             self.values.stretch_tolerance_nm = 2**31 - 1

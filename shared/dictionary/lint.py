@@ -21,7 +21,7 @@ from shared.dictionary.schema import DictionaryFile, Pdo, Role
 
 RPDO_MAX = 4
 TPDO_MAX = 8
-TEXT_MAX = 64
+TEXT_MAX = 70
 
 _ACCESS_OF_ROLE: dict[Role, set[str]] = {
     "communication": {"const", "ro", "rw"},

@@ -14,6 +14,7 @@
 #include "erase.h"
 #include "fast_loop.h"
 #include "handlers.h"
+#include "keep_reference.h"
 #include "motor_speed.h"
 #include "pwm.h"
 #include "registers.h"
@@ -87,18 +88,25 @@ drive_state_t control_state(void) {
 
 /* While a tick still runs its inputs stay, and the samples go into the next. */
 void systick_handler(void) {
-    if (!watchdog_check(pwm_is_on())) {
+    const bool alive = watchdog_check(pwm_is_on());
+    if (!alive) {
         pwm_lock();
     }
     ticks++;
     crash_note_tick(ticks);
+    const encoders_latch_t now = encoders_latch();
     if (running) {
         overrun = true;
+        watch_reference(now, !alive);
         return;
+    }
+    if (ticks > 1) { /* there is a tick to keep of */
+        keep_reference(actuators.reference, latched.encoders);
+        watch_reference(now, !alive);
     }
     running = true;
     latched.time_us = ticks * BOARD_CONTROL_PERIOD_US;
-    latched.encoders = encoders_latch();
+    latched.encoders = now;
     if (!fast_loop_take(&latched.fast)) {
         latched.fast = (fast_loop_report_t){0};
     }

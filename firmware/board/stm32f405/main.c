@@ -16,6 +16,7 @@
 #include "current_loop.h"
 #include "encoders.h"
 #include "handlers.h"
+#include "keep_reference.h"
 #include "pins.h"
 #include "protection.h"
 #include "pwm.h"
@@ -70,6 +71,7 @@ int main(void) {
         .current_max_ua = CURRENT_LOOP_REFERENCE_MAX_UA,
         .reset = reset,
         .crash = crash_report(),
+        .reference = kept_reference(reset),
     };
     control_start(&identity, source == CLOCK_INTERNAL ? (uint32_t)BOARD_FAULT_CLOCK : 0u,
                   ended_badly ? (uint32_t)BOARD_FAULT_RESTARTED : 0u);

@@ -104,6 +104,7 @@ static uint32_t look_around(const supervision_t *supervision, const supervision_
            when(inputs->host_restarted, SUPERVISION_HOST_RESTARTED) |
            when(late, SUPERVISION_COMMAND_LATE) |
            when(inputs->namesake, SUPERVISION_NODE_ID_TAKEN) |
+           when(inputs->reference_lost, SUPERVISION_REFERENCE) |
            when(inputs->configuration_refused, SUPERVISION_CONFIGURATION);
 }
 

@@ -36,6 +36,7 @@ typedef struct {
     bool powered;          /* switched on or further, or about to be */
     bool running;          /* current may flow, or is about to */
     bool in_fault;
+    bool reference_lost;        /* and a tunnel is asked for */
     bool configuration_refused; /* by the next step up */
     bool host_commanded;        /* a sign of life since the last tick */
     bool heartbeat_lost, host_restarted, namesake;

@@ -36,4 +36,5 @@ const supervision_row_t SUPERVISION[SUPERVISION_BITS] = {
     [24] = {EMCY_COMMAND_LATE, EMCY_COMMAND_LATE_REGISTER, 1},             /* command_late */
     [25] = {EMCY_CONFIGURATION_REFUSED, EMCY_CONFIGURATION_REFUSED_REGISTER, 1}, /* configuration */
     [26] = {EMCY_NODE_ID_TAKEN, EMCY_NODE_ID_TAKEN_REGISTER, 1},                 /* node_id_taken */
+    [27] = {EMCY_REFERENCE_LOST, EMCY_REFERENCE_LOST_REGISTER, 1},               /* reference */
 };

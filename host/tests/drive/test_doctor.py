@@ -38,6 +38,7 @@ def test_a_fresh_drive_is_well_but_not_configured(capsys: pytest.CaptureFixture[
         "firmware": "ok",
         "configuration": "warning",
         "faults": "ok",
+        "zero": "ok",
         "supply": "ok",
         "sensors": "ok",
         "signs": "not checked",

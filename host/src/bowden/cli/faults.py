@@ -49,6 +49,7 @@ def _show(report: FaultReport) -> None:
     if report.deadline_ms == 0:
         out.print("[yellow]no command deadline[/]: a host that falls silent is not noticed by it")
     out.print(f"last start: {report.last_reset}", soft_wrap=True)
+    out.print(f"zero of the angles: {report.angle_reference}", soft_wrap=True)
     for text in report.history:
         out.print(f"since power-on: {text}", markup=False, soft_wrap=True)
     for fault in report.log:

@@ -16,6 +16,7 @@ from bowden.drive.bus_load import BusLoad
 from bowden.drive.client import Drive
 from bowden.drive.dictionary import BITRATE, HASH, lookup
 from bowden.drive.faults import describe_address, describe_emergency
+from bowden.drive.homing import UNKNOWN, angle_reference
 from bowden.drive.meanings import ConfigurationOriginOutcome, ResetCause
 from bowden.drive.power import BRIDGE_ON, is_fault, power_state
 from bowden.errors import DriveFailed
@@ -185,6 +186,15 @@ def check_faults(drive: Drive) -> CheckResult:
     return CheckResult("faults", "ok", f"none, now or before; {power_state(status)}")
 
 
+def check_reference(drive: Drive) -> CheckResult:
+    """Ask where the angles count from: without a zero the tunnel is refused."""
+    found = angle_reference(drive)
+    if found in UNKNOWN:
+        todo = "move the load to its zero, then: bowden home"
+        return CheckResult("zero", "failed", f"{found.doc}; the tunnel is refused", todo)
+    return CheckResult("zero", "ok", found.doc)
+
+
 def check_supply(drive: Drive) -> CheckResult:
     """Read the bus voltage."""
     volts = drive.read("bus_voltage")
@@ -269,6 +279,7 @@ _OF_THE_DRIVE: tuple[Callable[[Drive], CheckResult], ...] = (
     check_firmware,
     check_configuration,
     check_faults,
+    check_reference,
     check_supply,
     check_sensors,
 )

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0xED3E4E78
+HASH = 0x03E72477
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -112,7 +112,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xed3e4e78, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x3e72477, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -143,6 +143,8 @@ TABLE = Table(
         *array(16, Entry(0x2011, 1, 'fault_log_uptime', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1.0, persist=True, doc='of each: time since that start')),
         Entry(0x2012, 0, 'node_id', 'u8', 'rw', 'calibration', 16, low=1, high=127, persist=True, doc='CANopen node id from the next start on, once it is stored'),
         Entry(0x2013, 0, 'bit_rate', 'u16', 'rw', 'calibration', 1000, low=125, high=1000, persist=True, meaning=meanings.BitRate, doc='of the CAN bus, from the next start on, once it is stored'),
+        Entry(0x2014, 0, 'homing', 'u8', 'rw', 'command', 0, high=1, meaning=meanings.Homing, doc='with the bridge off: sets the zero of both angles; reads 0 once it is done, angle_reference says what came of it'),
+        Entry(0x2015, 0, 'angle_reference', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.AngleReference, doc='where the angles count from; with lost, moved and proving the tunnel is refused'),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),
@@ -282,6 +284,7 @@ EMERGENCIES = (
     Emergency(0x8480, 'motor_speed', 128, 'the motor is faster than motor_speed_limit, or its encoder jumped', 'check the motor encoder and whether a cable is off its pulley'),
     Emergency(0x8481, 'load_speed', 128, 'the load is faster than load_speed_limit, or its encoder jumped', 'check the load encoder'),
     Emergency(0x8612, 'load_angle', 128, 'the load is outside load_angle_min to load_angle_max', 'move it back by hand, then reset the fault'),
+    Emergency(0x8613, 'reference_lost', 128, 'the zero of the angles is unknown since the last reset, and a tunnel was asked for', 'move the load to its zero, then: bowden home'),
     Emergency(0xFF01, 'compensation_fallback', 128, 'a warning: a lesser compensation law runs than the one configured; the drive does not stop', 'read compensation_fallback and docs/compensation.md'),
 )
 
@@ -313,6 +316,7 @@ SUPERVISION = (
     Check(24, 'command_late', 'time since the last accepted RPDO, SDO write to a command, or watched heartbeat', 'command_deadline', 'command_late'),
     Check(25, 'configuration', 'a configuration that cannot run', '', 'configuration_refused'),
     Check(26, 'node_id_taken', 'heartbeats and boot-up messages of other nodes with the same node id', '', 'node_id_taken'),
+    Check(27, 'reference', 'the zero of the angles, when a tunnel is asked for: angle_reference', '', 'reference_lost'),
 )
 
 ENTRIES = TABLE.entries

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from bowden.drive.client import Drive
 from bowden.drive.dictionary import EMERGENCIES, SUPERVISION
 from bowden.drive.faults import describe_emergency
-from bowden.drive.meanings import LimitsActive, ResetCause, Statusword
+from bowden.drive.meanings import AngleReference, LimitsActive, ResetCause, Statusword
 from bowden.drive.power import power_state
 
 LOG_PLACES = 16
@@ -88,6 +88,8 @@ class FaultReport:
         The last faults, newest first, also from before power-off.
     last_reset : str
         Why the program of the drive started.
+    angle_reference : str
+        Where its angles count from.
     """
 
     node_id: int
@@ -98,6 +100,7 @@ class FaultReport:
     history: tuple[str, ...]
     log: tuple[LoggedFault, ...]
     last_reset: str
+    angle_reference: str
 
 
 def fault_report(drive: Drive) -> FaultReport:
@@ -120,6 +123,7 @@ def fault_report(drive: Drive) -> FaultReport:
         history=tuple(describe_emergency(code) for code in history),
         log=tuple(_logged(drive)),
         last_reset=ResetCause.describe(drive.read_raw("reset_cause")),
+        angle_reference=AngleReference.describe(drive.read_raw("angle_reference")),
     )
 
 

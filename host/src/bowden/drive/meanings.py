@@ -98,6 +98,7 @@ class Supervision(NamedBits):
     COMMAND_LATE = 1 << 24, 'no command came from the host within command_deadline'
     CONFIGURATION = 1 << 25, 'configuration cannot run'
     NODE_ID_TAKEN = 1 << 26, "another node on the bus has this drive's node id"
+    REFERENCE = 1 << 27, 'the zero of the angles is unknown since the last reset, and a tunnel was asked for'
 
 
 class LimitsActive(NamedBits):
@@ -117,6 +118,24 @@ class BitRate(NamedValue):
     KBIT_250 = 250, '250 kbit/s'
     KBIT_500 = 500, '500 kbit/s'
     KBIT_1000 = 1000, '1 Mbit/s'
+
+
+class Homing(NamedValue):
+    """With the bridge off: sets the zero of both angles; reads 0 once it is done, angle_reference says what came of it."""
+
+    NONE = 0, 'nothing'
+    HERE = 1, 'the rig stands at zero now'
+
+
+class AngleReference(NamedValue):
+    """Where the angles count from; with lost, moved and proving the tunnel is refused."""
+
+    POWER_ON = 0, 'from where the rig stood at power-on'
+    HOMED = 1, 'from where the host said here'
+    KEPT = 2, 'as before the last reset: both encoders stood still before and after it'
+    PROVING = 3, 'as before the last reset, if both encoders stand still for 100 ms'
+    MOVED = 4, 'unknown: an encoder moved right after the last reset'
+    LOST = 5, 'unknown: an encoder moved before the last reset, or that reset did not spare the memory'
 
 
 class SlipState(NamedValue):

@@ -1,0 +1,83 @@
+"""The zero of the angles over resets of the chip: kept at standstill, lost in motion; the ELF.
+
+The chip's timers count from 0 after each reset, so an angle that is the same has been kept.
+"""
+
+from __future__ import annotations
+
+import pytest
+from bowden.drive.meanings import AngleReference
+from bowden_rig.rig.parameters import Hand
+
+from hil_tests.board_bench import HANG, NEEDS_ELF, Board
+from hil_tests.lockstep_host import NMT_RESET_NODE
+
+pytestmark = NEEDS_ELF
+
+ANGLE_REFERENCE, HOMING, MOTOR_ANGLE = 0x2015, 0x2014, 0x2022
+TUNNEL_MODE = -1
+REFERENCE_LOST = 0x8613
+COUNT_URAD = 3142
+
+
+def reference(board: Board) -> AngleReference:
+    return AngleReference(board.host.read(ANGLE_REFERENCE)[0])
+
+
+def wound_up() -> Board:
+    """At rest, with the motor where friction holds it: not where it was at power-on."""
+    board = Board()
+    board.run(0.02)
+    board.enable(0.4)
+    board.run(0.1)
+    board.host.disable()
+    board.run(0.3)
+    assert abs(board.signed(MOTOR_ANGLE)) > 3 * COUNT_URAD
+    return board
+
+
+def test_a_reset_by_the_host_at_standstill_keeps_the_zero() -> None:
+    board = wound_up()
+    before_urad = board.signed(MOTOR_ANGLE)
+    board.host.nmt(NMT_RESET_NODE)
+    board.run(0.02)
+    assert reference(board) is AngleReference.PROVING
+    board.run(0.2)
+    assert reference(board) is AngleReference.KEPT
+    assert abs(board.signed(MOTOR_ANGLE) - before_urad) <= COUNT_URAD
+
+
+def test_a_hang_at_standstill_keeps_the_zero() -> None:
+    """SysTick looks at the encoders until the watchdog bites."""
+    board = wound_up()
+    before_urad = board.signed(MOTOR_ANGLE)
+    sound = board.chip.read_memory(board.chip.image.symbols["drive_tick"].address, 2)
+    board.patch("drive_tick", HANG)
+    while len(board.restarts()) == 0:
+        board.chip.run_until(board.chip.time_us + 1000.0)
+    board.patch("drive_tick", sound)
+    board.run(0.25)
+    assert board.reset_cause() == 5  # watchdog
+    assert reference(board) is AngleReference.KEPT
+    assert abs(board.signed(MOTOR_ANGLE) - before_urad) <= COUNT_URAD
+
+
+def test_a_reset_in_motion_loses_it_and_the_tunnel_is_refused_until_homed() -> None:
+    board = Board(hand=Hand(motion="sine", starts="now"))
+    board.run(0.6)
+    board.chip.pin_reset()
+    board.run(0.1)
+    assert reference(board) is AngleReference.LOST
+    with pytest.raises(RuntimeError, match="statusword"):
+        board.host.enable(TUNNEL_MODE)
+    assert not board.chip.bridge().enabled
+    assert board.emergencies() == [REFERENCE_LOST]
+    board.host.write(HOMING, 0, 1, 1)
+    board.run(0.01)
+    assert reference(board) is AngleReference.HOMED
+    board.host.write(0x6040, 0, 0, 2)
+    board.host.write(0x6040, 0, 0x80, 2)
+    board.run(0.01)
+    board.host.enable(TUNNEL_MODE)
+    board.run(0.01)
+    assert board.chip.bridge().enabled
