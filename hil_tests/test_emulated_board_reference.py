@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 from bowden.drive.meanings import AngleReference
-from bowden_rig.rig.parameters import Hand
+from bowden_rig.rig.parameters import Operator
 
 from hil_tests.board_bench import HANG, NEEDS_ELF, Board
 from hil_tests.lockstep_host import NMT_RESET_NODE
@@ -63,7 +63,7 @@ def test_a_hang_at_standstill_keeps_the_zero() -> None:
 
 
 def test_a_reset_in_motion_loses_it_and_the_tunnel_is_refused_until_homed() -> None:
-    board = Board(hand=Hand(motion="sine", starts="now"))
+    board = Board(operator=Operator(motion="sine", starts="now"))
     board.run(0.6)
     board.chip.pin_reset()
     board.run(0.1)
