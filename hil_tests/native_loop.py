@@ -56,11 +56,11 @@ def _generate_call(_context: Any, _address: Any, _a: Any, _b: Any, _c: Any) -> A
     return types.uint8(types.uintp, types.uintp, types.uintp, types.uintp), generate
 
 
-_call: Any = intrinsic(_generate_call)
+call: Any = intrinsic(_generate_call)
 
 
 @compiled
-def _entry(memory: NDArray[np.uint8], where: NDArray[np.int64]) -> int:
+def entry_of(memory: NDArray[np.uint8], where: NDArray[np.int64]) -> int:
     """Read a little-endian number: (offset, size, signed)."""
     value: Any = 0
     for i in range(where[1]):
@@ -92,8 +92,8 @@ def _run(  # noqa: PLR0917
             sensors[i] = parts.sample[i]
         if len(commands) > 0:
             command[0] = commands[k]
-        _call(calls[0], calls[2], calls[3], calls[4])
-        while _call(calls[1], calls[2], calls[5], 0) & 1:
+        call(calls[0], calls[2], calls[3], calls[4])
+        while call(calls[1], calls[2], calls[5], 0) & 1:
             pass
         bridge = bridge_on[0] != 0
         angle = operator[k, 0] if given else 0.0
@@ -103,7 +103,7 @@ def _run(  # noqa: PLR0917
         for i in range(rig_rows.shape[1]):
             rig_rows[k, i] = parts.scalars[i]
         for i in range(watched.shape[0]):
-            drive_rows[k, i] = _entry(drive, watched[i])
+            drive_rows[k, i] = entry_of(drive, watched[i])
 
 
 def run(

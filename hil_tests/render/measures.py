@@ -99,6 +99,77 @@ def net_energy(
     return max(parts, default=0.0)
 
 
+def turns(series: Array, band: float) -> list[int]:
+    """Find the samples at which a series turns around, in order, minima and maxima in turn.
+
+    A turn counts once the series has come back from it by more than the band.
+    """
+    found: list[int] = []
+    low = high = 0  # where it was lowest and highest since the last turn
+    direction = 0
+    values = series.tolist()
+    for k, value in enumerate(values):
+        low = k if value < values[low] else low
+        high = k if value > values[high] else high
+        if direction >= 0 and value < values[high] - band:
+            found += [high] if direction > 0 else []
+            direction, low = -1, k
+        elif direction <= 0 and value > values[low] + band:
+            found += [low] if direction < 0 else []
+            direction, high = 1, k
+    return found
+
+
+def turn_energy(
+    load_torque_nm: Array,
+    wanted_nm: Array,
+    load_angle_rad: Array,
+    band_rad: float,
+    friction_nm: float,
+) -> float:
+    """Most energy that a closed path has given the load beyond the wanted, over what it exchanged.
+
+    A path leaves from a turn of the load, turns around and closes where the load has come back to
+    where it left: there the cables' profile, and what it stores, is what it was (return-point
+    memory). Exchanged is taken as at least what the pair's friction would take. 0 where no path
+    closes. Unlike `net_energy` it needs no period.
+    """
+    step = np.diff(load_angle_rad)
+    middle = 0.5 * (load_torque_nm[1:] + load_torque_nm[:-1])
+    beyond = middle - 0.5 * (wanted_nm[1:] + wanted_nm[:-1])
+    given = np.append(0.0, np.cumsum(beyond * step))
+    passed = np.append(0.0, np.cumsum(np.maximum(np.abs(middle), friction_nm) * np.abs(step)))
+    found = [*turns(load_angle_rad, band_rad), len(step)]
+    parts = []
+    for a, b, c in zip(found, found[1:], found[2:], strict=False):
+        back = np.sign(load_angle_rad[b] - load_angle_rad[a]) * (
+            load_angle_rad[b : c + 1] - load_angle_rad[a]
+        )
+        closed = np.flatnonzero(back <= 0.0)
+        if len(closed) > 0:
+            end = b + int(closed[0])
+            parts.append((given[end] - given[a]) / (passed[end] - passed[a]))
+    return float(max(parts, default=0.0))
+
+
+def redriven(beyond_nm: Array, load_angle_rad: Array, had_j: float) -> float:
+    """Most energy that a free handle has been given after it had lost some, over what it had.
+
+    Parameters
+    ----------
+    beyond_nm : ndarray
+        Torque on the load beyond the wanted, which only stores.
+    load_angle_rad : ndarray
+    had_j : float
+        Motion and stored energy at the release; nan where there was none.
+    """
+    if had_j <= 0.0:
+        return float("nan")
+    middle = 0.5 * (beyond_nm[1:] + beyond_nm[:-1])
+    energy = np.append(0.0, np.cumsum(middle * np.diff(load_angle_rad)))
+    return float(np.max(energy - np.minimum.accumulate(energy)) / had_j)
+
+
 def slack_share(tensions_n: Array) -> float:
     """Part of the time in which a cable carries nothing at an end; shape (ticks, ends)."""
     return float(np.mean(np.min(tensions_n, axis=1) <= 1e-3))

@@ -8,7 +8,7 @@ zero, with virgin cables, and are scored from `scored_from_s`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -16,15 +16,17 @@ import numpy as np
 from bowden_rig.bench import TICKS_PER_S
 from numpy.typing import NDArray
 
+from hil_tests.render.course import Conditions
+from hil_tests.render.course import course as course_of
 from hil_tests.render.rigs import RenderRig, Tunnel
 
 TUNNEL_MODE: Final = -1
 TORQUE_MODE: Final = -2
 SWELL_S: Final = 0.5
 MOST_OVERREACH_RAD: Final = 0.8
-Kind = Literal["strokes", "free", "rest", "steps"]
+Kind = Literal["strokes", "free", "rest", "steps", "disturbed"]
 Array = NDArray[np.float64]
-Motion = Callable[[Array], Array]
+Motion = Callable[[Array, RenderRig], Array]
 
 
 @dataclass(frozen=True)
@@ -36,12 +38,19 @@ class Task:
     name : str
     kind : str
         ``strokes`` through the tunnel, ``free`` strokes in a dead zone wide enough for them,
-        ``rest``: hold still after having moved; ``steps`` of torque at a hand that stays.
+        ``rest``: hold still after having moved; ``steps`` of torque at a still operator;
+        ``disturbed``: in the tunnel, operator or cables change meanwhile.
     duration_s, scored_from_s : float
     motion : callable
-        Intended angle, rad, from time, s.
+        Intended angle, rad, from time, s, on a rig.
     period_s : float
         Of a closed path; 0 where the path is not closed.
+    conditions : callable, optional
+        What is not as usual, columns of a `course`, from time and rig.
+    free_from_s : float
+        When the operator has let go; infinite where never.
+    aims_past : bool
+        An operator who meets friction aims past the stroke that they want.
     """
 
     name: str
@@ -50,6 +59,9 @@ class Task:
     motion: Motion
     scored_from_s: float = SWELL_S
     period_s: float = 0.0
+    conditions: Callable[[Array, RenderRig], Conditions] | None = None
+    free_from_s: float = math.inf
+    aims_past: bool = False
 
     @property
     def mode(self) -> int:
@@ -66,16 +78,18 @@ class Task:
         return np.arange(self.ticks) / TICKS_PER_S
 
     def operator(self, rig: RenderRig) -> Array:
-        """Intended angle (rad) and speed (rad/s) of the operator in each tick, shape (ticks, 2).
-
-        An operator who works against friction aims beyond the intended stroke.
-        """
-        angle = self.motion(np.arange(self.ticks + 1) / TICKS_PER_S)
-        if self.period_s > 0.0:
+        """Intended angle (rad) and speed (rad/s) of the operator in each tick, shape (ticks, 2)."""
+        angle = self.motion(np.arange(self.ticks + 1) / TICKS_PER_S, rig)
+        if self.aims_past:
             felt_nm = rig.ratio * rig.friction_nm
             overreach_rad = min(felt_nm / rig.rig.operator.stiffness_nm_per_rad, MOST_OVERREACH_RAD)
             angle *= 1.0 + overreach_rad / np.max(np.abs(angle))
         return np.column_stack([angle[:-1], np.diff(angle) * TICKS_PER_S])
+
+    def course(self, rig: RenderRig) -> Array:
+        """Say what happens in each tick, shape (ticks, 6): see `course`."""
+        changed = self.conditions(self.time_s(), rig) if self.conditions else {}
+        return course_of(self.operator(rig), changed)
 
     def tunnel(self, rig: RenderRig) -> Tunnel:
         """Tunnel to configure: free in a dead zone that covers the whole motion."""
@@ -100,23 +114,28 @@ class Task:
         return rig.ratio * target
 
 
-def _swell(time_s: Array) -> Array:
+def swell(time_s: Array) -> Array:
+    """Rise from 0 to 1 within `SWELL_S`, without a jump of the speed."""
     e = np.clip(time_s / SWELL_S, 0.0, 1.0)
     return e * e * (3.0 - 2.0 * e)
 
 
-def _sine(amplitude_rad: float, frequency_hz: float, middle_rad: float = 0.0) -> Motion:
-    def motion(time_s: Array) -> Array:
+def sine(amplitude_rad: float, frequency_hz: float, middle_rad: float = 0.0) -> Motion:
+    """Return strokes about a middle."""
+
+    def motion(time_s: Array, _rig: RenderRig) -> Array:
         phase = 2.0 * math.pi * frequency_hz * time_s
-        angle: Array = _swell(time_s) * (middle_rad + amplitude_rad * np.sin(phase))
+        angle: Array = swell(time_s) * (middle_rad + amplitude_rad * np.sin(phase))
         return angle
 
     return motion
 
 
-def _stay(angle_rad: float) -> Motion:
-    def motion(time_s: Array) -> Array:
-        angle: Array = angle_rad * _swell(time_s)
+def stay(angle_rad: float) -> Motion:
+    """Return a move to an angle, and rest there."""
+
+    def motion(time_s: Array, _rig: RenderRig) -> Array:
+        angle: Array = angle_rad * swell(time_s)
         return angle
 
     return motion
@@ -129,8 +148,9 @@ def _strokes(
         name,
         "free" if name == "free" else "strokes",
         SWELL_S + cycles / frequency_hz + 1e-3,  # a sample more closes the last path
-        _sine(amplitude_rad, frequency_hz, middle_rad),
+        sine(amplitude_rad, frequency_hz, middle_rad),
         period_s=1.0 / frequency_hz,
+        aims_past=True,
     )
 
 
@@ -140,15 +160,15 @@ TASKS: Final = (
     _strokes("tunnel-fast", 0.4, 1.0, 3),
     _strokes("wall-edge", 0.04, 1.0, 3, middle_rad=0.05),
     _strokes("free", 0.4, 0.5, 2),
-    Task("steps", "steps", 3.0, _stay(0.0), scored_from_s=0.5),
-    Task("rest-in-wall", "rest", 2.5, _stay(0.2), scored_from_s=1.0),
-    Task("rest-in-middle", "rest", 2.5, _stay(0.03), scored_from_s=1.0),
+    Task("steps", "steps", 3.0, stay(0.0), scored_from_s=0.5),
+    Task("rest-in-wall", "rest", 2.5, stay(0.2), scored_from_s=1.0),
+    Task("rest-in-middle", "rest", 2.5, stay(0.03), scored_from_s=1.0),
 )
 
 
-def task_named(name: str) -> Task:
+def task_named(name: str, among: Sequence[Task] = TASKS) -> Task:
     """Return the task of that name; ValueError says which there are."""
-    for task in TASKS:
+    for task in among:
         if task.name == name:
             return task
-    raise ValueError(f"task: found {name!r}; accepted: {', '.join(t.name for t in TASKS)}")
+    raise ValueError(f"task: found {name!r}; accepted: {', '.join(t.name for t in among)}")
