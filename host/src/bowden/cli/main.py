@@ -38,6 +38,7 @@ COMMANDS = {
     "stop": "switch a drive's bridge off, or those of all nodes",
     "home": "set the zero of a drive's angles to where the rig stands",
     "doctor": "check adapter, bus, drive and sensors; say what to do next",
+    "commission": "from box to model: wiring, scales, stiffness, friction, step by step",
     "od": "read and write single values of the drive by name",
     "config": "keep a drive's configuration in a file: dump, diff, apply, restore",
     "configure": "write a model's rig into the drive and read it back",
