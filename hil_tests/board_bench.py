@@ -79,7 +79,7 @@ class Board:
 
     # ---- time and traffic ----
     def run(self, duration_s: float) -> list[can.Message]:
-        """Let time pass; the frames that came."""
+        """Advance virtual time; the frames that came."""
         return self.host.listen(duration_s)
 
     def emergencies(self) -> list[int]:

@@ -1,7 +1,7 @@
 """How much of the core each interrupt takes, by what the rig and the bus are doing.
 
 Runs the flashed ELF on the emulated chip and counts instructions. A cycle count is these times
-`CYCLES_PER_INSTRUCTION`: the emulator knows no wait states, no pipeline and no cache misses, and on
+`CYCLES_PER_INSTRUCTION`: the emulator has no wait states, no pipeline and no cache misses, and on
 the chip branches, loads and flash make an instruction take about one and a half cycles.
 """
 

@@ -66,7 +66,7 @@ class Wire(Protocol):
         """Time on this wire."""
 
     def advance(self, duration_s: float) -> None:
-        """Let time pass; frames that come meanwhile wait for `recv`."""
+        """Advance virtual time; frames that come meanwhile wait for `recv`."""
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame."""
@@ -93,7 +93,7 @@ class LockstepHost(Generic[AnyWire]):
         self.frames: list[can.Message] = []
 
     def listen(self, duration_s: float) -> list[can.Message]:
-        """Let virtual time pass; the frames that came."""
+        """Advance virtual time; the frames that came."""
         heard_before = len(self.frames)
         self.bus.advance(duration_s)
         while (message := self.bus.recv(0)) is not None:
@@ -101,7 +101,7 @@ class LockstepHost(Generic[AnyWire]):
         return self.frames[heard_before:]
 
     def collect(self, cob_id: int, count: int, within_s: float) -> list[can.Message]:
-        """Let time pass until `count` frames of that COB-ID came; all frames that came.
+        """Advance virtual time until `count` frames of that COB-ID came; all frames that came.
 
         By number, because the rate at which a busy machine delivers frames says nothing of the
         drive. TimeoutError where they do not come.
@@ -115,7 +115,7 @@ class LockstepHost(Generic[AnyWire]):
         return heard
 
     def await_boot(self, within_s: float = BOOT_WITHIN_S) -> can.Message:
-        """Let time pass until the boot-up message comes; TimeoutError where it does not."""
+        """Advance virtual time until the boot-up message comes; TimeoutError where it does not."""
         boot_up = (0x700 + self.node_id, b"\0")
         end_s = self.bus.time_s + within_s + self.bus.grace_s
         while self.bus.time_s < end_s:
@@ -162,7 +162,7 @@ class LockstepHost(Generic[AnyWire]):
             self.await_state(mask, state)
 
     def await_state(self, mask: int, state: int) -> None:
-        """Let time pass until the statusword shows that state; RuntimeError where it does not."""
+        """Advance virtual time until the statusword shows that state; RuntimeError if never."""
         self.listen(STEP_WITHIN_S)
         end_s = self.bus.time_s + self.bus.grace_s
         while (found := self.statusword()) & mask != state and self.bus.time_s < end_s:

@@ -113,7 +113,7 @@ def run(
     target_torque_nm: NDArray[np.float64] | None = None,
     watch: Sequence[str] = (),
 ) -> Record:
-    """Let many ticks pass.
+    """Advance many control periods.
 
     Parameters
     ----------

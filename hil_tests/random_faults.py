@@ -176,7 +176,7 @@ class Mix:
         self._configure(strokes.entries())
 
     def run(self, duration_s: float) -> None:
-        """Let virtual time pass; `BrokenInvariant` where one does not hold."""
+        """Advance virtual time; `BrokenInvariant` where one does not hold."""
         for _ in range(round(duration_s * TICKS_PER_S)):
             if self.bench.ticks >= self._next:
                 self._next = self.bench.ticks + int(self._random.integers(80, 1600))

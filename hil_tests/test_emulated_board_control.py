@@ -121,9 +121,9 @@ def test_the_motor_gets_the_current_that_the_torque_needs(torque_nm: float) -> N
     board.chip.bridge()
     board.run(0.1)
     current = board.chip.bridge()
-    # what flows through the motor, not what the firmware believes; half a code is what it can see
+    # what flows through the motor, not what the firmware assumes; half a code is what it can see
     assert current.mean_current_a == pytest.approx(torque_nm / TORQUE_CONSTANT_NM_PER_A, abs=CODE_A)
-    # at rest the winding's resistance alone takes the voltage, dead time besides
+    # at standstill the winding's resistance alone takes the voltage, dead time besides
     assert math.copysign(1, current.duty_a - current.duty_b) == math.copysign(1, torque_nm)
     assert board.emergencies() == []
 

@@ -235,7 +235,7 @@ def test_a_current_sensor_that_freezes_is_found_when_the_torque_changes() -> Non
 def test_a_motor_resistance_of_a_hot_winding_is_no_fault() -> None:
     board = running(0.4)
     board.host.disable()
-    board.host.write(0x214B, 0, 430_000, 4)  # the drive believes in 0.43 ohm; it has 0.6
+    board.host.write(0x214B, 0, 430_000, 4)  # the drive assumes 0.43 ohm; it has 0.6
     board.run(0.06)
     board.enable(0.4)
     board.run(0.2)

@@ -66,7 +66,7 @@ class Run:
 
 @contextmanager
 def drive_on(rig: Rig, **model: float) -> Iterator[Bench]:
-    """A drive with our law, without load cell, that believes the rig's numbers but for `model`."""
+    """A drive with our law, without load cell, that assumes the rig's numbers but for `model`."""
     bench = Bench(SimulatedRig(rig, 1), make_target("native"))
     host = LockstepHost(VirtualBus(bench))
     host.await_boot()
@@ -200,7 +200,7 @@ def test_a_real_reversal_of_a_few_counts_is_not_hidden() -> None:
 
 
 def test_an_encoder_that_dithers_between_two_counts_moves_nothing() -> None:
-    """The load rests: a tick to and fro must neither swing the estimate nor the motor."""
+    """The load rests: a tick back and forth must neither swing the estimate nor the motor."""
     with drive_on(rig_of()) as bench:
         moved(bench, strokes(0.5))
         moved(bench, np.full(TICKS_PER_S // 2, 0.5))

@@ -120,7 +120,7 @@ def test_locked_load_feels_the_motor_late_and_then_a_plateau() -> None:
     # sqrt(EA / stiffness) = 52 mm, 4 % in tension, to both sides
     assert abs(felt_nm[0.46]) < 5e-3
     assert felt_nm[0.55] > 2e-3
-    # slack from 0.76948 N m: cable b carries nothing, the load feels r_load T0 of cable a
+    # slack from 0.76948 N m: cable b carries nothing, the load receives r_load T0 of cable a
     assert felt_nm[0.79] == pytest.approx(1.04, rel=0.03)
     assert felt_nm[0.85] == pytest.approx(1.04, rel=0.01)
     assert felt_nm[0.95] == pytest.approx(
@@ -132,7 +132,7 @@ def test_cyclic_locked_load_closes_the_loop_of_the_closed_form() -> None:
     rows, _ = run(LOCKED, 2.25, lambda t: 0.125 * math.sin(2.0 * math.pi * t))
     angle, torque = rows[-4000:, at.MOTOR_ANGLE], rows[-4000:, at.MOTOR_TORQUE]
     area_j = 0.5 * abs(np.sum(torque * np.roll(angle, -1) - angle * np.roll(torque, -1)))
-    # presliding stiffness turns some of the loop into elastic to and fro: wider and thinner
+    # presliding stiffness turns some of the loop into elastic back and forth: wider and thinner
     assert np.ptp(angle) == pytest.approx(16.138e-3, rel=0.03)
     assert area_j == pytest.approx(1.3448e-3, rel=0.07)
 

@@ -54,7 +54,7 @@ def test_stiffness_is_the_slope_against_the_wanted_one() -> None:
 def test_net_energy_is_what_a_closed_path_gives() -> None:
     wanted = -2.0 * CLOSED  # a spring
     speed = np.append(COSINE, 1.0)
-    # tau = -k theta + b speed on a unit circle gives pi b; it exchanges the rest to and fro
+    # tau = -k theta + b speed on a unit circle gives pi b; it exchanges the rest back and forth
     torque = wanted + 0.1 * speed
     given = math.pi * 0.1
     exchanged = float(np.trapezoid(np.abs(torque * speed), dx=2.0 * math.pi / TICKS_PER_S))
@@ -303,8 +303,9 @@ def test_every_law_runs_and_keeps_the_bridge_on(law: object) -> None:
     assert np.all(np.isfinite(trial.rig))
 
 
-# Rigs on which the law did swing on at rest: a loose hand that the drive's own moves carried along,
-# stiction that made it jump, and a correction whose own motion of the load was compensated as well.
+# Rigs on which the law did keep oscillating at standstill: a loose operator that the drive's own
+# moves carried along, stiction that made it jump, and a correction whose own motion of the load was
+# compensated as well.
 @pytest.mark.parametrize(
     ("seed", "task"),
     [
@@ -368,7 +369,7 @@ def test_without_a_cell_stiffness_that_is_off_is_no_reason_for_doubt(seed: int) 
     assert ratio_to_naive(seed, WITHOUT_CELL, "tunnel") < 0.5
 
 
-# Rigs whose drive believes in 15 to 25 % more friction than there is.
+# Rigs whose drive assumes 15 to 25 % more friction than there is.
 @pytest.mark.parametrize("seed", [201, 203, 281])
 @pytest.mark.parametrize("task", ["tunnel", "free"])
 def test_too_much_friction_in_the_model_does_not_push(seed: int, task: str) -> None:

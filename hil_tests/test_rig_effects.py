@@ -233,7 +233,7 @@ def test_eccentric_pulley_winds_the_integral_of_its_arm(end: str) -> None:
     def wound(radius: float, e: float, angle: float) -> float:
         return radius * (angle + e * (math.cos(1.0) - math.cos(angle + 1.0)))
 
-    # at rest, without torque and friction, both ends have wound the same length
+    # at standstill, without torque and friction, both ends have wound the same length
     at_motor, at_load = (0.05, 0.0) if end == "" else (0.0, 0.05)
     assert wound(0.02, at_motor, motor) == pytest.approx(wound(0.104, at_load, load), rel=2e-3)
 

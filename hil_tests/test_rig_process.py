@@ -53,7 +53,7 @@ def frame(cob_id: int, data: bytes) -> can.Message:
 
 
 def boot(bridge: Bridge) -> None:
-    """Let time pass until the drive has said that it is there."""
+    """Advance virtual time until the drive has said that it is there."""
     while not bridge.sent:
         bridge.slice()
 

@@ -2,7 +2,7 @@
  *
  * A board (stm32f405, native) owns the hardware. Every BOARD_CONTROL_PERIOD_US it fills a
  * board_sensors_t, calls drive_tick() and carries out the board_actuators_t that comes back. It
- * hands each received CAN frame to drive_receive() and sends what drive_transmit() gives it.
+ * passes each received CAN frame to drive_receive() and sends what drive_transmit() gives it.
  * The drive calls nothing of the board: data in, data out, so that the same control law runs
  * natively, emulated and on the chip, bit for bit. Integers only.
  */
@@ -57,7 +57,7 @@ typedef enum {
 /* Does the bus take the frames that the drive gives? */
 typedef enum {
     BOARD_BUS_FINE,
-    BOARD_BUS_LOST,    /* bus-off, or nobody acknowledges */
+    BOARD_BUS_LOST,    /* bus-off, or no node acknowledges */
     BOARD_BUS_DROPPED, /* lost, and in this tick what waited in the controller was taken back */
 } board_bus_t;
 
@@ -93,7 +93,7 @@ typedef struct {
     const uint32_t *store;
     board_reference_t reference; /* of this tick, to be kept over a reset */
     uint32_t store_words;        /* 1 .. BOARD_STORE_WORDS */
-    bool store_is_log; /* nobody has asked for it: cut short it is no BOARD_SAVED_DAMAGED */
+    bool store_is_log;           /* not requested: cut short it is no BOARD_SAVED_DAMAGED */
 } board_actuators_t;
 
 /* How the program before this one ended, entry crash_record; all zero when it did not crash since

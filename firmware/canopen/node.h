@@ -6,7 +6,7 @@
  * microseconds and may wrap. No globals, no allocation, no waiting; every loop is bounded.
  *
  * Not re-entrant: all calls on one node come from one context, the control tick. A board that
- * receives in an interrupt queues the frames and hands them over in the tick.
+ * receives in an interrupt queues the frames and passes them over in the tick.
  *
  * Order of a tick:  node_receive() for each frame;  the drive computes;
  *                   if (node_sample_due()) the drive counts its sample and sets the time stamp;

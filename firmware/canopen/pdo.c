@@ -307,7 +307,7 @@ void pdo_tick(pdo_t *pdo, const od_t *od, uint32_t now_us, frame_queue_t *tx) {
     for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
         tpdo_t *tpdo = &pdo->tpdo[i];
         if (tpdo->sent && now_us - tpdo->sent_us >= tpdo->inhibit_us) {
-            tpdo->sent = false; /* forgotten now, lest the clock's wrap makes it young again */
+            tpdo->sent = false; /* dropped now, lest the clock's wrap makes it young again */
         }
         if (!is_due(tpdo, now_us)) {
             continue;

@@ -2,7 +2,7 @@
  *
  * One transfer at a time: expedited or segmented (sdo.c), or in blocks with CRC (sdo_block.c).
  * This part knows the protocol only: sdo_receive() returns what the client wants of the dictionary,
- * the node does it and hands the outcome to sdo_answer_*().
+ * the node does it and passes the outcome to sdo_answer_*().
  */
 #ifndef BOWDEN_CANOPEN_SDO_H
 #define BOWDEN_CANOPEN_SDO_H

@@ -3,7 +3,7 @@
  * A transfer is cut into sub-blocks of numbered segments; only the end of a sub-block is answered,
  * by the number of the last segment that came in order, and what is missing is sent again. A CRC
  * over all bytes ends it, so a value arrives whole or not at all. Part of the protocol of sdo.h,
- * which hands over what belongs here; it knows the dictionary no more than sdo.c does.
+ * which passes on what belongs here; it knows the dictionary no more than sdo.c does.
  */
 #ifndef BOWDEN_CANOPEN_SDO_BLOCK_H
 #define BOWDEN_CANOPEN_SDO_BLOCK_H

@@ -75,8 +75,8 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
 
 /* Part of the model's friction to compensate, in Q16. With a load cell all of it, as adapted: the
  * cell sees to the rest. Without one, while the load moves, what the observer is sure of, so that
- * it is not pushed; at rest what it expects, since a motor within its friction moves nothing at
- * all. Less of it when the model cannot be believed. */
+ * it is not pushed; at standstill what it expects, since a motor within its friction moves nothing
+ * at all. Less of it when the model is in doubt. */
 static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
     const uint32_t left = LAW_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
     if (cell) {

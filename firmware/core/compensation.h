@@ -44,11 +44,12 @@ typedef struct {
 
 /* What the drive measured, and what it wants, in one tick. */
 typedef struct {
-    compensation_law_t law; /* the law that runs: the ladder may be below the wish */
-    bool active;            /* the bridge is on and a torque is wanted; else the laws rest */
-    bool load_cell_valid;   /* may be used: configured, alive, plausible */
-    int32_t wanted_unm;     /* torque by the cables on the load */
-    int32_t motor_arc_nm;   /* radius times angle, from where the model started */
+    compensation_law_t
+        law;     /* the law that runs: the fallback level may be below the one configured */
+    bool active; /* the bridge is on and a torque is wanted; else the laws rest */
+    bool load_cell_valid; /* may be used: configured, alive, plausible */
+    int32_t wanted_unm;   /* torque by the cables on the load */
+    int32_t motor_arc_nm; /* radius times angle, from where the model started */
     int32_t load_arc_nm;
     int32_t motor_torque_unm; /* measured */
     int32_t load_cell_unm;    /* by the cables on the load; any value while not valid */
@@ -86,8 +87,8 @@ typedef struct {
     law_answer_t answer; /* of the last tick */
 } compensation_t;
 
-/* Computes the constants from a configured transmission, and starts at rest. Slow: not in a tick
- * that must be on time. */
+/* Computes the constants from a configured transmission, and starts at standstill. Slow: not in a
+ * tick that must be on time. */
 void compensation_configure(compensation_t *compensation, const transmission_t *transmission,
                             const compensation_settings_t *settings);
 

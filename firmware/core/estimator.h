@@ -1,4 +1,4 @@
-/* estimator.h: what the drive believes of the pair, from both encoders, the motor torque and, when
+/* estimator.h: what the drive assumes of the pair, from both encoders, the motor torque and, when
  * there is one, the load cell.
  *
  * One model step a tick, in torque-position mode: the measured motor torque and the load encoder
@@ -58,7 +58,7 @@ typedef struct {
     bool slid[3]; /* by slip_state_t: has been */
 } estimator_t;
 
-/* Constants and a start at rest. `windup_nm` and the tolerances: > 0. */
+/* Constants and a start at standstill. `windup_nm` and the tolerances: > 0. */
 estimator_t estimator_of(uint32_t ticks_per_s, int32_t load_count_nm, int32_t windup_nm,
                          int32_t tolerance_nm, int32_t tolerance_unm);
 

@@ -15,7 +15,7 @@
  * 64 times a second.
  *
  * *Sure* is that friction less one standard deviation: what may be compensated without giving the
- * operator energy. Of more friction than the model's only half is believed, because play at the
+ * operator energy. Of more friction than the model's only half is assumed, because play at the
  * load and a motor whose own friction is unknown look the same, and pushing is worse than being
  * felt.
  *
@@ -71,7 +71,7 @@ void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16
 /* One tick. */
 void friction_observer_step(friction_observer_t *observer, const friction_observed_t *seen);
 
-/* Friction as it is believed, relative to the model's, in Q16. */
+/* Friction as it is assumed, relative to the model's, in Q16. */
 uint32_t friction_observer_mean_q16(const friction_observer_t *observer);
 
 /* Friction that is surely there, relative to the model's, in Q16. */

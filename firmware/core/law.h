@@ -43,7 +43,7 @@ typedef struct {
     bool limited;                 /* the motor's limit cut the last answer */
     bool owes;                    /* the drive has given the load energy: passivity.h */
     uint32_t share_q16;           /* of the friction to compensate, LAW_SHARE_ONE for all */
-    const sliding_t *sliding;     /* the pair that the law is to believe in */
+    const sliding_t *sliding;     /* the pair that the law is to assume */
     const estimator_t *estimator; /* after this tick's step */
     const load_motion_t *load_motion; /* held while the model inversion runs */
 } law_inputs_t;

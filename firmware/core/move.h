@@ -2,15 +2,14 @@
  * once: as fast as its torque allows, and without overshoot, which friction would hold.
  *
  * At a load that stays the pair is a spring to the motor, J x'' + D x' + f(x) = tau, with f what
- * the motor holds at rest, x in torque of the taut pair, and omega the resonance. Past the torque
- * at which a cable goes slack one cable alone is half as stiff. The motor is to go as through two
- * lags, (M1)  x = u / (1 + s T)^2 and with l1, l2 what is behind one and two of them that takes
- *   (M2)  tau = f(l2) + a (u - 2 l1 + l2) + b (l1 - l2),  a = 1/(omega T)^2,  b = D/(J omega^2 T)
- * The second term turns the motor's inertia and never pulls a cable; the third is what damping
- * (law_model_inversion.c) takes of the planned speed. T is as short as the motor's limit allows:
- *   (M3)  a |u - x| = limit
- * u is within the motor's limit: beyond it, it would arrive there at full speed with no torque left
- * to stop it, and bring the load what it can never take back.
+ * the motor holds at standstill, x in torque of the taut pair, and omega the resonance. Past the
+ * torque at which a cable goes slack one cable alone is half as stiff. The motor is to go as
+ * through two lags, (M1)  x = u / (1 + s T)^2 and with l1, l2 what is behind one and two of them
+ * that takes (M2)  tau = f(l2) + a (u - 2 l1 + l2) + b (l1 - l2),  a = 1/(omega T)^2,  b = D/(J
+ * omega^2 T) The second term turns the motor's inertia and never pulls a cable; the third is what
+ * damping (law_model_inversion.c) takes of the planned speed. T is as short as the motor's limit
+ * allows: (M3)  a |u - x| = limit u is within the motor's limit: beyond it, it would arrive there
+ * at full speed with no torque left to stop it, and bring the load what it can never take back.
  *
  * A mirrored move is the same move, to the bit. Pure.
  */
@@ -34,7 +33,7 @@ typedef struct {
     int32_t inertia_unm; /* second term of (M2) in the last tick */
 } move_t;
 
-/* Constants and a motor at rest. `damping_per_s`: D/J. */
+/* Constants and a motor at standstill. `damping_per_s`: D/J. */
 move_t move_of(int32_t lag_ticks, int32_t limit_unm, int32_t damping_per_s, uint32_t ticks_per_s);
 
 /* Begins: from what the motor holds now, or from where it is in the last move. `slack_unm`: >= 0.

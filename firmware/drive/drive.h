@@ -4,7 +4,7 @@
  * every frame that has come, drive_tick() once, drive_transmit() until it returns false. All in one
  * context; the drive is not re-entrant. A tick reads the sensors, checks them, steps the CiA 402
  * state machine, asks for a torque (tunnel or target), steps the cable model with what was measured
- * and has it rendered (rendering.h), limits the command, and hands the results to the dictionary
+ * and has it rendered (rendering.h), limits the command, and passes the results to the dictionary
  * and from there to the PDOs.
  *
  * No globals, no allocation: many drives can live in one process. About 30 KB each.

@@ -10,8 +10,8 @@
  * has it: both are over in less. */
 #define IMPLAUSIBLE_TICKS (50u * TICKS_PER_MS)
 
-/* A slip of an encoder stays. What a motor makes that swings on its cables, or takes up a slack
- * one, goes to and fro: the model has no masses. */
+/* A slip of an encoder stays. What an oscillating motor causes, or takes up a slack
+ * one, goes back and forth: the model has no masses. */
 #define SLIPPED_TICKS (50u * TICKS_PER_MS)
 
 /* A stuck cell shows when the estimate has moved on by this part of the tolerance, and for so long:

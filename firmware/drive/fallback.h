@@ -71,7 +71,7 @@ bool fallback_step(fallback_t *fallback, const fallback_found_t *found);
 
 /* From the torque of the law on the rung to the one to give: the same, but for a difference that
  * starts at a change of the rung (`changed`) with what is missing to the torque given last, and
- * dies away by step_unm a tick. */
+ * decays by step_unm a tick. */
 int32_t fallback_blend(fallback_t *fallback, int32_t torque_unm, bool changed);
 
 /* Forgets the torque given last: the bridge is off. */

@@ -8,7 +8,7 @@
  * 60 uN m, so this is 8 sigma), not a reversal. */
 #define MOTOR_DEAD_BAND_UNM 500
 
-/* An encoder at rest between two counts dithers by one. */
+/* An encoder at standstill between two counts dithers by one. */
 #define DEAD_BAND_COUNTS 1
 
 /* What a control tick has time for besides everything else: with 16 the worst one on random rigs

@@ -146,7 +146,7 @@ bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
     dictionary->rendered_energy_uj = outputs->energy_uj;
     dictionary->model_friction_torque_unm = outputs->friction_unm;
     dictionary->motor_innovation_nm = outputs->innovation_nm;
-    /* At rest the entry is the host's to write, and this has to wait. */
+    /* At standstill the entry is the host's to write, and this has to wait. */
     if (dictionary->adaptation_enabled != 0 && rendering->model_runs && rendering->active) {
         dictionary->adapted_friction_factor_ppm = outputs->friction_factor_ppm;
         dictionary->adapted_pretension_factor_ppm = outputs->pretension_factor_ppm;

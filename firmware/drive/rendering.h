@@ -51,7 +51,7 @@ void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
 int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
                        const rendering_inputs_t *inputs);
 
-/* Tells the dictionary what runs and what is believed. True when the entry compensation_fallback
+/* Tells the dictionary what runs and what is assumed. True when the entry compensation_fallback
  * has changed. */
 bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary);
 

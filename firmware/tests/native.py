@@ -67,7 +67,7 @@ class Drive:
             self.values.load_speed_limit_mrad_per_s = 2**31 - 1
 
     def send(self, cob_id: int, data: bytes) -> None:
-        """Hand a frame to the drive."""
+        """Deliver a frame to the drive."""
         frame = ffi.new("can_frame_t *", {"cob_id": cob_id, "length": len(data)})
         ffi.memmove(frame.data, data, len(data))
         lib.drive_receive(self.raw, frame)

@@ -2,7 +2,8 @@
 
 The pair that is controlled here is of the same code (controlled.py). What is proved: the inversion
 is the inverse of the closed forms of test_transmission.py, mirrored exactly, bounded, and gives
-friction back when it has been active. What it does at rest is in test_compensation_at_rest.py.
+friction back when it has been active. What it does at standstill is in
+test_compensation_at_standstill.py.
 """
 
 from __future__ import annotations
@@ -144,7 +145,7 @@ def test_the_load_cell_closes_what_the_model_is_wrong_by(factor: float) -> None:
 
 @pytest.mark.parametrize("factor", [0.8, 1.0, 1.2])
 def test_without_a_cell_a_wrong_model_does_not_push(factor: float) -> None:
-    """What the encoders say keeps a drive that believes in too much friction from pushing."""
+    """What the encoders say keeps a drive that assumes too much friction from pushing."""
     wrong = settings(pretension_n=10 * factor, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
     one = Controlled(model=wrong)
     one.run(0.0, np.concatenate([stroke(0.0, 0.5), stroke(0.5, -0.5), stroke(-0.5, 0.5)]))

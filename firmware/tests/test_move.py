@@ -70,7 +70,7 @@ def test_one_cable_alone_is_half_as_stiff() -> None:
     holds, _, _ = swing(0, 300_000, slack_unm=60_000)
     assert np.max(holds) < 1.03 * 300_000
     assert np.all(np.abs(holds[150:] - 300_000) < 0.01 * 300_000)
-    # a plan that believes in both cables is late: it does not turn all the inertia
+    # a plan that assumes both cables is late: it does not turn all the inertia
     one = move()
     lib.move_start(one, 0, 300_000, 60_000)
     aware = lib.move_step(one, 300_000)

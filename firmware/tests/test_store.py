@@ -64,7 +64,7 @@ class Store:
         self.found = list(room[0 : lib.store_open(self.raw, room)])
 
     def save(self, image: list[int], is_log: bool = False) -> bool:
-        """Whether the store says that the image is kept."""
+        """Return whether the store says that the image is kept."""
         words = ffi.new("uint32_t[]", image)
         if not lib.store_begin(self.raw, words, len(image), is_log):
             return False

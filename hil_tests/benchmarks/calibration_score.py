@@ -35,7 +35,7 @@ class Number:
 
     @property
     def inside(self) -> bool:
-        """Whether the truth is in the interval."""
+        """Return whether the truth is in the interval."""
         return (
             self.low is not None and self.high is not None and self.low <= self.truth <= self.high
         )

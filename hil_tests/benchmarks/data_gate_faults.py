@@ -46,7 +46,7 @@ class Fault:
     words: str = ""
 
     def named(self, found: Sequence[Finding]) -> bool:
-        """Tell whether the findings name it."""
+        """Return whether the findings name it."""
         return any(one.what == self.what and self.words in one.text for one in found)
 
 

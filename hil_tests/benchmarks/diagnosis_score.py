@@ -1,6 +1,6 @@
 """How an answer of `bowden diagnose` is held against the truth, and the figures of many of them.
 
-Pure functions over plain results: `diagnosis` runs the cases and hands them in. Rates come with
+Pure functions over plain results: `diagnosis` runs the cases and passes them in. Rates come with
 Wilson intervals. A tie that cannot be told apart counts as right if the truth is in it and it has
 at most three members.
 """
@@ -82,12 +82,12 @@ class Result:
 
     @property
     def tied(self) -> bool:
-        """Whether the answer is a tie that is small enough to count."""
+        """Return whether the answer is a tie that is small enough to count."""
         return self.answer.verdict == "ambiguous" and len(self.answer.named) <= LARGEST_TIE
 
     @property
     def first(self) -> bool:
-        """Whether the one hidden effect was named first, or is in a small tie."""
+        """Return whether the one hidden effect was named first, or is in a small tie."""
         name = next(iter(self.truth))
         if self.tied:
             return name in self.answer.named
@@ -95,7 +95,7 @@ class Result:
 
     @property
     def second(self) -> bool:
-        """Whether it is among the first two, of the answer or of the ranking."""
+        """Return whether it is among the first two, of the answer or of the ranking."""
         name = next(iter(self.truth))
         return self.first or name in self.answer.named[:2] or name in self.answer.ranking[:2]
 

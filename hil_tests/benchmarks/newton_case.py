@@ -1,8 +1,8 @@
 """One cable in its conduit, in Newton: a script for the interpreter that has `newton` installed.
 
 Reads {length_m, turning_rad, mu, axial_stiffness_n, pretension_n, pinholes, iterations, step_s,
-pull_m: [...]} from stdin and writes {near_n, far_n, step_s} to stdout. Imports nothing of ours, so
-that it runs in another environment; `newton_tendon` calls it.
+pull_m: [...]} from stdin and writes {near_n, far_n, step_s} to stdout. Imports nothing of this
+package, so that it runs in another environment; `newton_tendon` calls it.
 
 The conduit is a polygon in a plane: pinholes at equal distances, each with an equal bend, half an
 edge at both ends. The far end is fixed, the near one moves along the first edge.

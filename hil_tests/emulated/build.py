@@ -37,7 +37,7 @@ def unicorn_folder() -> Path:
 
 
 def is_current() -> bool:
-    """Tell whether the built library is newer than every source and header."""
+    """Return whether the built library is newer than every source and header."""
     if not LIBRARY.exists():
         return False
     built = LIBRARY.stat().st_mtime_ns

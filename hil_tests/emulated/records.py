@@ -1,6 +1,6 @@
 """What the emulated chip is made with and what it reports: plain frozen values.
 
-Imports nothing of ours; ``machine.py`` takes and returns them.
+Imports nothing of this package; ``machine.py`` takes and returns them.
 """
 
 from __future__ import annotations

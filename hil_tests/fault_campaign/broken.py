@@ -106,7 +106,7 @@ class BrokenTarget:
         return actuators
 
     def send(self, message: can.Message) -> None:
-        """Hand a frame from the bus to the drive."""
+        """Deliver a frame from the bus to the drive."""
         self.inner.send(message)
 
     def receive(self) -> can.Message | None:
@@ -114,5 +114,5 @@ class BrokenTarget:
         return self.inner.receive()
 
     def complaints(self) -> list[str]:
-        """Say what went wrong inside that no frame tells."""
+        """Return what went wrong inside that no frame tells."""
         return self.inner.complaints()

@@ -5,9 +5,9 @@ bridge off from the onset. Between them nothing is wrong: a drive may go on or s
 either. Its integral over time counts until 20 ms after the bridge is off: what friction then keeps
 in the cables, the motor no longer makes.
 
-Ceilings. 20 ms of the motor's full torque at the load is less than a person can answer: the short
-latency of the stretch reflex is 20 to 50 ms. 0.05 J lifts a forearm and hand of 1.5 kg by
-3.4 mm.
+Ceilings. 20 ms of the motor's full torque at the load is less than an operator can react to: the
+short latency of the stretch reflex is 20 to 50 ms. 0.05 J lifts a forearm and hand of 1.5 kg by 3.4
+mm.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Outcome:
 
     @property
     def holds(self) -> bool:
-        """Whether both ceilings hold and the bridge has not gone on by itself."""
+        """Return whether both ceilings hold and the bridge has not gone on by itself."""
         below = self.impulse_nms <= IMPULSE_CEILING_NMS and self.energy_j <= ENERGY_CEILING_J
         return below and not self.switched_on
 

@@ -68,7 +68,7 @@ class Situation:
 
     @property
     def bridge_on(self) -> bool:
-        """Whether torque flows when the line breaks."""
+        """Return whether torque flows when the line breaks."""
         return self.controlwords[-1] == ENABLE and self.operational and not self.faulted
 
     def entries(self) -> dict[str, float]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from hil_tests.hidden_effects.compiled import compiled
 
 UNLOADING_M = 5e-5  # slip over which friction with a lag unloads
-MOVING_M_PER_S = 5e-3  # from here on `lag_s` holds in full; at rest friction stays as it is
+MOVING_M_PER_S = 5e-3  # from here on `lag_s` holds in full; at standstill friction stays as it is
 
 
 class Law(NamedTuple):

@@ -94,7 +94,7 @@ def solve(  # noqa: PLR0917  (the three columns belong together, in this order)
     cells: int = CELLS,
     oversample: int = 1,
 ) -> Answer:
-    """Run the pair from rest at angle 0 through the true motor torque and handle angle.
+    """Run the pair from standstill at angle 0 through the true motor torque and handle angle.
 
     Parameters
     ----------

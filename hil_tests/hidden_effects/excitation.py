@@ -2,7 +2,7 @@
 
 Strokes of several lengths and speeds (0.05 .. 2.5 rad/s), sine-like or at constant speed; rests of
 0.5 .. 3 s; motor torque at levels (zero among them), in ramps, or as a tunnel around the middle.
-Everything starts at rest at zero, and is drawn from a random generator alone.
+Everything starts at standstill at zero, and is drawn from a random generator alone.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Cases of the benchmark: a recording as a lab hands it in, the lab's model file, the truth apart.
+"""Cases of the benchmark: a recording as a lab delivers it, the lab's model file, the truth apart.
 
-A case is drawn from a seed: a rig around Table I, what the lab believes of it (the truth is off by
+A case is drawn from a seed: a rig around Table I, what the lab assumes of it (the truth is off by
 the tolerances that the model file states), half a minute of motion, a hidden truth (none, one
 effect, two, or one that no catalogue has), sensors. The strength of the hidden effect is set in
 units of the noise floor: what quantisation and noise do to the predicted channels.
@@ -39,7 +39,7 @@ WARMS = ("thermal_friction", "cell_temperature_crosstalk")  # no recording of th
 
 @dataclass(frozen=True)
 class Rig:
-    """The true pair and the model file in which the lab believes."""
+    """The true pair and the model file of the lab."""
 
     pair: Pair
     model_yaml: str

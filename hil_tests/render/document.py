@@ -28,7 +28,7 @@ developed on seeds below 1000 only.
   2 to 8 kN, motor limit 0.3 to 3 N m, motor inertia 1e-5 to 5e-5 kg m2, handle 1e-3 to 1e-2 kg m2,
   an operator of 5 to 200 N m/rad, load cell noise 0.2 to 2 mN m, load encoder and load cell up to 2
   ms late. Two effects of the catalogue are hidden in each at moderate strength.
-- **What the drive believes**: friction, pretension, stiffness and motor inertia are wrong by up to
+- **What the drive assumes**: friction, pretension, stiffness and motor inertia are wrong by up to
   15 % each, independently. It is configured over the bus; what is not listed here has its default,
   but for the gain of the integral law: the default is chosen for the model inversion, and force
   control alone does better with twice of it (found on developing seeds).
@@ -45,8 +45,9 @@ What the columns mean; the truth is the rig's, not the load cell's:
   1 % and 20 mN m. **Peak ratio**: largest error of any task over the naive law's.
 - **friction felt**: energy that the cables take in free strokes over the length of the path, over
   that of the naive law. **Stiffness**: slope of the rendered wall over the wanted one.
-- **limit cycles**: rigs whose load torque or motor swings on at rest.
-- **active paths**: rigs with a closed path on which the cables give the hand over 1 % more than the
+- **limit cycles**: rigs whose load torque or motor keeps oscillating at standstill.
+- **active paths**: rigs with a closed path on which the cables give the operator over 1 % more than
+the
   wanted torque would, as a part of the energy exchanged on that path (in free strokes, where
   nothing is to be exchanged: of the friction's work). **Worst path**: the largest such part. **Of
   the friction**: the same energy as a part of what the pair's friction would take on that path.

@@ -53,7 +53,7 @@ def law_named(name: str) -> Law:
 
 
 def entries(rig: RenderRig, law: Law, task: Task) -> dict[str, float]:
-    """Entries to write, by name, in SI units: what the lab believes of its rig."""
+    """Entries to write, by name, in SI units: what the lab assumes of its rig."""
     belief, tunnel = rig.belief, task.tunnel(rig)
     curvature = 1.0 / rig.rig.cable.path[0][1]
     tuned = (

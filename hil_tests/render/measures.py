@@ -1,4 +1,4 @@
-"""What is measured of one trial: errors, friction felt, stiffness, swings at rest, energy, slack.
+"""Measures of one trial: errors, friction felt, stiffness, limit cycles, energy, slack.
 
 Pure functions over series of one sample a tick; SI units. Input from `trial`, output to `table`.
 """
@@ -63,7 +63,7 @@ def swings(series: Array, band: float) -> list[float]:
 
 
 def limit_cycle(series: Array, band: float) -> bool:
-    """Tell whether a series that should rest swings on: three whole swings that do not die away.
+    """Return whether a series keeps oscillating: three whole swings that do not decay.
 
     A drift or a single move is no limit cycle; nor is a ringing whose last swing has lost half of
     the largest.

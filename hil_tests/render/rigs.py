@@ -1,4 +1,4 @@
-"""Rigs drawn at random from a seed, and what the drive believes of them, which is wrong.
+"""Rigs drawn at random from a seed, and what the drive assumes of them, which is wrong.
 
 Output: `RenderRig`, for `trial`. Every number of the drive's model (friction, pretension,
 stiffness, motor inertia) is wrong by up to 15 % each, independently; the wrap angle is in the
@@ -49,7 +49,7 @@ class Tunnel:
 
 @dataclass(frozen=True)
 class RenderRig:
-    """A rig, the drive's belief, and what is to be rendered.
+    """A rig, the drive's assumption, and what is to be rendered.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class RenderRig:
         2 r_in T0 m: torque at the motor that the friction of the moving pair takes.
     motor_limit_nm : float
     hidden : mapping of str to mapping of str to float
-        Effects of the catalogue that the drive knows nothing of, and their parameters.
+        Effects of the catalogue that the drive has no model of, and their parameters.
     """
 
     seed: int

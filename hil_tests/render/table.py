@@ -41,7 +41,7 @@ class Summary:
     stiffness_median : float
         Of the wall, over the wanted one.
     limit_cycles, active : int
-        Rigs with a limit cycle at rest; with a closed path that gives more than 1 %.
+        Rigs with a limit cycle at standstill; with a closed path that gives more than 1 %.
     energy_worst, energy_to_friction : float
         Most net energy of a closed path over the exchanged, and over the friction's work.
     slack_median, fallback : float

@@ -1,8 +1,8 @@
 """What the operator does with the handle, and what is asked of the drive meanwhile.
 
 Input: a `RenderRig`. Output: for every tick the intended motion of the operator and, in torque
-mode, the target torque; and what is wanted at the load for an angle. All tasks begin at rest at
-zero, with virgin cables, and are scored from `scored_from_s`.
+mode, the target torque; and what is wanted at the load for an angle. All tasks begin at standstill
+at zero, with virgin cables, and are scored from `scored_from_s`.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Task:
         return np.column_stack([angle[:-1], np.diff(angle) * TICKS_PER_S])
 
     def course(self, rig: RenderRig) -> Array:
-        """Say what happens in each tick, shape (ticks, 6): see `course`."""
+        """Return what happens in each tick, shape (ticks, 6): see `course`."""
         changed = self.conditions(self.time_s(), rig) if self.conditions else {}
         return course_of(self.operator(rig), changed)
 

@@ -2,5 +2,5 @@
 
 The second source beside the continuum of `hil_tests.hidden_effects`, which it shares the draws and
 the definition of strength with. `recording` runs a rig with the natively built drive in virtual
-time, `cases` draws what is run. Knows nothing of who looks for what is hidden.
+time, `cases` draws what is run. Independent of who looks for what is hidden.
 """

@@ -1,11 +1,11 @@
-"""Cases drawn for the dynamic rig: what an honest lab would hand in, and the truth apart.
+"""Cases drawn for the dynamic rig: what a careful lab would hand in, and the truth apart.
 
-Rigs, beliefs, motions and effects are drawn as for the continuum. The rig moves as masses do, so
-the lab states what it knows of that: the motor's inertia, from its data sheet. It keeps its cables
-taut, because slack ones show the inertias of everything, its operator is calm, and its cables and
-liner are stiff and well damped. The rest of what the rig has and no model file knows is small
-against the noise floor, or calibrated away: shear of the liner over 50 nm, the cable's own mass,
-whose weight adds a per mille of friction and whose waves take a millisecond or two. What the
+Rigs, assumptions, motions and effects are drawn as for the continuum. The rig moves as masses do,
+so the lab states what it knows of that: the motor's inertia, from its data sheet. It keeps its
+cables taut, because slack ones show the inertias of everything, its operator is calm, and its
+cables and liner are stiff and well damped. The rest of what the rig has and no model file knows is
+small against the noise floor, or calibrated away: shear of the liner over 50 nm, the cable's own
+mass, whose weight adds a per mille of friction and whose waves take a millisecond or two. What the
 operator does within a count of the encoder is real, and left in.
 """
 

@@ -24,7 +24,7 @@ from hil_tests.lockstep_host import LockstepHost
 
 MOTOR_TORQUE_LIMIT: Final = 0x2107  # entry, in uN m
 LIMIT_NM: Final = 0.8
-# The drive believes in another rig than the case's, and may heat its motor: entries
+# The drive assumes another rig than the case's, and may heat its motor: entries
 # stretch_tolerance (nm) and both continuous currents (uA).
 UNGUARDED: Final = {0x2145: 100_000_000, 0x2146: 60_000_000, 0x2148: 60_000_000}
 MOST_LOAD_NM: Final = 8.3  # process data carry 24 bits of micronewton metres

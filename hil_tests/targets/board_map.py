@@ -52,7 +52,7 @@ ADC_TEMPERATURE: Final = 13
 CURRENT_ZERO_CODE: Final = 2048
 CURRENT_UA_PER_CODE: Final = 8000
 
-# Load cell: amplifier with 3.2 mN m a code, +-6.55 N m. The firmware hands the drive counts of a
+# Load cell: amplifier with 3.2 mN m a code, +-6.55 N m. The firmware passes the drive counts of a
 # sixteenth of that, 200 uN m (the dictionary's default gain): 16/5 of the sum of five samples. The
 # noise of the amplifier, half a code, dithers: the mean of five resolves about 0.25 code.
 LOAD_CELL_ZERO_CODE: Final = 2048

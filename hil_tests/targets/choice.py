@@ -21,5 +21,5 @@ def capabilities_of(name: str, allow_motion: bool) -> frozenset[str]:
 
 
 def missing_firmware(name: str) -> str:
-    """Tell in one line what has to be built first for that target; empty where nothing is."""
+    """Return in one line what has to be built first for that target; empty where nothing is."""
     return "" if name == HARDWARE else targets.kind(name).missing_firmware()

@@ -103,7 +103,7 @@ class EmulatedTarget:
 
     @staticmethod
     def missing_firmware() -> str:
-        """Tell in one line what has to be built first; empty where nothing is missing."""
+        """Return in one line what has to be built first; empty where nothing is missing."""
         return "" if ELF.is_file() else f"{ELF} is missing; run 'make firmware'"
 
     @staticmethod

@@ -83,7 +83,7 @@ class HardwareWire(can.BusABC):
         return time.monotonic()
 
     def advance(self, duration_s: float) -> None:
-        """Let time pass, reading all the while; what came waits for `recv`."""
+        """Advance virtual time, reading all the while; what came waits for `recv`."""
         end_s = self.time_s + duration_s
         waiting: deque[can.Message] = deque()
         while (remaining_s := end_s - self.time_s) > 0.0:

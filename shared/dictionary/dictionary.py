@@ -83,7 +83,7 @@ class Variable:
 
     @property
     def stored(self) -> bool:
-        """Whether it has a field in the struct of values."""
+        """Return whether it has a field in the struct of values."""
         return self.access != "const"
 
 

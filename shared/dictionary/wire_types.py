@@ -1,7 +1,7 @@
 """The types that go over the wire: their bits, range, and names in C, EDS and the host.
 
 Scaled integers only. REAL32 is left out on purpose: EDS readers disagree on how its defaults and
-limits are written. Imports nothing of ours.
+limits are written. Imports nothing of this package.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class WireType:
 
     @property
     def is_text(self) -> bool:
-        """Whether the value is text and not a number."""
+        """Return whether the value is text and not a number."""
         return self.bits == 0
 
 

@@ -43,7 +43,7 @@ static bool configured;
 static bool lost;
 static uint32_t unsent; /* ticks since a frame waits and none has left */
 
-/* So long may the frames in the mailboxes wait: 10 ms. Then nobody acknowledges them. */
+/* So long may the frames in the mailboxes wait: 10 ms. Then no node acknowledges them. */
 #define UNSENT_TICKS (10000u / BOARD_CONTROL_PERIOD_US)
 
 static bool wait_for_initialisation(bool on) {

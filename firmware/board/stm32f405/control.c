@@ -23,7 +23,7 @@
 
 #define TICK_CYCLES (CLOCK_CORE_HZ / 1000000u * BOARD_CONTROL_PERIOD_US)
 
-/* Frames handed to the drive in one tick; the rest wait. At 1 Mbit/s six can come. */
+/* Frames passed to the drive in one tick; the rest wait. At 1 Mbit/s six can come. */
 #define FRAMES_PER_TICK 8
 
 /* A live load cell amplifier is never quiet: half a code of noise. The same code for 250 ms, 5000

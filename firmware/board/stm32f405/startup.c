@@ -1,6 +1,6 @@
 /* startup.c: from reset to main(): vector table, initialised data, cleared memory.
  *
- * Every exception that is not ours ends in crash_handler(): an interrupt that nobody asked for is
+ * Every exception that is not ours ends in crash_handler(): an interrupt that is not enabled is
  * a fault like any other.
  */
 #include <stdint.h>

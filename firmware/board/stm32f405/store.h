@@ -43,7 +43,7 @@ uint32_t store_sector_to_erase(const store_t *store);
 void store_erased(store_t *store);
 
 /* Begins to save `words` words; they must not change until store_step() no longer returns
- * STORE_BUSY. Not while busy. `is_log`: nobody has asked for it, and cut short after its first word
+ * STORE_BUSY. Not while busy. `is_log`: not requested, and cut short after its first word
  * it is no damage. False: too long, or full, or a log that would hide that an asked save is
  * damaged. */
 bool store_begin(store_t *store, const uint32_t *image, uint32_t words, bool is_log);

@@ -67,7 +67,7 @@ def test_signals_run_the_clean_up(number: signal.Signals, status: int) -> None:
             cleaned.append(True)
         return 0
 
-    # Whoever runs the tests under nohup has it ignored, which is respected (next test).
+    # A user who runs the tests under nohup has it ignored, which is respected (next test).
     usual = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
     found = signal.signal(number, usual)
     try:

@@ -52,7 +52,7 @@ def rig() -> Iterator[Callable[..., tuple[Drive, VirtualBus]]]:
 
 
 class SilentBus(can.BusABC):
-    """A bus on which nobody says anything; waiting lets its own time pass."""
+    """A bus without any frame; waiting lets its own time pass."""
 
     def __init__(self, sends_fail: bool = False, frames: list[can.Message] | None = None) -> None:
         super().__init__(channel="silent")

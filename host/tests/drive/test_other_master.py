@@ -44,7 +44,7 @@ class Master:
         self.drive.connection.send(0x200 + self.drive.node_id, data)
 
     def run(self, duration_s: float) -> None:
-        """Let time pass with the master's heartbeat."""
+        """Advance virtual time with the master's heartbeat."""
         connection = self.drive.connection
         end_s = connection.clock() + duration_s
         while connection.clock() < end_s:

@@ -174,7 +174,7 @@ def test_a_trigger_that_never_comes_leaves_no_file(rig: MakeRig, tmp_path: Path)
 
 def test_a_fault_ends_a_recording_that_waits_for_one(rig: MakeRig, tmp_path: Path) -> None:
     drive, _ = rig()
-    enable(drive, TUNNEL)  # somebody else's program runs the drive; we only listen
+    enable(drive, TUNNEL)  # another program runs the drive; we only listen
 
     def hang(progress: Progress) -> None:
         if progress.elapsed_s > 0.5:

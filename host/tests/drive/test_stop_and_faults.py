@@ -1,4 +1,4 @@
-"""`bowden stop` and `bowden faults` against the real firmware that somebody else has enabled."""
+"""`bowden stop` and `bowden faults` against the real firmware that another program has enabled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calibrating: parameters that were put in come out, with intervals that are honest about it.
+"""Calibrating: parameters that were put in come out, with intervals that cover the truth.
 
 The recordings are made by the mesh solver, which the fit does not use for Coulomb friction, with
 noise, so that the fit cannot simply invert its own equations. It is still the same law;

@@ -144,7 +144,7 @@ def test_a_load_cell_that_drops_out() -> None:
 def test_levels_of_torque_and_rests_are_no_dropouts(digits: int, sigma_nm: float) -> None:
     """What a drive is told to apply has no noise, and a simulated cell need have none."""
     time_s = np.arange(12_000) * 1e-3
-    load = 0.4 * np.sin(np.clip(np.mod(time_s, 4.0), 0.0, 2.0) * np.pi)  # 2 s to and fro, 2 s rest
+    load = 0.4 * np.sin(np.clip(np.mod(time_s, 4.0), 0.0, 2.0) * np.pi)  # 2 s moving, 2 s still
     corners_s, levels_nm = (
         [0, 2, 3, 5, 6, 8, 9, 11, 12],
         [0, 0.12, 0.12, 0.05, 0.05, -0.1, -0.1, 0, 0],

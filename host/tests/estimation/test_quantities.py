@@ -133,7 +133,7 @@ def test_the_viscous_coefficient_where_the_model_has_one() -> None:
 
 @pytest.mark.parametrize("start", [0.3, 1.2])
 def test_mu_s_is_found_from_any_start(start: float) -> None:
-    """Friction that is higher at rest makes the cost jagged; 0.63 is Table I."""
+    """Friction that is higher at standstill makes the cost jagged; 0.63 is Table I."""
     time_s = sample_times(6.0, 500.0)
     angle = sine(time_s, 0.7, 0.5)
     given = Inputs(time_s, motor_torque_nm=0.1 * np.sin(3.0 * time_s), load_angle_rad=angle)

@@ -22,7 +22,7 @@ def plain(segments: int = 30, mu_d: float = 0.21) -> Model:
 
 @cache
 def given(mode: Mode, samples: int = 1500, *, rest_s: float = 0.0) -> Inputs:
-    """A stroke of 40 degrees with a smaller one on it, the motor's torque to and fro, a warm-up."""
+    """A stroke of 40 degrees with a smaller one on it, an alternating motor torque, a warm-up."""
     t = np.arange(samples) * 1e-3
     moving = t - np.clip(t - 0.5, 0.0, rest_s)
     angle = 0.7 * np.sin(2 * np.pi * FREQUENCY_HZ * moving) + 0.05 * np.sin(

@@ -53,7 +53,7 @@ def test_a_bearing_may_leave_out_its_viscous_part() -> None:
 
 
 def test_a_rotor_without_friction_is_a_forced_oscillator() -> None:
-    """J theta_m'' + k (theta_m - rho theta_l) = 0, k = 2 r^2 EA/L, from rest; the load feels
+    """J theta_m'' + k (theta_m - rho theta_l) = 0, k = 2 r^2 EA/L, from standstill; the load gets
     rho k (theta_m - rho theta_l). Against an integration by Runge and Kutta."""
     inertia = 1e-4
     k = 2 * R_MOTOR_M**2 * EA_N / LENGTH_M
@@ -176,7 +176,8 @@ def test_the_cell_behind_a_handle_reads_the_cables_less_its_inertia_and_weight()
 
 def test_a_weight_given_to_the_cell_moves_the_load() -> None:
     """Position-torque: the cell reads 0, so the cables carry G sin(theta_l + phase): with the
-    motor at rest the load hangs where that balances the cables, from a virgin rig without friction
+    motor at standstill the load hangs where that balances the cables, from a virgin rig without
+    friction
     at theta_l = G sin(phase + theta_l) / k_load."""
     t = np.arange(200) * 1e-3
     still = np.zeros_like(t)
@@ -277,7 +278,7 @@ def test_friction_that_grows_only_at_rest_is_rubbed_off_by_travel_however_slow()
     place = np.array([0.0, 0.0, 0.004, 0.006])
     z = rested(t, place, 2.0, 0.001, 1e-4)
     assert z[1] == pytest.approx(1 - np.exp(-1.5))
-    # At 2 mm/s it grows 400 times slower than at rest: by less than 1e-3 in all that time.
+    # At 2 mm/s it grows 400 times slower than at standstill: by less than 1e-3 in all that time.
     assert z[2] == pytest.approx(z[1] * np.exp(-4.0), abs=1e-3)
     assert z[3] == pytest.approx(z[2] * np.exp(-2.0), abs=1e-3)
     # After a rest in mid-stroke the pair breaks away with more friction, and is back to mu_d soon.

@@ -73,7 +73,7 @@ def test_play_lags_by_half_its_width_and_keeps_still_within_it() -> None:
 
 @pytest.mark.parametrize("height", [0.3, -0.1])
 def test_a_loop_nears_its_branches_along_exponentials(height: float) -> None:
-    """z = 1 - exp(-tau/bend) from rest; turned at tau = 1, back along -1 + (1 + z) exp(-d/bend)."""
+    """z = 1 - exp(-tau/bend) from zero; turned at tau = 1, back along -1 + (1 + z) exp(-d/bend)."""
     true, bend = np.concatenate([np.linspace(0.0, 1.0, 101), np.linspace(0.99, -1.0, 200)]), 0.4
     values = {"loop_nm": height, "bend_nm": bend}
     (channel,) = CATALOGUE["load_cell_hysteresis"].variants[1].channels
@@ -218,8 +218,9 @@ def test_a_late_load_encoder_loses_no_corner_between_samples() -> None:
 def test_both_ways_of_a_channel_agree(name: str, values: dict[str, float]) -> None:
     """What torque-position predicts, fed to position-position, gives both torques back.
 
-    PHYSICS has this of the plain pair to 1e-12; here the passes add their 1e-6. It holds from rest
-    only: with both angles given, what the first torque did before the first sample is not known.
+    PHYSICS has this of the plain pair to 1e-12; here the passes add their 1e-6. It holds from
+    standstill only: with both angles given, what the first torque did before the first sample is
+    not known.
     """
     t = given(TP).time_s
     start = np.clip(t / 0.4, 0.0, 1.0) ** 3

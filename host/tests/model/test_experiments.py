@@ -85,7 +85,7 @@ def test_steady_efficiency_follows_the_closed_form() -> None:
         expected = slack if t0 < 1.618 else max(0.0, 1 - t0 / 2.0833333)
         assert case.steady.efficiency == pytest.approx(expected, rel=1e-6, abs=1e-12)
         assert case.figures["first_response_nm"] == pytest.approx(0.050056 * t0, rel=2e-5)
-    # 2.4 N: the virgin rig feels the first ramp, the used one nothing.
+    # 2.4 N: the virgin rig transmits the first ramp, the used one nothing.
     assert cases[3].first.load_torque_pp_nm > 0.0
     assert cases[3].steady.load_torque_pp_nm == 0.0
 

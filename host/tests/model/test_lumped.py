@@ -127,7 +127,7 @@ def test_one_kilohertz_is_stable_under_violent_input(elements: int) -> None:
     assert np.all(answer.load_tension_a_n >= 0)
     still = np.concatenate((torque[:100], np.zeros(1900)))
     rest = simulate_lumped(RIG, lumped, Mode.TORQUE_POSITION, time, still, 0 * angle)
-    assert np.ptp(rest.motor_angle_rad[-500:]) < 1e-9  # it comes to rest
+    assert np.ptp(rest.motor_angle_rad[-500:]) < 1e-9  # it comes to a standstill
 
 
 def test_no_pretension_and_slack_at_both_cables() -> None:

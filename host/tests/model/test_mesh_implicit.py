@@ -248,7 +248,7 @@ def test_laws_that_know_no_rate_do_not_depend_on_the_step(name: str) -> None:
 
 
 def energy_j(found: Trajectory, start: int) -> tuple[float, float]:
-    """Energy that goes into the cables from a sample on, and what goes to and fro."""
+    """Energy that goes into the cables from a sample on, and what goes back and forth."""
 
     def work(torque: FloatArray, angle: FloatArray) -> FloatArray:
         mean = 0.5 * (torque[1:] + torque[:-1])

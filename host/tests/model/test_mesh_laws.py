@@ -186,7 +186,7 @@ def test_four_hundred_one_count_dither_cycles_do_not_drift(stiction: bool) -> No
 @few
 @given(rigs(), walks, walks)
 def test_energy_is_never_created(pair: Transmission, motor: list[float], load: list[float]) -> None:
-    """Work put in at both ends, from rest and back to rest, is what friction took: never less."""
+    """Work put in at both ends, standstill to standstill, is what friction took: never less."""
     mode = Mode.POSITION_POSITION
     _, x, y = series_for(pair, mode, [*motor, 0.0], [*load, 0.0])
     n = min(len(motor), len(load))

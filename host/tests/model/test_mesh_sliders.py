@@ -1,4 +1,4 @@
-"""Friction that remembers, on the implicit mesh: bristles and lag, each against a closed form."""
+"""Friction with memory, on the implicit mesh: bristles and lag, each against a closed form."""
 
 from __future__ import annotations
 

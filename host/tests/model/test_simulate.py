@@ -79,7 +79,7 @@ def test_uneven_steps_and_gaps_are_taken_as_they_come() -> None:
     thin = simulate(
         coulomb(), TP, Inputs(T[keep], motor_torque_nm=ZERO[keep], load_angle_rad=ANGLE[keep])
     )
-    # Friction remembers the path, not the time; a reversal between samples is lost.
+    # Friction depends on the path, not the time; a reversal between samples is lost.
     assert np.abs(thin.load_torque_nm - whole.load_torque_nm[keep]).max() < 0.2
     assert thin.load_torque_nm[-1] == pytest.approx(whole.load_torque_nm[-1], rel=1e-6)
 

@@ -1,4 +1,4 @@
-"""A recording holds any number of channels; what is missing is refused by whoever needs it."""
+"""A recording holds any number of channels; the function that needs a missing one refuses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Estimates of what an encoder saw: closer than its counts, honest about it, never outside them."""
+"""Angles from counts: closer than the counts, with a correct uncertainty, never outside them."""
 
 from __future__ import annotations
 
@@ -56,8 +56,9 @@ def test_sigma_is_what_the_error_is(name: str) -> None:
     angle = MOTIONS.get(name, stop_and_go())
     found = dequantise(TIME_S, counted(angle))
     scaled = np.abs(found.values - angle) / found.sigma
-    # The prior allows corners anywhere, so smooth motion is known better than it says; at rest the
-    # error is uniform: 58 % within one sigma, all within 1.73. Errors of a rest are all one error.
+    # The prior allows corners anywhere, so smooth motion is known better than it says; at
+    # standstill the error is uniform: 58 % within one sigma, all within 1.73. Errors of a rest are
+    # all one error.
     assert np.mean(scaled < 1.0) > 0.5
     assert np.mean(scaled < 2.0) > 0.95
 
@@ -73,7 +74,7 @@ def test_corners_stay_corners() -> None:
 
 
 def test_a_rest_is_flat() -> None:
-    """Drift within a count at rest would be motion that friction remembers."""
+    """Drift within a count at standstill would be motion that friction remembers."""
     angle = stop_and_go()
     found = dequantise(TIME_S, counted(angle))
     for second in range(6):

@@ -78,7 +78,7 @@ class Bench:
         return self.ticks / TICKS_PER_S
 
     def step(self, operator: tuple[float, float] | None = None) -> None:
-        """Let one control period pass; `operator` as in `SimulatedRig.step`."""
+        """Advance one control period; `operator` as in `SimulatedRig.step`."""
         target = self.target
         while self.to_drive:
             sent = self.to_drive.popleft()

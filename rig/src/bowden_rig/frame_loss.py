@@ -17,7 +17,7 @@ class Loss(Protocol):
     """Decides which frames never reach the host."""
 
     def __call__(self, message: can.Message) -> bool:
-        """Whether this frame is lost."""
+        """Return whether this frame is lost."""
 
 
 class SeededLoss:
@@ -40,7 +40,7 @@ class SeededLoss:
         self._random = np.random.default_rng(seed)
 
     def __call__(self, message: can.Message) -> bool:
-        """Whether this frame is lost."""
+        """Return whether this frame is lost."""
         if message.arbitration_id & 0x780 not in TPDO_FUNCTIONS:
             return False
         return bool(self._random.random() < self._probability)

@@ -88,7 +88,7 @@ class NativeTarget:
 
     @staticmethod
     def missing_firmware() -> str:
-        """Tell in one line what has to be built first; empty where nothing is missing."""
+        """Return in one line what has to be built first; empty where nothing is missing."""
         for path in (LIBRARY, DECLARATIONS):
             if not path.is_file():
                 return f"{path} is missing; run 'make native'"
@@ -159,7 +159,7 @@ class NativeTarget:
         self._identity.saved_words = count
 
     def send(self, message: can.Message) -> None:
-        """Hand a frame from the bus to the drive; what its acceptance filter refuses is ignored."""
+        """Deliver a frame to the drive; what its acceptance filter refuses is ignored."""
         if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
             return
         if message.is_fd or message.dlc > 8:
@@ -199,7 +199,7 @@ class NativeTarget:
         )
 
     def entry(self, name: str) -> Entry:
-        """Say where in the drive's memory an entry of the dictionary is.
+        """Return where in the drive's memory an entry of the dictionary is.
 
         Parameters
         ----------

@@ -177,7 +177,7 @@ def _signals() -> Iterator[list[int]]:
 
 
 def _report(bridge: Bridge, pace: Pace, worked_s: float, drop_log: Path | None) -> None:
-    """Say what was carried, how punctual it was, and how busy a core; list the dropped frames."""
+    """Print what was carried, how punctual it was, and how busy a core; list the dropped frames."""
     share = 100.0 * worked_s / max(bridge.bench.time_s, SLICE_S)
     lost = Counter(f"{message.arbitration_id:03X}h" for message in bridge.dropped)
     lost_text = ", ".join(f"{name} {count}" for name, count in sorted(lost.items())) or "none"

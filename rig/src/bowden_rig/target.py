@@ -80,13 +80,13 @@ class Target(Protocol):
         """Run one control tick of 250 us on this sample."""
 
     def send(self, message: can.Message) -> None:
-        """Hand a frame from the bus to the drive."""
+        """Deliver a frame from the bus to the drive."""
 
     def receive(self) -> can.Message | None:
         """Next frame that the drive wants on the bus, or None."""
 
     def complaints(self) -> list[str]:
-        """Say what went wrong inside that no frame tells; empty where all is well."""
+        """Return what went wrong inside that no frame tells; empty where all is well."""
 
 
 def fitted(rig: Rig, capabilities: frozenset[str]) -> Rig:

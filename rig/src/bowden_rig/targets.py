@@ -28,7 +28,7 @@ class TargetKind(Protocol):
 
     @staticmethod
     def missing_firmware() -> str:
-        """Tell in one line what has to be built first; empty where nothing is missing."""
+        """Return in one line what has to be built first; empty where nothing is missing."""
 
     @staticmethod
     def for_rig(node_id: int, rig: Rig) -> Target:

@@ -86,7 +86,7 @@ class VirtualBus(can.BusABC):
         return None
 
     def advance(self, duration_s: float) -> None:
-        """Let virtual time pass; frames that come meanwhile wait for `recv`."""
+        """Advance virtual time; frames that come meanwhile wait for `recv`."""
         with self._pumping:
             for _ in range(round(duration_s * TICKS_PER_S)):
                 self._pump()

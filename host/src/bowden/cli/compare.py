@@ -79,7 +79,7 @@ def write_report(comparison: Comparison, model: Path, report: Path) -> None:
 
 
 def show(comparison: Comparison, report: Path | None = None) -> None:
-    """Tell people, on stderr, what came out."""
+    """Print the result to stderr."""
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415  (keeps --help fast)
 

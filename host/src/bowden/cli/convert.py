@@ -208,7 +208,7 @@ def _write(recording: Recording, target: Path, source: Path) -> dict[str, object
 
 
 def _consequences(recording: Recording) -> list[str]:
-    """Say what cannot be done with a recording that lacks one of the four main channels."""
+    """Return what cannot be done with a recording that lacks one of the four main channels."""
     missing = [name for name in MAIN_CHANNELS if name not in recording.channels]
     if not missing:
         return []

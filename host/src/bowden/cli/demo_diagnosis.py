@@ -2,7 +2,7 @@
 
 A simulated rig of its own has conduits with more bends than the lab's model says. The drive
 renders the tunnel without compensation and with two laws on that model: Coulomb feed-forward, which
-believes the model, and its inversion, which corrects itself with the load cell. `diagnose` names
+assumes the model, and its inversion, which corrects itself with the load cell. `diagnose` names
 what the model lacks, the extended model goes to the drive, and the same tunnel runs again. Nothing
 tells the diagnosis what is hidden.
 """
@@ -49,7 +49,7 @@ EXAMPLES = """examples:
   bowden demo-diagnosis --hide cable.viscous_s_per_m=0.2     named, but the drive has no law for it
 """
 
-#: What the lab believes of its rig, and how well it knows it.
+#: What the lab assumes of its rig, and how well it knows it.
 LAB_MODEL = """\
 rig:
   cable:

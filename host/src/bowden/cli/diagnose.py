@@ -128,7 +128,7 @@ def write_report(diagnosis: Diagnosis, path: Path, model: str) -> None:
 
 
 def show(diagnosis: Diagnosis) -> None:
-    """Tell people, on stderr, what came out."""
+    """Print the result to stderr."""
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
 

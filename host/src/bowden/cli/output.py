@@ -47,7 +47,7 @@ def console() -> Console:
 
 
 def say(text: str) -> None:
-    """Tell people which step is done now."""
+    """Print the current step to stderr."""
     console().print(f"[green]>[/] {text}")
 
 

@@ -20,7 +20,7 @@ TOLD_SIGMAS = 3.0  # a nuisance number beyond so many of its own errors is worth
 
 
 def show(calibration: Calibration, caveats: Sequence[str], written: Path | None) -> None:
-    """Tell people, on stderr, what came out."""
+    """Print the result to stderr."""
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415  (keeps --help fast)
 
@@ -83,7 +83,7 @@ def _moved(one: Estimate) -> str:
 
 
 def _measurement(one: NuisanceEstimate, recordings: Sequence[str]) -> str:
-    """Say what the measurement was off by."""
+    """Return what the measurement was off by."""
     names = [Path(recordings[k]).name for k in one.recordings]
     where = names[0] if len(names) == 1 else f"{len(names)} recordings"
     scale, unit = {"N m": (1e3, "mN m"), "rad": (1e3, "mrad"), "s": (1e3, "ms")}.get(

@@ -62,7 +62,7 @@ def show_summary(capture: Capture, path: Path) -> None:
 
 
 def _where(capture: Capture) -> str:
-    """Say of which samples; all of them are in the side file."""
+    """Return of which samples; all of them are in the side file."""
     told = []
     for name, lost in (capture.side.lost or {}).items():
         if lost.count:

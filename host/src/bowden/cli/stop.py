@@ -1,4 +1,4 @@
-"""Switch a drive's bridge off, now, whatever it is doing and whoever has enabled it.
+"""Switch a drive's bridge off, now, whatever it is doing and whichever program enabled it.
 
 Works on any CiA 402 node, also one with another object dictionary or without configuration: NMT
 pre-operational, then controlword 0, then the statusword is read. --all does so for every node on

@@ -174,7 +174,7 @@ def render(
         For table and page, where the law's name does not say enough.
     """
     law = CompensationLaw(drive.read_raw("compensation_law"))
-    drive.connection.listen(_REST_S)  # the operator comes to rest
+    drive.connection.listen(_REST_S)  # the operator comes to a standstill
     notes = {"notes": f"Experiment 2 with compensation: {law.word}"}
     record_to(drive, path, duration_s, Run(ModeOfOperation.TUNNEL), notes)
     recording = read_recording(path)

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def show(found: Verification) -> None:
-    """Tell people, on stderr, what came out."""
+    """Print the result to stderr."""
     from bowden.report.words import quantity_with_unit  # noqa: PLC0415
 
     out = console()

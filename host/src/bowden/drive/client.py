@@ -181,7 +181,7 @@ class Drive:
             self.emergencies.append(code)
 
     def _diagnose(self, doing: str, error: SdoCommunicationError) -> str:
-        """Say why there may be no answer, from what is heard on the bus."""
+        """Return why there may be no answer, from what is heard on the bus."""
         if "No SDO response" not in str(error):
             return f"{doing} of node {self.node_id}: {error}"
         connection, node = self.connection, f"node {self.node_id}"

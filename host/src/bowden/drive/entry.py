@@ -79,7 +79,7 @@ class Entry:
 
     @property
     def signed(self) -> bool:
-        """Whether negative values are two's complement on the wire."""
+        """Return whether negative values are two's complement on the wire."""
         return self.type.startswith("i")
 
     def to_raw(self, value: float, where: str = "") -> int:

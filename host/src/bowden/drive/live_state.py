@@ -20,7 +20,7 @@ class StartMotor:
 
 @dataclass(frozen=True)
 class StopMotor:
-    """Quick stop, bridge off; also of a drive that somebody else's program runs."""
+    """Quick stop, bridge off; also of a drive that another program runs."""
 
 
 @dataclass(frozen=True)

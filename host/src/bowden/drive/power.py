@@ -1,4 +1,4 @@
-"""Bringing the drive from rest to torque and back: the CiA 402 sequence, with every step checked.
+"""Enabling and disabling the drive: the CiA 402 sequence, with every step checked.
 
 `powered` is the only way in that users need: whatever happens inside its block, the bridge is off
 at the end. While the bridge is on, the drive watches the host's heartbeat and stops by itself when

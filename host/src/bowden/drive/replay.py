@@ -94,7 +94,7 @@ class Replay:
 
     @property
     def done(self) -> bool:
-        """Whether every frame has been sent."""
+        """Return whether every frame has been sent."""
         return self._next is None
 
     def run(self, on_turn: Callable[[int], None] | None = None) -> None:

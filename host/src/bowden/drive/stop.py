@@ -35,7 +35,7 @@ class Stopped:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the node has said that its bridge is off."""
+        """Return whether the node has said that its bridge is off."""
         return self.power_state is not None and self.power_state not in BRIDGE_ON
 
 

@@ -92,7 +92,7 @@ class Data:
 
     @property
     def is_thinned(self) -> bool:
-        """Whether samples are left out of `given`."""
+        """Return whether samples are left out of `given`."""
         return self.kept.size < self.estimates.recording.time_s.size
 
     def paths(self) -> Iterator[Recording]:
@@ -143,7 +143,7 @@ class Data:
 def simulated_samples(recording: Recording, step_s: float, mode: Mode) -> _Index:
     """Choose the samples that a simulation is given.
 
-    About so far apart, and where a given series turns between, for friction remembers extremes.
+    About so far apart, and where a given series turns between, for friction depends on extremes.
     """
     time_s = recording.time_s
     stride = max(1, round(step_s / float(np.median(np.diff(time_s)))))
@@ -156,7 +156,7 @@ def simulated_samples(recording: Recording, step_s: float, mode: Mode) -> _Index
 
 
 def is_dear(model: Model) -> bool:
-    """Whether the model's law needs the implicit solver, ten times slower than the plain ones."""
+    """Return whether the law needs the implicit solver, ten times slower than the others."""
     pair = model.transmission
     return model.solver == "lumped" or not pair.is_plain or bool(model.effects)
 

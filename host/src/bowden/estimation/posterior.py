@@ -258,12 +258,12 @@ def _pairs(covariance: _Floats) -> list[tuple[int, int]]:
 
 
 def _is_wide(estimates: Sequence[Estimate], i: int, j: int) -> bool:
-    """Whether both numbers are known only vaguely."""
+    """Return whether both numbers are known only vaguely."""
     return all(one.sigma > VAGUE * abs(one.value) for one in (estimates[i], estimates[j]))
 
 
 def _together(estimates: Sequence[Estimate], i: int, j: int, covariance: _Floats) -> str:
-    """Say which combination of two numbers is told."""
+    """Return which combination of two numbers is told."""
     first, second = (estimates[k].path.rpartition(".")[2] for k in (i, j))
     sign = "x" if float(covariance[i, j]) < 0.0 else "/"
     return f"Only {first} {sign} {second} is identifiable; its split follows from the tolerances."

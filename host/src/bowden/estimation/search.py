@@ -95,7 +95,8 @@ def _scan(
 def _look_around(problem: Problem, best: Optimum) -> Optimum:
     """Look along each number at every scale, from its posterior sigma to its unit step.
 
-    With friction that is higher at rest the cost is jagged: a search ends in the nearest notch.
+    With friction that is higher at standstill the cost is jagged: a search ends in the nearest
+    notch.
     """
     for _ in range(MOST_LOOKS):
         points, numbers = _around(problem, best)

@@ -100,7 +100,7 @@ class Model:
 
         The one that the file names or, by a key such as segments, implies. Otherwise the lumped
         transmission for a bristle law; the mesh where friction depends on rate, tension, direction
-        or an effect's history, or holds more at rest; the mesh-free solution for the rest.
+        or an effect's history, or holds more at standstill; the mesh-free solution for the rest.
         """
         return solver_of(self.document, self.transmission, self.effects)
 

@@ -1,4 +1,4 @@
-"""The one error of the offline model; imports nothing of ours.
+"""The one error of the offline model; imports nothing of this package.
 
 `cli` and `diagnosis` turn it into the line that the user reads.
 """

@@ -1,7 +1,7 @@
 """What changes in the pair from sample to sample, beside its motion: friction level, cable length.
 
-Imports nothing of ours but the types. Effects make `Histories` from what the cables feel;
-`simulate_mesh` takes them.
+Imports nothing of this package but the types. Effects make `Histories` from what acts on the
+cables; `simulate_mesh` takes them.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Histories:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing changes: no series, or only factors of 1 and lengths of 0."""
+        """Return whether nothing changes: no series, or only factors of 1 and lengths of 0."""
         factor, length = self.friction_factor, self.lengthening_m
         same = factor is None or bool(np.all(factor == 1.0))
         return same and (length is None or not np.any(length))

@@ -30,7 +30,7 @@ class Asked:
     Parameters
     ----------
     motor, load : ndarray of shape (n,)
-        The mode's two series, as the cables feel them.
+        The mode's two series, as they act on the cables.
     histories : Histories
     """
 
@@ -58,7 +58,7 @@ class Asked:
         return Asked(motor, load, Histories(factor, length))
 
     def agrees_with(self, other: Asked, share: float) -> bool:
-        """Whether both ask the same, but for a share of each series' largest value."""
+        """Return whether both ask the same, but for a share of each series' largest value."""
         return all(
             np.abs(x - y).max() <= share * np.abs(y).max()
             for x, y in zip(self._parts, other._parts, strict=True)
@@ -68,8 +68,8 @@ class Asked:
 class Layers:
     """One simulation's way through the effects.
 
-    `sides[0]` holds what a recording says, `sides[-1]` what the cables feel, and those between what
-    stands between two layers. Angles that are not given are there too, from the last pass.
+    `sides[0]` holds what a recording says, `sides[-1]` what acts on the cables, and those between
+    what stands between two layers. Angles that are not given are there too, from the last pass.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ class Layers:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing between the recording and the solver."""
+        """Return whether there is nothing between the recording and the solver."""
         return not self._layers and not self._histories
 
     @property
     def looks_ahead(self) -> bool:
-        """Whether what the cables feel depends on what they are yet to answer."""
+        """Return whether what acts on the cables depends on what they are yet to answer."""
         seen = {name for one in self._histories for name in one.variant.sees}
         for one in self._layers:
             for channel in one.variant.channels:
@@ -139,7 +139,7 @@ class Layers:
         return times
 
     def felt(self, pair: Transmission) -> Asked:
-        """Work out what the cables feel, as far as their answer is known."""
+        """Work out what acts on the cables, as far as their answer is known."""
         for k, one in enumerate(self._layers):
             outer, inner = self.sides[k], self.sides[k + 1]
             for name in self._given:

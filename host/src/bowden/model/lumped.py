@@ -103,8 +103,8 @@ def simulate_lumped(  # noqa: PLR0917  (mode and series as for the other solvers
     Returns
     -------
     Trajectory
-        At the first sample everything is at rest under the pretension, and a free pulley stands
-        where the ratio of the pulleys puts it.
+        At the first sample everything is at standstill under the pretension, and a free pulley
+        stands where the ratio of the pulleys puts it.
 
     Raises
     ------

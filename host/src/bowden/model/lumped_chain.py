@@ -14,7 +14,7 @@ capstan over the element's wrap w. Steps are backward Euler, solved by Newton's 
 any step, and free of the chatter that explicit friction has.
 """
 
-# ruff: noqa: PLR0917  (kernels take plain numbers; numba knows no keyword-only arguments)
+# ruff: noqa: PLR0917  (kernels take plain numbers; numba has no keyword-only arguments)
 from __future__ import annotations
 
 from typing import NamedTuple

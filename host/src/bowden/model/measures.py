@@ -1,7 +1,7 @@
 """Figures of one cycle of a pair: efficiency, backlash, dead zone, loop area, share of friction.
 
 Reads a `Trajectory`, returns numbers; knows no experiment. `experiments`, `sweep` and the reports
-build on it. Friction remembers how the rig was left, so a first cycle is measured apart from a
+build on it. Friction depends on how the rig was left, so a first cycle is measured apart from a
 later, steady one.
 """
 
@@ -134,7 +134,7 @@ def first_response(driving: FloatArray, answer: FloatArray, least: float) -> int
 
 
 def _dead_zone(motor_torque: FloatArray, load_torque: FloatArray, ratio: float) -> float | None:
-    """Fall of the motor torque from its peak until the load feels it, N m."""
+    """Fall of the motor torque from its peak until it reaches the load, N m."""
     peak = float(motor_torque.max())
     # The last sample of the peak's dwell, then down to the lowest torque after it.
     top = int(np.flatnonzero(motor_torque >= peak - 1e-12 * max(1.0, abs(peak)))[-1])

@@ -79,7 +79,7 @@ def lumped_of(document: ModelFile) -> Lumped:
 
 
 def misfits(document: ModelFile, pair: Transmission, effects: Sequence[InForce]) -> list[str]:
-    """Say whether friction, effects and solver go together."""
+    """Return whether friction, effects and solver go together."""
     name = document.friction.law
     solver = solver_of(document, pair, effects)
     if solver != "lumped" and name in BRISTLE_LAWS:

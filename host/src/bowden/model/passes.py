@@ -1,7 +1,7 @@
 """Brings a simulation that feeds on its own answer to agree with itself, in few passes.
 
-Imports nothing of ours but the types. `simulation` gives it what was asked of the solver and what
-the answer asks for in turn; it proposes what to ask next.
+Imports nothing of this package but the types. `simulation` gives it what was asked of the solver
+and what the answer asks for in turn; it proposes what to ask next.
 
 Plain repetition gains a factor a pass, and only a small one where the pair is soft. Anderson's
 method takes, out of the last few passes, the combination whose mismatch is least, and starts from

@@ -1,7 +1,7 @@
 """`simulate`: a model and two given series in, the pair's trajectory out; `simulate_batch`: many.
 
 Chooses the solver that the model asks for and goes through the effects around it, from what the
-recording says to what the cables feel and back (`bowden.model.effects.effect` has the picture).
+recording says to what acts on the cables and back (`bowden.model.effects.effect` has the picture).
 The equations are theirs.
 """
 

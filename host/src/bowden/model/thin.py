@@ -1,6 +1,6 @@
 """Which samples of a recording a simulation needs: turning points, and enough in between.
 
-Pure functions over arrays. Friction remembers turning points and forgets how fast the way between
+Pure functions over arrays. Friction depends on turning points and forgets how fast the way between
 them was sampled, so a fit may leave most samples out: straight lines between those that stay keep
 every series within its tolerance.
 """

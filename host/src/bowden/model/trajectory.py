@@ -1,6 +1,6 @@
 """What a solver is asked and what it answers: `Mode`, `Inputs`, `Trajectory`.
 
-Imports nothing of ours but the error. `simulate` reads `Inputs` and returns a `Trajectory`.
+Imports nothing of this package but the error. `simulate` reads `Inputs` and returns a `Trajectory`.
 """
 
 from __future__ import annotations

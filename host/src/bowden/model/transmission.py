@@ -31,8 +31,8 @@ class FrictionLaw:
         mu = (mu_d (1 + stribeck_gain exp(-(v/stribeck_speed)^2)) + mu_v |v|)
              * (1 +- direction_asymmetry) * (T / pretension)^(-tension_exponent)
 
-    and a segment at rest breaks away at ``mu_s`` (eq. (6) of the paper, by state). Each term has
-    its equation, source and limit in `bowden.model.friction`.
+    and a segment at standstill breaks away at ``mu_s`` (eq. (6) of the paper, by state). Each term
+    has its equation, source and limit in `bowden.model.friction`.
 
     Parameters
     ----------
@@ -94,18 +94,18 @@ class FrictionLaw:
 
     @property
     def has_stiction(self) -> bool:
-        """Whether a segment at rest holds more than a sliding one."""
+        """Return whether a segment at standstill holds more than a sliding one."""
         return self.mu_s > self.mu_d
 
     @property
     def is_rate_independent(self) -> bool:
-        """Whether time scaling leaves the answer as it is."""
+        """Return whether time scaling leaves the answer as it is."""
         timeless = self.mu_v_s_per_m == 0.0 and self.stribeck_gain == 0.0 and self.lag_s == 0.0
         return timeless and self.ageing_gain == 0.0
 
     @property
     def is_coulomb(self) -> bool:
-        """Whether sliding obeys one constant coefficient, so that the capstan law holds."""
+        """Return whether sliding obeys one constant coefficient, so that the capstan law holds."""
         plain = self.tension_exponent == 0.0 and self.presliding_m == 0.0
         return self.is_rate_independent and plain
 
@@ -131,9 +131,9 @@ class Transmission:
     graded : bool
         Segments of equal wrap within each piece of the path, in place of equal length.
     rest_time_s : float, s, >= 0
-        With stiction: how long an end must be at rest until its cable sticks again.
+        With stiction: how long an end must be at standstill until its cable sticks again.
     velocity_dead_band_m_per_s : float, m/s, >= 0
-        Speed of a cable end below which it counts as at rest.
+        Speed of a cable end below which it counts as at standstill.
     initial_position_m, initial_tension_n : ndarray of shape (n_points,) or None, m and N
         Initial tension profile of both cables in place of the uniform pretension: linear between
         the points; positions rise from 0 to L.
@@ -261,7 +261,7 @@ class Transmission:
 
     @property
     def is_plain(self) -> bool:
-        """Whether cables and pulleys have no laws of their own: linear springs, no losses."""
+        """Return whether cables and pulleys are linear springs without losses."""
         return (
             self.stiffening == 0.0
             and self.creep_share == 0.0

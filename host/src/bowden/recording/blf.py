@@ -1,7 +1,7 @@
 """The frames of a BLF file, and whether the file is whole.
 
 `read_frames` gives all that can be read; `truncation` says what is missing at the end. Reads files
-only; knows nothing of drives.
+only; does not depend on drives.
 """
 
 from __future__ import annotations

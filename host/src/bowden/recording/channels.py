@@ -1,8 +1,8 @@
 """The registry of channels: name, unit, kind, end and purpose of what a recording may hold.
 
-Data only; imports nothing of ours. Recordings, decoding, readers, writers, importers and reports
-take names and units from here. A name ends with its unit (`load_torque_nm`), so that a channel that
-is not listed still has a unit, a kind and an end: `channel` reads them from the name.
+Data only; imports nothing of this package. Recordings, decoding, readers, writers, importers and
+reports take names and units from here. A name ends with its unit (`load_torque_nm`), so that a
+channel that is not listed still has a unit, a kind and an end: `channel` reads them from the name.
 """
 
 from __future__ import annotations

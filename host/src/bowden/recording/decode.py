@@ -31,7 +31,7 @@ _COUNTER, _LOW_BYTE, _DEVICE_TIME = "sample_counter", "sample_counter_low", "dev
 
 @dataclass(frozen=True)
 class Mark:
-    """Something that happened at a time of the recording, s, in somebody's words."""
+    """Something that happened at a time of the recording, s, with a text."""
 
     time_s: float
     text: str

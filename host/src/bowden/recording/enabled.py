@@ -15,7 +15,7 @@ _STATE, _ENABLED = 0x6F, 0x27
 
 
 def enabled(recording: Recording) -> NDArray[np.bool_] | None:
-    """Return for each sample whether the drive was enabled; None where nobody told."""
+    """Return for each sample whether the drive was enabled; None where it is unknown."""
     status = recording.channels.get("status")
     return None if status is None else (status.astype(np.int64) & _STATE) == _ENABLED
 

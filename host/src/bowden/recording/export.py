@@ -151,7 +151,7 @@ def _topic(writer: object, name: str, properties: dict[str, dict[str, str]]) -> 
 
 
 def _start_ns(recording: Recording) -> int:
-    """Return when it started, ns since 1970 UTC; 0 where nobody has told."""
+    """Return when it started, ns since 1970 UTC; 0 where it is unknown."""
     try:
         started = datetime.fromisoformat(recording.metadata["started"])
     except (KeyError, ValueError):

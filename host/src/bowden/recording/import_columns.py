@@ -144,7 +144,7 @@ def _scaled(name: str, one: ChannelColumn, raw: _Floats, where: str) -> _Floats:
 
 
 def _told(name: str, one: ChannelColumn) -> str:
-    """Say how a channel was made: ``column 3, counts, factor 3.9811e-05, zero 315.12, sign -1``."""
+    """Describe a channel's source: ``column 3, counts, factor 3.98e-05, zero 315.12, sign -1``."""
     parts = [f"column {one.column}"]
     if one.unit:
         parts.append(one.unit)

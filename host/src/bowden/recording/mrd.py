@@ -53,7 +53,7 @@ PROXIMAL_COUNTS_PER_TURN = 8192
 DISTAL_COUNTS_PER_TURN = 4000
 MOTOR_COUNTS_PER_TURN = 4196 * 35  # encoder counts times the gearbox
 STARTUP_S = 0.5
-#: Net work below this share of the work moved to and fro leaves a torque's sign in doubt.
+#: Net work below this share of the work moved back and forth leaves a torque's sign in doubt.
 DOUBTFUL_SHARE = 0.05
 
 _NAME = re.compile(r"(?P<set>(?P<tool>.+?)(?:_(?P<path>(?:Roll|Pitch)_\d+))?)_(?P<run>\d{2,3})")
@@ -237,7 +237,7 @@ def _correlation(runs: Sequence[StandRun]) -> float:
 
 
 def _net_work_share(runs: Sequence[StandRun], torque: int, angle: int) -> float:
-    """Net work over the work moved to and fro, -1..1; an offset of the torque cancels."""
+    """Net work over the work moved back and forth, -1..1; an offset of the torque cancels."""
     net = moved = 0.0
     for run in runs:
         values = run.rows[:, torque]

@@ -14,7 +14,7 @@ from bowden.recording.recording import Recording
 from bowden.recording.source_bytes import starts_with
 
 _LOG = logging.getLogger(__name__)
-#: Metadata that put a whole recording in doubt: whoever reads it is told.
+#: Metadata that put a whole recording in doubt: every command that reads it warns.
 CAVEATS = {"cut": "cut short: ", "clock_finding": "", "findings": ""}
 
 

@@ -201,7 +201,7 @@ def _columns(
     delimiter: str | None,
     decimal: str,
 ) -> dict[str, _Floats | list[str]]:
-    """Parse all rows at once; where a cell is no number, keep the text for whoever asks."""
+    """Parse all rows at once; where a cell is no number, keep the text for the caller."""
     if not rows:
         return {}
     try:

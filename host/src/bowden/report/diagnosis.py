@@ -190,7 +190,7 @@ def _parameter_row(one: NamedEffect, name: str, value: Value) -> list[str]:
 
 
 def _confused(diagnosis: Diagnosis, name: str) -> str:
-    """Say what these data cannot tell it from, and what it is taken for in general."""
+    """Return what these data cannot tell it from, and what it is taken for in general."""
     here = sorted(
         {_title(x) for group in diagnosis.cannot_tell_apart if name in group for x in group}
         - {_title(name)}

@@ -79,7 +79,7 @@ def draw(plot: go.Figure, width: float, label: str) -> str:
 
 
 def describe(plot: go.Figure) -> str:
-    """Say in one sentence what a figure shows: its axes and its curves."""
+    """Return one sentence on what a figure shows: its axes and its curves."""
     x = _first(axis.title.text for axis in plot.select_xaxes())
     y = [axis.title.text for axis in plot.select_yaxes() if axis.title.text]
     names = list(dict.fromkeys(trace.name for trace in plot.data if trace.name))

@@ -66,7 +66,7 @@ def verdict(comparison: Comparison) -> str:
 
 
 def constants(comparison: Comparison) -> str:
-    """Say in one sentence what of the gap is constant or proportional; empty where little is."""
+    """Return one sentence on what of the gap is constant or proportional; empty where little is."""
     parts = []
     for step in comparison.budget:
         if step.value is None or step.share < 0.05:
@@ -86,7 +86,7 @@ def constants(comparison: Comparison) -> str:
 
 
 def whereabouts(comparison: Comparison) -> str:
-    """Say in one sentence where most of the gap is; empty when there is no gap."""
+    """Return one sentence on where most of the gap is; empty when there is no gap."""
     if not comparison.where or comparison.figures.gap == 0.0:
         return ""
     worst = comparison.where[0]

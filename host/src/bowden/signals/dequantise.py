@@ -4,12 +4,12 @@ Pure functions over arrays; `propagate` pushes the uncertainty through the model
 the estimates. A count of the load encoder just after a reversal is worth up to 0.63 N m of load
 torque (square-root law), yet an encoder tells far more than its counts: when the reading changes,
 the angle is on the edge between two counts, to within what it moves in a sample. Only inside a turn
-or at rest is it unknown within a count. So: a path through boxes one count wide (`smooth_path`),
-which never leaves them, and whose best estimate turns only where the counts do: friction and play
-remember a turn of a hundredth of a count for as long as the pair rests.
+or at standstill is it unknown within a count. So: a path through boxes one count wide
+(`smooth_path`), which never leaves them, and whose best estimate turns only where the counts do:
+friction and play remember a turn of a hundredth of a count for as long as the pair rests.
 
 Torque channels with white noise are smoothed in the same way, within three standard deviations,
-because friction remembers extremes: noise on an input would be rectified. The measured side of a
+because friction depends on extremes: noise on an input would be rectified. The measured side of a
 residual is left as it is where its noise is white.
 """
 
@@ -153,7 +153,7 @@ def grid(values: _Floats, expected_quantum: float | None = None) -> float | None
     ----------
     values : ndarray of shape (n,)
     expected_quantum : float, optional
-        Believed where the data agree with it, or are too few to say.
+        Accepted where the data agree with it, or are too few to say.
 
     Returns
     -------

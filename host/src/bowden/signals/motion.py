@@ -92,7 +92,7 @@ def velocity(time_s: _Floats, angle_rad: _Floats) -> _Floats:
 def steady(angle_rad: _Floats) -> _Flags:
     """Flag the samples from which on the motion repeats what it has done before.
 
-    Friction remembers: until both extremes of the motion have been visited once, the answer still
+    Friction has memory: until both extremes of the motion have been visited once, the answer still
     depends on how the rig was left. After that the memory of the start is wiped and cycles repeat.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Whether a motion repeats itself, and how well a channel does from cycle to cycle.
+"""Return whether a motion repeats itself, and how well a channel does from cycle to cycle.
 
 Pure functions over arrays. What differs between cycles of one motion no model of that motion can
 explain: it is the floor under every gap of a rig that is driven periodically.

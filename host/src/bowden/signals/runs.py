@@ -27,9 +27,9 @@ BRAKING = (0.5, 3.0)  # as far as draws go: operators start and stop more or les
 
 @dataclass(frozen=True)
 class Standstill:
-    """A stretch at rest within one count: first and last sample, samples a count before and after.
+    """A standstill within one count: first and last sample, samples a count before and after.
 
-    What rests stands still: the least movement back would count as a reversal. Nobody knows where
+    What rests stands still: the least movement back would count as a reversal. It is unknown where
     in the count it stands, nor when exactly it began to move, but it came and left without turning
     twice. One that a recording begins or ends with may be no rest at all: a motion that is still
     slow, or one that has turned already. Nor may one in which the torque at that end `drifts`. And
@@ -208,14 +208,14 @@ class Runs:
 
 
 def _drifts(felt: _Floats) -> bool:
-    """Whether a torque moves while its end seems to rest, coming and leaving aside."""
+    """Return whether a torque moves while its end seems to rest, coming and leaving aside."""
     edge = int(BRAKING_SHARE * felt.size)
     parts = np.array_split(felt[edge : felt.size - edge], 4)
     return bool(np.ptp([float(np.mean(part)) for part in parts]) > DRIFTS)
 
 
 def _returns(here: _Floats, there: _Floats) -> bool:
-    """Whether a torque goes one way and comes back while its end seems to rest.
+    """Return whether a torque goes one way and comes back while its end seems to rest.
 
     And the torque at the other end, which it would follow, stands still.
     """

@@ -10,7 +10,7 @@ found by expectation maximisation with heavy tails, so that corners stay corners
 Lengths in counts (or in standard deviations), time in usual sample steps.
 """
 
-# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+# ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The bench behind the page: one live session in a thread, the recordings' folder, long jobs.
 
-Knows nothing of HTTP. The session's thread stops the motor when the page is not heard from; the
+Independent of HTTP. The session's thread stops the motor when the page is not heard from; the
 folder is the only place that is read or written. Comparing and diagnosing run as commands of their
 own, so that a fit never delays the bus.
 """

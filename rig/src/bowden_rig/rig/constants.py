@@ -193,7 +193,7 @@ def constants(rig: parameters.Rig) -> Constants:
 
 
 def _ages(cable: parameters.Cable) -> bool:
-    """Tell whether anything changes slowly."""
+    """Return whether anything changes slowly."""
     return any(
         change != 0.0
         for change in (

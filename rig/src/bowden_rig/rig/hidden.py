@@ -1,7 +1,7 @@
 """The effects of the diagnosis' catalogue as hidden truths of the rig.
 
 Input: the name of an effect and its parameters, as the catalogue and model files name them. Output:
-the rig with it, whose drive and model know nothing of it. `hil_tests.render` and the benchmark of
+the rig with it, while drive and model have no such effect. `hil_tests.render` and the benchmark of
 the diagnosis (`hil_tests.hidden_effects`) draw from here; the definitions are CONTRACTS.md's, and
 the laws are this package's own.
 """

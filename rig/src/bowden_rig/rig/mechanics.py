@@ -5,8 +5,8 @@ solved implicitly, so their stiffness puts no bound on the step; the axial waves
 `constants.largest_stable_step_s`).
 
 u > 0 is towards the load; cable a is row 0; positions are displacements from the pretensioned rest.
-Knows nothing but numbers; `plant` owns the state and calls `advance`; `cable` moves the cables and
-`slow_changes` ages them. `state` names the places in the vector of scalars.
+Works on plain numbers only; `plant` owns the state and calls `advance`; `cable` moves the cables
+and `slow_changes` ages them. `state` names the places in the vector of scalars.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def advance(  # noqa: PLR0917
     intended_rad: float,
     intended_speed: float,
 ) -> None:
-    """Let one control period pass.
+    """Advance one control period.
 
     `constants`: `Constants`, packed; `masses` and `springs` are `cable`'s; `s`: the scalars.
     `intended_rad`, `intended_speed`: the intended motion, speed held over the period.

@@ -1,9 +1,10 @@
 """What the simulated rig is made of: plain numbers, frozen, SI units.
 
-Imports nothing of ours. `plant`, `operator` and `sensors` read it. The defaults are the paper's
-Table I (EA 4000 N, L 2 m, R 0.28 m, T0 10 N, mu_d 0.21, 40 deg at 0.5 Hz) on a small brushed motor.
+Imports nothing of this package. `plant`, `operator` and `sensors` read it. The defaults are the
+paper's Table I (EA 4000 N, L 2 m, R 0.28 m, T0 10 N, mu_d 0.21, 40 deg at 0.5 Hz) on a small
+brushed motor.
 
-Two choices make the rig honestly unlike the offline model. Static friction equals dynamic friction
+Two choices make the rig independent of the offline model. Static friction equals dynamic friction
 by default, as in a lined conduit; `static_ratio` with `stribeck_speed_m_per_s` makes it weaken with
 speed. And sliding friction grows a little with speed (`viscous_s_per_m`): 1 % at 0.1 m/s.
 
@@ -228,7 +229,7 @@ class Operator:
 
     The transmission resists with 3 to 5 N m: to reach 40 deg, the operator aims `overreach_rad`
     beyond. Motion `still` holds the handle at zero, `locked` bolts it (Experiment 1),
-    `free` lets go of it.
+    `free` releases it.
     """
 
     motion: OperatorMotion = "sine"

@@ -51,7 +51,7 @@ class Parts(NamedTuple):
 def pass_period(  # noqa: PLR0917  (compiled code takes no keywords)
     p: Parts, current_ua: int, bridge_enabled: bool, given: bool, angle: float, speed: float
 ) -> None:
-    """Let one control period pass and sample the rig.
+    """Advance one control period and sample the rig.
 
     `given`: the operator intends `angle` and `speed`; else what `parameters.Operator` describes.
     """
@@ -114,7 +114,7 @@ class SimulatedRig:
         )
 
     def step(self, actuators: Actuators, operator: tuple[float, float] | None = None) -> Sensors:
-        """Let one control period pass with these actuators; what the board then reads.
+        """Advance one control period with these actuators; what the board then reads.
 
         `operator`: intended angle (rad) and speed (rad/s), in place of those of the description.
         """

@@ -107,6 +107,6 @@ def check_encoders(model: Model, one: Recording, name: str) -> Iterator[Finding]
 
 
 def _rounded_in_file(step: float) -> bool:
-    """Tell whether a step is the last digit of numbers in a file, not an encoder's."""
+    """Return whether a step is the last digit of numbers in a file, not an encoder's."""
     leading = step / 10.0 ** math.floor(math.log10(step) + DIGIT)
     return bool(np.any(np.abs(leading - np.array([1.0, 2.0, 5.0])) < DIGIT * leading))

@@ -36,7 +36,7 @@ class Finding:
     found, expected : str
         In words, with units.
     severity : str
-        ``stop``: nothing that is fitted to it can be believed. ``warn``: good to know.
+        ``stop``: nothing that is fitted to it can be assumed. ``warn``: good to know.
     """
 
     what: str
@@ -67,5 +67,5 @@ class BadData(BadInput):
 
 
 def stops(findings: Sequence[Finding]) -> bool:
-    """Tell whether one of them stops."""
+    """Return whether one of them stops."""
     return any(one.severity == "stop" for one in findings)

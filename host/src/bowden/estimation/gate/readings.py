@@ -69,7 +69,7 @@ class Readings:
         )
 
     def is_mended_by(self, mistake: Mistake) -> bool:
-        """Tell whether undoing a mistake leaves each channel explained, or no worse than it was."""
+        """Return whether each channel is explained, or no worse, once a mistake is undone."""
         predicted, asked = self._split(mistake)
         if asked is None:
             return False

@@ -1,4 +1,4 @@
-"""Whether each sensor works: saturation, dropouts and spikes, seen in one channel by itself.
+"""Return whether each sensor works: saturation, dropouts and spikes, seen in one channel by itself.
 
 Looks at one `Recording` without a model; returns findings.
 """
@@ -53,7 +53,7 @@ def check_sensors(one: Recording, name: str) -> Iterator[Finding]:
 
 
 def _is_noisy(values: _Floats, time_s: _Floats, sigma: float) -> bool:
-    """Whether that noise is some: no smooth curve's bend and not the last digit of a file."""
+    """Return whether it is noise: neither the bend of a curve nor the last digit of a file."""
     last_digit = float(np.diff(np.unique(values)).min())
     at_every_second = noise_sigma(values[::2], time_s[::2])
     return sigma > LAST_DIGIT * last_digit and at_every_second < BEND * sigma

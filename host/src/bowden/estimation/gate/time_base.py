@@ -1,4 +1,4 @@
-"""Whether a recording is long enough, sampled densely enough, finite, and without large gaps.
+"""Checks that a recording is long, dense and finite enough, and has no large gaps.
 
 Looks at one `Recording` without a model; returns findings.
 """

@@ -2,7 +2,7 @@
 
 Between a torque that is given and its pulley it is part of the balance that the mesh solves. Where
 the angle is given and the torque is predicted, the recorded one has it on top, with the sign of the
-motion; a bearing at rest keeps what it held, and winds up elastically before it turns.
+motion; a bearing at standstill keeps what it held, and winds up elastically before it turns.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@ rate-and-state friction, which needs no threshold between rest and motion:
 
     dz/dt = (1 - z)/dwell_s - z |v|/distance_m,      mu (1 + a z)
 
-with v the speed of the cables' ends at the load. Another law in use lets z grow at rest only, so
-that slow motion is not stronger than fast. The third is Dieterich's own, with the logarithm of each
-place's age (`bowden.model.friction.ageing`). z and ages are 0 at the first sample.
+with v the speed of the cables' ends at the load. Another law in use lets z grow at standstill only,
+so that slow motion is not stronger than fast. The third is Dieterich's own, with the logarithm of
+each place's age (`bowden.model.friction.ageing`). z and ages are 0 at the first sample.
 """
 
 from __future__ import annotations

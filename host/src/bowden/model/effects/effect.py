@@ -6,11 +6,11 @@ Each module beside this one fills in an `Effect`; the package's ``__init__`` lis
 
 A simulation with effects runs from outside to inside and back:
 
-    recorded inputs -> channels, undone -> what the cables feel -> pair and histories -> solver
+    recorded inputs -> channels, undone -> what acts on the cables -> pair and histories -> solver
     recorded answer <- channels, applied <- what the cables answer
 
-*Recorded* is what the file says, *inside* what the cables feel. Each channel is given in one mode
-and predicted in another, so a `Channel` knows both ways.
+*Recorded* is what the file says, *inside* what acts on the cables. Each channel is given in one
+mode and predicted in another, so a `Channel` knows both ways.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class Parameter:
     most: float = math.inf
 
     def problem(self, value: float) -> str:
-        """Say what is wrong with a value; nothing if it is possible."""
+        """Return what is wrong with a value; nothing if it is possible."""
         possible = math.isfinite(value) and self.least <= value <= self.most
         if value == self.off or (possible and (not self.whole or value == round(value))):
             return ""
@@ -161,7 +161,7 @@ class Variant:
     pair : callable (transmission, parameters) -> Transmission, optional
         Other constants of the pair.
     histories : callable (inside, transmission, parameters) -> Histories, optional
-        What changes from sample to sample, from what the cables feel.
+        What changes from sample to sample, from what acts on the cables.
     sees : tuple of str
         Which channels `histories` looks at.
     channels : tuple of Channel
@@ -184,7 +184,7 @@ class Variant:
 
     @property
     def is_computed(self) -> bool:
-        """Whether the offline model can compute it."""
+        """Return whether the offline model can compute it."""
         return self.pair is not None or self.histories is not None or bool(self.channels)
 
     @property

@@ -1,8 +1,8 @@
 """A cable that stretches at once and then a little more.
 
 A standard linear solid: EA is the stiffness at once, or, where it was measured by pulling slowly,
-the one that is left in the end. The rig is at rest for long at the first sample. tau is the time
-constant at constant tension; at constant length it is tau/(1 + a).
+the one that is left in the end. The rig is at standstill for long at the first sample. tau is the
+time constant at constant tension; at constant length it is tau/(1 + a).
 """
 
 from __future__ import annotations

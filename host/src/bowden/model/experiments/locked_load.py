@@ -105,7 +105,7 @@ def front_depth_m(pair: Transmission, end_tension_n: float) -> float | None:
 
 
 def first_response_nm(model: Model) -> float | None:
-    """Return the motor torque at which the load of a virgin rig first feels something, N m.
+    """Return the motor torque at which the load of a virgin rig first receives something, N m.
 
     Found with the model itself: a ramp up to the torque that pulls one cable through alone, then
     a finer one across the step in which the load torque first changes. None if it never does.

@@ -1,6 +1,6 @@
 """Modified Bouc-Wen: a smooth hysteresis with its own shape in each direction (Do et al.).
 
-Used by the lumped transmission; imports nothing of ours but the compiler.
+Used by the lumped transmission; imports nothing of this package but the compiler.
 
 Equation: the normalised Bouc-Wen model (Ikhouane and Rodellar; the form was checked against
 MathWorks' documentation of it)

@@ -1,6 +1,6 @@
 """Dahl's law: friction that builds up elastically over a small slip before it slides.
 
-Used by the lumped transmission; imports nothing of ours but the compiler.
+Used by the lumped transmission; imports nothing of this package but the compiler.
 
 Equation (Dahl 1968; used for tendons by Palli and Melchiorri): with the friction force F,
 

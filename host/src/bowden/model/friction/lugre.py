@@ -1,6 +1,6 @@
 """LuGre: bristles that bend, slip at a force that depends on speed, and are damped.
 
-Used by the lumped transmission; imports nothing of ours but the compiler.
+Used by the lumped transmission; imports nothing of this package but the compiler.
 
 Equation (Canudas de Wit, Olsson, Astrom and Lischinsky 1995; the form was checked against a public
 re-derivation of that article):
@@ -38,7 +38,7 @@ class LuGre:
     ----------
     presliding_m : float, m, > 0
     stiction_ratio : float, >= 1
-        Fs/Fc: friction at rest over friction when sliding fast.
+        Fs/Fc: friction at standstill over friction when sliding fast.
     stribeck_speed_m_per_s : float, m/s, > 0
     bristle_damping_s : float, s, >= 0
         sigma_1/sigma_0.

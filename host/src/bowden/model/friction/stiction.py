@@ -1,4 +1,4 @@
-"""Stiction: a segment at rest holds more than a sliding one, eq. (6) of the paper read by state.
+"""Stiction: a segment at standstill holds more than a sliding one, eq. (6) of the paper.
 
     breaks away at   |ln(T_far / T_near)| = mu_d ds/R + (mu_s - mu_d) l_s/R
     slides at        |ln(T_far / T_near)| = mu_d ds/R
@@ -22,7 +22,7 @@ def breakaway_excess(
     length_m: FloatArray,
     wrap_rad: FloatArray,
 ) -> FloatArray:
-    """Return what each segment at rest holds beyond its sliding friction, in ln tension.
+    """Return what each segment at standstill holds beyond its sliding friction, in ln tension.
 
     Parameters
     ----------

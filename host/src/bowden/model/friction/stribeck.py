@@ -30,7 +30,7 @@ def stribeck_term(gain: float, stribeck_speed: float, speed: float) -> float:
 
 @compiled_in_place
 def faded(gain: float, stribeck_speed: float, speed: float) -> float:
-    """Return what steady sliding takes off the term at rest, b (1 - exp(-(v/v_s)^2))."""
+    """Return what steady sliding takes off the term at standstill, b (1 - exp(-(v/v_s)^2))."""
     return gain - stribeck_term(gain, stribeck_speed, speed)
 
 

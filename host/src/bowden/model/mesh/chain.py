@@ -9,11 +9,11 @@ and w_N. A spring's tension is a parabola in its elastic stretch (`cable_stiffen
 the stretch follows with a delay (`viscoelastic_cable`).
 
 The rows of all sliders are a tridiagonal system. It is swept from both ends, and a sweep that comes
-to a segment at rest knows at once whether that one gives way too, so a front runs as far as it has
-to in one round.
+to a segment at standstill knows at once whether that one gives way too, so a front runs as far as
+it has to in one round.
 """
 
-# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+# ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def fronts_met(t: ChainTables, s: ChainState, cable: int) -> int:
 
 @inlined
 def set_rest(s: ChainState, cable: int, j: int) -> None:
-    """Set the row of a segment at rest: its slip becomes 0."""
+    """Set the row of a segment at standstill: its slip becomes 0."""
     s.row[cable, BELOW, j] = 0.0
     s.row[cable, ABOVE, j] = 0.0
     s.row[cable, DIAGONAL, j] = 1.0
@@ -134,7 +134,7 @@ def set_rest(s: ChainState, cable: int, j: int) -> None:
 def release(
     t: ChainTables, s: ChainState, cable: int, j: int, here: float, there: float, dt: float
 ) -> bool:
-    """Let a segment at rest go if it gives way between two tensions; True if it does."""
+    """Let a segment at standstill go if it gives way between two tensions; True if it does."""
     way = gives_way(t, s, cable, j, here, there, dt)
     if way != 0:
         s.slides[cable, j] = way
@@ -148,9 +148,9 @@ def sweep(
 ) -> int:
     """Eliminate from an end over at most `count` segments; return how many.
 
-    Advancing, a segment at rest beside a sliding one is asked whether it gives way. A sweep from
-    the load's end stops at the first segment that holds; the one from the motor's end, which comes
-    second, goes on.
+    Advancing, a segment at standstill beside a sliding one is asked whether it gives way. A sweep
+    from the load's end stops at the first segment that holds; the one from the motor's end, which
+    comes second, goes on.
     """
     n, sign = t.wrap.shape[2], 1.0 - 2.0 * cable
     first, step = (0, 1) if end == 0 else (n - 1, -1)

@@ -1,4 +1,4 @@
-"""Steps the mesh exactly from event to event, for friction that knows no rate.
+"""Steps the mesh exactly from event to event, for friction that is rate-independent.
 
 Reads `mesh.state.Tables` and `mesh.state.State`, uses `mesh.zones`; `mesh.solver` calls `run`.
 
@@ -9,7 +9,7 @@ of the way. Displacements are those of the cable ends, towards the load: u = -r 
 and +r theta for cable b; each cable feels them with its sign, +1 and -1.
 """
 
-# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+# ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def settle(t: Tables, s: State, motor: float, load: float) -> bool:
     """Fit both cables' zones to the motion of the pulleys; True if something had to change.
 
     A zone turns only when nothing else has to give: before that, the motion is not final, and a
-    turned zone has forgotten how deep it was.
+    turned zone no longer knows how deep it was.
     """
     changed = False
     for cable in range(2):
@@ -213,7 +213,7 @@ def moved_on(
 def stick_at_rest(
     t: Tables, s: State, motor: float, load: float, dt: float, dead_band: float, rest_s: float
 ) -> None:
-    """Let a zone stick again once its end has been at rest for `rest_s` (stiction only)."""
+    """Let a zone stick again once its end has been at standstill for `rest_s` (stiction only)."""
     for cable in range(2):
         for end in range(2):
             moving = abs(motor if end == 0 else load) > dead_band * dt

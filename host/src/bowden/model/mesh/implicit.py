@@ -7,7 +7,7 @@ the step. `mesh.solver` prepares the tables and reads the answer.
 `mesh.pulleys` has what the ends ask for: a place that is given, or balance with a torque.
 """
 
-# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+# ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
 
 from __future__ import annotations
 

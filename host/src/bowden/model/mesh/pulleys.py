@@ -8,7 +8,7 @@ exceeds what cables and bearing hold; with play the load's pulley touches the ha
 the other, or floats without torque in between.
 """
 
-# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+# ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def balanced(
     motor: float,
     load: float,
 ) -> bool:
-    """Whether the pulleys that are free to move have the torque that they should."""
+    """Return whether the pulleys that are free to move have the torque that they should."""
     good = True
     if free >= 0 and (p.bearing_n == 0 or p.rolls[0] != 0):
         out = force - p.bearing_n * p.rolls[0] - spring * (motor if free == 0 else load)

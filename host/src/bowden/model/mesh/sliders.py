@@ -11,7 +11,7 @@ With Coulomb friction, eq. (1), the bounds are +-A_j, A_j = mu ds/R. They depend
     speed, tension      mu = (f mu_d (1 + b exp(-(v/v_s)^2)) + mu_v |v|) (T/T0)^-p
     age                 mu_d grows with the logarithm of the contacts' age
     the last sample     with frictional lag E comes nearer to +-A by a share dt/(lag + dt) a step
-    rest                a segment at rest holds (mu_s - mu_d) l_s/R more
+    rest                a segment at standstill holds (mu_s - mu_d) l_s/R more
 
 f is the friction factor of the sample, v_s's speed the segment's own behind a low-pass filter as it
 was at the last sample: with a slope below zero the present speed would have no unique answer. With
@@ -28,7 +28,7 @@ sample
 or for its share of T_{j+1} + T_j, which then stays as it was where only the tensions change.
 """
 
-# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+# ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from bowden.model.friction.tension_dependent import tension_factor
 from bowden.model.trajectory import FloatArray
 
 MOST_WRAP = 50.0  # mu ds/R of one segment: beyond any cable, but exp of it is still a number
-HELD = 2e-9  # share of the tensions by which a segment at rest may seem overloaded
+HELD = 2e-9  # share of the tensions by which a segment at standstill may seem overloaded
 FAINT = 1e-4  # of the reference tension: less is known to the rounding of what carries more
 
 
@@ -80,7 +80,7 @@ class ChainTables(NamedTuple):
 
 
 class ChainState(NamedTuple):
-    """What the cables remember, then room to work in; axes: cable, place.
+    """State of the cables, then room to work in; axes: cable, place.
 
     A slack cable keeps its total stretch, a negative one for a gap, in the spring of node 0.
     """
@@ -91,8 +91,8 @@ class ChainState(NamedTuple):
     recalled: FloatArray  # filtered: speed, m/s, or by how much Stribeck's term has faded
     age_s: FloatArray  # of the contacts
     went_m: FloatArray  # slip of the last sample
-    slides: NDArray[np.int64]  # -1 towards the motor, 0 at rest, +1 towards the load
-    rested: NDArray[np.int64]  # 1 where a segment was at rest at the last sample
+    slides: NDArray[np.int64]  # -1 towards the motor, 0 at standstill, +1 towards the load
+    rested: NDArray[np.int64]  # 1 where a segment was at standstill at the last sample
     held: FloatArray  # E, where the law asks for it
     bristle_n: FloatArray  # F, where the law asks for it
     reserve_m: FloatArray  # stretch that shows when a segment first slides, see `mesh`
@@ -123,7 +123,7 @@ def half_tanh(x: float) -> float:
 
 @inlined
 def constant_bounds(t: ChainTables) -> bool:
-    """Whether the bounds stay the same through a sample, +-A."""
+    """Return whether the bounds stay the same through a sample, +-A."""
     return bool(
         t.mu_v_s_per_m == 0 and t.tension_exponent == 0 and t.lag_s == 0 and t.presliding_m == 0
     )
@@ -131,7 +131,7 @@ def constant_bounds(t: ChainTables) -> bool:
 
 @inlined
 def has_friction(t: ChainTables, cable: int, j: int) -> bool:
-    """Whether anything holds a segment at rest; without, it slides either way."""
+    """Return whether anything holds a segment at standstill; without, it slides either way."""
     return bool(t.mu_d > 0 and t.wrap[cable, 0, j] > 0)
 
 
@@ -190,7 +190,7 @@ def bound(
 def gives_way(
     t: ChainTables, s: ChainState, cable: int, j: int, here: float, there: float, dt: float
 ) -> int:
-    """Direction in which a segment at rest has to slide between two tensions; 0: it holds."""
+    """Direction in which a segment at standstill has to slide between two tensions; 0: it holds."""
     trial = 1 if there > here else -1
     d = (trial + 1) // 2
     if constant_bounds(t):
@@ -265,7 +265,7 @@ def slides_over(t: ChainTables, s: ChainState, cable: int, j: int, slip: float, 
 
 @inlined
 def set_row(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> float:
-    """Linearise the law of a segment that is not at rest; return its error over the tensions."""
+    """Linearise the law of a moving segment; return its error over the tensions."""
     slip = s.slip[cable, j]
     towards = s.slides[cable, j]
     here, there = s.now[cable, j], s.now[cable, j + 1]

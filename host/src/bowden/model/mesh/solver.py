@@ -108,7 +108,7 @@ def simulate_mesh(  # noqa: PLR0917
 
 
 def needs_implicit_steps(transmission: Transmission) -> bool:
-    """Whether the pair has laws that the exact steps from event to event leave out."""
+    """Return whether the pair has laws that the exact steps from event to event leave out."""
     return not (transmission.friction.is_coulomb and transmission.is_plain)
 
 
@@ -163,7 +163,7 @@ def chain_tables(transmission: Transmission) -> ChainTables:
 
 
 def chain_state(transmission: Transmission) -> ChainState:
-    """Return both cables at rest for `mesh.implicit`."""
+    """Return both cables at standstill for `mesh.implicit`."""
     rest, t, mesh = rest_state(transmission), chain_tables(transmission), cut(transmission)
     n = mesh.length_m.size
     # What a spring of the stiffness at no tension would carry: the root of T = (p + q tau) tau.
@@ -200,7 +200,7 @@ def chain_state(transmission: Transmission) -> ChainState:
 
 
 def pulleys(transmission: Transmission, free: int) -> Pulleys:
-    """Return the pulleys at rest for `mesh.implicit`, the load's in the middle of its play.
+    """Return the pulleys at standstill for `mesh.implicit`, the load's in the middle of its play.
 
     A load whose torque is given (`free` 1) is the pulley itself: the handle's angle differs from it
     by the play, see `effects.termination_backlash`.

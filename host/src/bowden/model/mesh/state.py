@@ -8,12 +8,12 @@ inside it, and a segment whose end tensions are T_j and T_j+1 has the stretch
     w_j (T_j + T_{j+1}) ds_j / EA,    w = tanh(a/2)/a,    a_j = mu_d ds_j/R_j.
 
 A sliding segment has T_{j+1} = T_j exp(+-a_j), eq. (1), and with this w its stretch is exactly
-that of eq. (2), in both directions; a segment at rest next to a moving one obeys eq. (3) with w in
-place of the half (w -> 1/2 as a -> 0). So the stretch is a function of the tensions alone: nothing
-jumps when a segment starts, stops or reverses, and a dwell leaves no trace. Twice ``w ds/EA`` is
-short, by a^2/12, of the stretch ds/EA of a segment that still has its uniform pretension. Until a
-segment first slides, its halves therefore follow the two straight lines that join the uniform
-state to the two sliding ones (`virgin_slope`), and plateaus do not depend on N.
+that of eq. (2), in both directions; a segment at standstill next to a moving one obeys eq. (3) with
+w in place of the half (w -> 1/2 as a -> 0). So the stretch is a function of the tensions alone:
+nothing jumps when a segment starts, stops or reverses, and a dwell leaves no trace. Twice ``w
+ds/EA`` is short, by a^2/12, of the stretch ds/EA of a segment that still has its uniform
+pretension. Until a segment first slides, its halves therefore follow the two straight lines that
+join the uniform state to the two sliding ones (`virgin_slope`), and plateaus do not depend on N.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Tables(NamedTuple):
 
 
 class State(NamedTuple):
-    """What the cables remember, changed in place.
+    """State of the cables, changed in place.
 
     ``node_n[c, i]`` is valid between the two moving zones; a zone's tensions follow from ``end_n``
     by `Tables.decay`. ``depth[c, e]`` counts the sliding segments from end e, ``motion[c, e]`` is
@@ -128,7 +128,7 @@ def slide_exponents(transmission: Transmission, mesh: Mesh) -> FloatArray:
 
 
 def breakaway_excesses(transmission: Transmission, mesh: Mesh) -> FloatArray:
-    """Return what each segment holds at rest beyond its sliding friction, shape (N,)."""
+    """Return what each segment holds at standstill beyond its sliding friction, shape (N,)."""
     law = transmission.friction
     lengths = mesh.length_m, mesh.wrap_rad
     return breakaway_excess(law.mu_s, law.mu_d, law.stiction_length_m, *lengths)
@@ -177,7 +177,7 @@ def tables(transmission: Transmission) -> Tables:
 
 
 def rest_state(transmission: Transmission) -> State:
-    """Return both cables at rest: uniform pretension, or the given initial profile."""
+    """Return both cables at standstill: uniform pretension, or the given initial profile."""
     mesh = cut(transmission)
     n = mesh.length_m.size
     virgin = np.array([[0, n], [0, n]], dtype=np.int64)

@@ -2,13 +2,13 @@
 
 Compiled helpers over the `Tables` and `State` of `mesh.state`; `mesh.events` drives them.
 
-From each end e a zone of ``depth`` segments slides; between the zones the cable is at rest. At both
-ends the same words hold, seen from the end: its outward displacement pulls (PULL) or pays out
-(RELEASE). When the depths add up to N no segment is at rest: with opposite motions the cable moves
-as a whole, with equal ones it parts at a neutral node.
+From each end e a zone of ``depth`` segments slides; between the zones the cable is at standstill.
+At both ends the same words hold, seen from the end: its outward displacement pulls (PULL) or pays
+out (RELEASE). When the depths add up to N no segment is at standstill: with opposite motions the
+cable moves as a whole, with equal ones it parts at a neutral node.
 """
 
-# ruff: noqa: PLR0917  (kernels take their state apart; numba knows no keyword-only)
+# ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def node_at(segments: int, end: int, n: int) -> int:
 
 @compiled_in_place
 def is_virgin(s: State, segments: int, cable: int, end: int, n: int) -> bool:
-    """Whether segment n from an end has never slid."""
+    """Return whether segment n from an end has never slid."""
     j = n if end == 0 else segments - 1 - n
     return bool(s.virgin[cable, 0] <= j < s.virgin[cable, 1])
 
 
 @compiled_in_place
 def slides_whole(t: Tables, s: State, cable: int) -> bool:
-    """Whether no segment is at rest."""
+    """Return whether no segment is at standstill."""
     return bool(s.depth[cable, 0] + s.depth[cable, 1] == t.half.shape[1])
 
 
@@ -237,8 +237,8 @@ def half_stretch(t: Tables, s: State, cable: int, end: int, n: int, tension: flo
 def slide(t: Tables, s: State, cable: int, end: int) -> None:
     """Let the segment at the front of a zone slide; with stiction the tensions drop at once.
 
-    The segments at rest and the ends keep their places, so the stretch between them is the same
-    before and after.
+    The segments at standstill and the ends keep their places, so the stretch between them is the
+    same before and after.
     """
     segments, far = t.half.shape[1], 1 - end
     d, motion = s.depth[cable, end], s.motion[cable, end]

@@ -1,9 +1,9 @@
-"""The neutral point: the one place at rest in a cable whose ends both pull or both release.
+"""The neutral point: the one place at standstill in a cable whose ends both pull or both release.
 
 Compiled arithmetic on the profiles of `mesh_free.profile`; no I/O. `mesh_free.steps` calls it.
 """
 
-# ruff: noqa: PLR0917  (kernels take plain numbers; numba knows no keyword-only arguments)
+# ruff: noqa: PLR0917  (kernels take plain numbers; numba has no keyword-only arguments)
 from __future__ import annotations
 
 import math
@@ -34,7 +34,7 @@ def _frozen_at(pair: Pair, cable: int, x: float) -> tuple[float, float, int]:
     piece, end_piece = int(pair.points[cable, j, PIECE]), int(pair.points[cable, j + 1, PIECE])
     while piece < end_piece and x > pair.path[0, piece, END]:
         piece += 1
-    if t0 == 0.0:  # slack: at rest wherever it lies
+    if t0 == 0.0:  # slack: at standstill wherever it lies
         return 0.0, u0, piece
     ratio = x / pair.points[cable, j, X_NEAR]
     slope = pair.points[cable, j, SLOPE]

@@ -5,11 +5,11 @@ two cables of a pair with it, `solver` builds the arrays.
 
 **The physics.** With ``y = ln T`` and the wrap ``Th(s)`` = integral of ``mu ds/R``, Coulomb
 friction allows ``|dy/dTh| <= 1``; cable that slides towards the load has slope +1, towards the
-motor -1, cable at rest keeps its tension. So a motion of one end clips the old profile to
+motor -1, cable at standstill keeps its tension. So a motion of one end clips the old profile to
 ``y_end -+ Th`` as far as the *front* where the two meet (the play operator: return-point memory,
 rate independence). Where fronts of both ends meet, either the whole cable slides one way and
 ``T = T_end exp(-+Th)`` throughout, or, when the ends move apart or together, one *neutral* point
-stays at rest in the middle.
+stays at standstill in the middle.
 
 **No exponentials.** With ``X = exp(Th)`` every sliding or once-slid piece is ``T ~ X`` or
 ``T ~ 1/X``: a front is a square root, and the stretch of a piece of constant R is
@@ -23,7 +23,7 @@ coordinate counts wrap from that end, displacement ``w`` is positive inwards, ``
 ``T = T_end X^d``, and ``w_end = w_front - T_end * reach``.
 """
 
-# ruff: noqa: PLR0917  (kernels take plain numbers; numba knows no keyword-only arguments)
+# ruff: noqa: PLR0917  (kernels take plain numbers; numba has no keyword-only arguments)
 from __future__ import annotations
 
 import math

@@ -12,7 +12,7 @@ At the lowest possible mean one cable is at 0 N; ``u_a + u_b <= 0`` there says t
 slack: its end may lie anywhere further inwards.
 """
 
-# ruff: noqa: PLR0917  (kernels take plain numbers; numba knows no keyword-only arguments)
+# ruff: noqa: PLR0917  (kernels take plain numbers; numba has no keyword-only arguments)
 from __future__ import annotations
 
 import math
@@ -54,7 +54,7 @@ from bowden.model.mesh_free.profile import (
     set_whole,
 )
 
-# How a cable ends a step (REGIME of the plan): as two ends that know nothing of each other,
+# How a cable ends a step (REGIME of the plan): as two ends that are independent of each other,
 # sliding as a whole, around a neutral point, slack. SLIDE is the direction of the near end in the
 # second and third.
 PARTIAL, SLIDING, NEUTRAL, SLACK = 0.0, 1.0, 2.0, 3.0
@@ -81,8 +81,8 @@ def _total_reach(pair: Pair, d: int) -> float:
 def _move_far(pair: Pair, cable: int, u_far: float) -> None:
     """Plan the motion of the far end alone to `u_far` (m).
 
-    FAR_X becomes the near coordinate of its front: the far end itself when it is at rest, 1 when
-    the front is through.
+    FAR_X becomes the near coordinate of its front: the far end itself when it is at standstill, 1
+    when the front is through.
     """
     x_total = pair.path[0, pair.path.shape[1] - 1, END]
     old = pair.points[cable, pair.span[cable, 1], DISPLACEMENT]
@@ -233,7 +233,7 @@ def _record(pair: Pair, out: FloatArray, i: int) -> None:
 
 @inlined
 def _is_full(pair: Pair) -> bool:
-    """Whether the next step could run out of room for breakpoints."""
+    """Return whether the next step could run out of room for breakpoints."""
     lowest = min(pair.span[0, 0], pair.span[1, 0])
     highest = max(pair.span[0, 1], pair.span[1, 1])
     return bool(lowest < ROOM or highest >= pair.points.shape[1] - ROOM)
