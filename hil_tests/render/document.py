@@ -46,11 +46,10 @@ What the columns mean; the truth is the rig's, not the load cell's:
 - **friction felt**: energy that the cables take in free strokes over the length of the path, over
   that of the naive law. **Stiffness**: slope of the rendered wall over the wanted one.
 - **limit cycles**: rigs whose load torque or motor keeps oscillating at standstill.
-- **active paths**: rigs with a closed path on which the cables give the operator over 1 % more than
-the
-  wanted torque would, as a part of the energy exchanged on that path (in free strokes, where
-  nothing is to be exchanged: of the friction's work). **Worst path**: the largest such part. **Of
-  the friction**: the same energy as a part of what the pair's friction would take on that path.
+- **active paths**: rigs with a closed path on which the cables give the operator over 1 % more
+  than the wanted torque would, as a part of the energy exchanged on that path (in free strokes,
+  where nothing is to be exchanged: of the friction's work). **Worst path**: the largest such
+  part. **Of the friction**: the same energy as a part of what the pair's friction would take on that path.
 - **slack**: median part of the time with an empty cable. **Fell back**: part of the time in which
   a lower fallback level ran. **Stopped**: trials in which the drive went to fault.
 

@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
         f"[bold]gap[/]          {1e3 * comparison.figures.gap:.1f} mN m RMS of the load torque\n"
         f"[bold]frames lost[/]  {figures['frames_lost']}\n"
         f"[bold]target[/]       {args.target}: {_RUNS_ON[args.target]}\n"
-        "[bold]next[/]         look at the report. Table I has extra friction at rest, "
+        "[bold]next[/]         look at the report. Table I has extra friction at standstill, "
         "the simulated rig has not:\n"
         f"             bowden compare docs/examples/table_1_coulomb.yaml {run_path} "
         "--report coulomb.html\n"

@@ -90,7 +90,7 @@ AT_REST_M_PER_S = 5e-4  # a load that turns by 5 mrad a second half rests
 
 EFFECT = Effect(
     name="dwell_strengthening",
-    title="Strengthening at rest",
+    title="Strengthening at standstill",
     enters="friction",
     variants=(
         Variant(
@@ -100,7 +100,7 @@ EFFECT = Effect(
             sees=("load_angle_rad",),
         ),
         Variant(
-            "at rest only",
+            "at standstill only",
             _numbers("rise", "rest_s", "travel_m"),
             histories=_only_at_rest,
             sees=("load_angle_rad",),
@@ -129,8 +129,8 @@ EFFECT = Effect(
             pair=_by_age,
         ),
     ),
-    law="mu (1 + a z), dz/dt = (1 - z)/dwell - z |v|/distance; or the first term at rest only; "
-    "or mu (1 + per_log ln(1 + age/age_s)), d age/dt = 1 - |v| age/age_m place by place",
+    law="mu (1 + a z), dz/dt = (1 - z)/dwell - z |v|/distance; or the first term at standstill "
+    "only; or mu (1 + per_log ln(1 + age/age_s)), d age/dt = 1 - |v| age/age_m place by place",
     signature="a peak of torque on the first motion after a rest",
     excited_by=("reversal", "rest"),
     confused_with=("stribeck_friction", "viscoelastic_cable"),

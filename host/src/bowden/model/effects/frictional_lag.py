@@ -97,7 +97,7 @@ EFFECT = Effect(
         ),
     ),
     law="friction that bears up against sliding grows towards mu T with the time constant lag_s; "
-    "or late_s (1 + slow/|v|), so that at rest it waits; "
+    "or late_s (1 + slow/|v|), so that at standstill it waits; "
     "or mu_d (1 + fall z), z nearing exp(-(v/fall_m_per_s)^2) with the time constant memory_s",
     signature="the loop of friction over speed opens with frequency",
     excited_by=(

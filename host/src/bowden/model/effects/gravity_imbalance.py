@@ -36,7 +36,7 @@ EFFECT = Effect(
         ),
     ),
     law="recorded load torque = cables' torque - G sin(theta_l + phase)",
-    signature="a single sine of the load angle, the same in both directions and at rest",
+    signature="a single sine of the load angle, the same in both directions and at standstill",
     excited_by=("angle_range",),
     confused_with=("load_cell_offset", "load_inertia", "motor_torque_offset"),
 )

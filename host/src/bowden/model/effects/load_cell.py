@@ -148,7 +148,7 @@ OFFSET = Effect(
         ),
     ),
     law="recorded load torque = true + offset",
-    signature="the same shift of the load torque always, also at rest",
+    signature="the same shift of the load torque always, also at standstill",
     excited_by=("reversal",),
     confused_with=("motor_torque_offset", "direction_asymmetry", "gravity_imbalance"),
 )

@@ -23,7 +23,7 @@ def _pair(pair: Transmission, p: Values) -> Transmission:
 def curve(gain: str, speed: str) -> tuple[Parameter, Parameter]:
     """Return the two numbers of Stribeck's curve, by the names that an effect gives them."""
     return (
-        Parameter(gain, "", 0.0, 3.0, 0.0, 0.3, "rise of mu at rest, share of mu_d", least=0),
+        Parameter(gain, "", 0.0, 3.0, 0.0, 0.3, "rise of mu at standstill, share of mu_d", least=0),
         Parameter(
             speed,
             "m/s",

@@ -47,7 +47,7 @@ EFFECT = Effect(
         Variant("EA when slow", _parameters("slow_"), pair=_pulled_slowly),
     ),
     law="standard linear solid: compliance (1 + a (1 - exp(-t/tau)))/EA, or that over 1 + slow_a",
-    signature="angles and torques creep at rest; slower strokes are softer",
+    signature="angles and torques creep at standstill; slower strokes are softer",
     excited_by=(
         "reversal",
         "rest",
