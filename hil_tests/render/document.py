@@ -49,7 +49,8 @@ What the columns mean; the truth is the rig's, not the load cell's:
 - **active paths**: rigs with a closed path on which the cables give the operator over 1 % more
   than the wanted torque would, as a part of the energy exchanged on that path (in free strokes,
   where nothing is to be exchanged: of the friction's work). **Worst path**: the largest such
-  part. **Of the friction**: the same energy as a part of what the pair's friction would take on that path.
+  part. **Of the friction**: the same energy as a part of what the pair's friction would take on
+  that path.
 - **slack**: median part of the time with an empty cable. **Fell back**: part of the time in which
   a lower fallback level ran. **Stopped**: trials in which the drive went to fault.
 
