@@ -56,6 +56,7 @@ COMMANDS = {
     "experiment": "run one of the paper's experiments on the offline model",
     "estimate": "stiffness, friction or pretension from recordings, with intervals",
     "sweep": "run an experiment over a grid or random draws of parameters",
+    "export-fmu": "write a model as an FMU (FMI 3.0) for Simulink, Modelica tools or C",
     "convert": "turn recordings into the exchange form (CSV), Parquet, MAT, MCAP or MF4",
 }
 

@@ -19,16 +19,8 @@ import numpy as np
 
 from bowden.model.description import Model
 from bowden.model.errors import ModelError
-from bowden.model.layers import refuse_layers
-from bowden.model.mesh import events, implicit
-from bowden.model.mesh.solver import (
-    chain_state,
-    chain_tables,
-    needs_implicit_steps,
-    pulleys,
-    trajectory_of,
-)
-from bowden.model.mesh.state import rest_state, tables
+from bowden.model.mesh.solver import trajectory_of
+from bowden.model.stepper import PairStepper
 from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
 
 
@@ -162,11 +154,10 @@ def simulate_closed_loop(
     """
     given = Inputs(time_s, motor_torque_nm=np.zeros_like(time_s), load_angle_rad=load_angle_rad)
     time_s, _, load = given.for_mode(Mode.TORQUE_POSITION)
-    refuse_layers(model.effects, "a closed loop")
     pair = model.transmission
     r_motor, r_load = pair.motor_pulley_radius_m, pair.load_pulley_radius_m
     ratio = r_load / r_motor
-    stepper = _Stepper(model)
+    stepper = PairStepper(model, doing="a closed loop")
     out = np.zeros((time_s.size, 6))
     motor_rad, memory = ratio * load[0], 0.0
     for i in range(time_s.size):
@@ -174,44 +165,9 @@ def simulate_closed_loop(
         torque, stiffness = controller.line(memory, dt, motor_rad, load[i], ratio)
         load_end = -r_load * (load[i] - load[i - 1]) if i > 0 else 0.0
         step_s = dt if i > 0 else time_s[1] - time_s[0]
-        moved = stepper.step(torque / r_motor, stiffness / r_motor**2, load_end, step_s, out[i])
+        force, spring = torque / r_motor, stiffness / r_motor**2
+        moved = stepper.step(force, spring, 0.0, load_end, step_s, out[i])
         motor_rad += moved / r_motor
         out[i, 0] = r_motor * (motor_rad - ratio * load[0])
         memory = controller.remember(memory, dt, motor_rad, load[i], ratio)
     return trajectory_of(pair, Mode.TORQUE_POSITION, time_s, np.zeros_like(load), load, out)
-
-
-class _Stepper:
-    """One sample at a time with the motor free, on whichever mesh the friction needs."""
-
-    def __init__(self, model: Model) -> None:
-        self._pair = model.transmission
-        self._last_force = 0.0
-        self._implicit = needs_implicit_steps(self._pair)
-        self._events_tables, self._events = tables(self._pair), rest_state(self._pair)
-        if self._implicit:
-            self._chain_tables, self._chain = chain_tables(self._pair), chain_state(self._pair)
-            self._pulleys = pulleys(self._pair, 0)
-
-    def step(self, force: float, spring: float, load: float, dt: float, row: FloatArray) -> float:
-        """Return the motor's displacement in m; write tensions and flags to a row of `out`."""
-        before = self._last_force
-        if self._implicit:
-            s, given = self._chain, (before, force, spring, 0.0, load, 1.0, 0.0, dt)
-            moved, flags = implicit.sample(self._chain_tables, s, self._pulleys, 0, *given)
-            ends = s.tension[:, [0, -1]]
-            slack = s.gap_m >= 0
-        else:
-            e = self._events
-            moved, flags = events.step(self._events_tables, e, 0, before, force, spring, 0.0, load)
-            if self._events_tables.sticks:
-                pair = self._pair
-                band, rest = pair.velocity_dead_band_m_per_s, pair.rest_time_s
-                events.stick_at_rest(self._events_tables, e, moved, load, dt, band, rest)
-            ends, slack = e.end_n, e.gap_m >= 0
-        if flags & 8 or not np.isfinite(moved):
-            raise ModelError("no equilibrium found, accepted: lower gains or smaller steps")
-        row[1:5] = np.maximum(ends, 0.0).ravel()
-        row[5] = (flags & 7) + slack[0] + 2 * slack[1]
-        self._last_force = float(row[1] - row[3])
-        return float(moved)
