@@ -10,7 +10,7 @@ No file is opened here: text in, text out.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from bowden.model.effects import LEARNED, Table
 from bowden.model.errors import ModelError
 from bowden.model.lumped import Lumped
 from bowden.model.model_changes import DoubtfulChange, steps_of, with_numbers
@@ -191,8 +192,34 @@ class Model:
         ModelError
             What the model file would be refused for.
         """
+        return self._with_entry({"name": name, **{k: float(v) for k, v in values.items()}})
+
+    def with_law(self, table: Table, values: Sequence[float]) -> Model:
+        """Return the model with a learned law, last in its list of effects.
+
+        Parameters
+        ----------
+        table : Table
+        values : sequence of float
+            One a knot; afterwards at ``effects[i].values[k]``.
+
+        Raises
+        ------
+        ModelError
+            What the model file would be refused for.
+        """
+        return self._with_entry(
+            {
+                "name": LEARNED,
+                "place": table.place,
+                "arguments": list(table.arguments),
+                "x": list(table.x),
+                "values": [float(one) for one in values],
+            }
+        )
+
+    def _with_entry(self, entry: dict[str, Any]) -> Model:
         tree = self.document.model_dump(exclude_none=True)
-        entry = {"name": name, **{key: float(value) for key, value in values.items()}}
         tree["effects"] = [*tree["effects"], entry]
         return _checked(tree, self.source)
 
@@ -271,7 +298,10 @@ def _quantities(document: ModelFile) -> Iterator[tuple[str, Quantity]]:
     yield from _walk("", document)
     for i, effect in enumerate(document.effects):
         for key, value in effect.items():
-            if key != "name":
+            if key == "values":  # of a learned law
+                for k, one in enumerate(value):
+                    yield f"effects[{i}].values[{k}]", NUMBER.validate_python(one)
+            elif key != "name" and effect["name"] != LEARNED:
                 yield f"effects[{i}].{key}", NUMBER.validate_python(value)
 
 

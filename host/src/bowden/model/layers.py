@@ -186,9 +186,9 @@ def refuse_layers(effects: Sequence[InForce], who: str) -> None:
 
 
 def _depth(one: InForce) -> tuple[int, int, int]:
-    effect = one.effect
-    entry, place = list(CATALOGUE).index(effect.name), effect.variants.index(one.variant)
-    return OUTSIDE_IN.index(effect.enters), entry, place
+    effect, order = one.effect, list(CATALOGUE)
+    entry = order.index(effect.name) if effect.name in CATALOGUE else len(order)  # learned: inmost
+    return OUTSIDE_IN.index(effect.enters), entry, effect.variants.index(one.variant)
 
 
 def _channel(one: InForce, name: str) -> Channel | None:

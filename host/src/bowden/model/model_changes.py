@@ -92,7 +92,12 @@ def _quantity(old: Quantity, value: Any) -> Quantity:
 
 
 def _written(old: Any, value: Any) -> Any:
-    """Return a number of an effect as the file has it, with or without a tolerance."""
+    """Return a number of an effect as the file has it, with or without a tolerance; or a list."""
+    if isinstance(old, (list, tuple)) and isinstance(value, dict):
+        row = list(old)
+        for index, new in value.items():
+            row[int(index)] = _written(row[int(index)], new)
+        return row
     if not isinstance(value, float) or isinstance(old, str):
         raise DoubtfulChange
     return {**old, "value": value} if isinstance(old, dict) else value

@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from bowden.model.effects import CATALOGUE, Effect, Variant
+from bowden.model.effects import CATALOGUE, LEARNED, Effect, Variant, law_of, table_in
 from bowden.model.model_file import Number, Quantity
 from bowden.model.model_problems import nearest, problem_line
 
@@ -75,6 +75,8 @@ def effect_problems(entries: Any) -> list[str]:
 
 def _read(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[str]]:
     name = entry.get("name")
+    if name == LEARNED:
+        return _read_learned(where, entry)
     if not isinstance(name, str) or name not in CATALOGUE:
         hint = nearest(str(name), list(CATALOGUE)) if isinstance(name, str) else ""
         return None, [f"{where}.name: found {name!r}, no known effect{hint}"]
@@ -112,3 +114,35 @@ def _read(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[st
         if problem:
             problems.append(f"{where}.{key}: {problem}")
     return (None if problems else InForce(where, effect, variant, values)), problems
+
+
+LEARNED_KEYS = ("name", "place", "arguments", "x", "values")
+
+
+def _read_learned(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[str]]:
+    table, wrong = table_in(entry)
+    wrong += [
+        f"{key}: unknown key{nearest(str(key), list(LEARNED_KEYS))}"
+        for key in entry
+        if key not in LEARNED_KEYS
+    ]
+    if table is None or wrong:
+        return None, [f"{where}.{one}" for one in wrong]
+    effect = law_of(table)
+    (variant,) = effect.variants
+    values = dict(zip(table.names, (float(one) for one in entry["values"]), strict=True))
+    problems = [
+        f"{where}.{one.name}: {problem}"
+        for one in variant.parameters
+        if (problem := one.problem(values[one.name]))
+    ]
+    return (None if problems else InForce(where, effect, variant, values)), problems
+
+
+def effect_of(entry: Mapping[str, Any]) -> Effect:
+    """Return the effect of a checked entry of a model file."""
+    if entry["name"] == LEARNED:
+        table, wrong = table_in(entry)
+        assert table is not None, wrong
+        return law_of(table)
+    return CATALOGUE[str(entry["name"])]

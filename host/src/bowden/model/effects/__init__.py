@@ -32,6 +32,7 @@ from bowden.model.effects import (
     wrap_angle_change,
 )
 from bowden.model.effects.effect import Channel, Effect, Parameter, Variant
+from bowden.model.effects.learned import LEARNED, Table, law_of, table_in
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
@@ -72,4 +73,14 @@ CATALOGUE: dict[str, Effect] = {
 }
 """All effects by name, in the order of CONTRACTS."""
 
-__all__ = ["CATALOGUE", "Channel", "Effect", "Parameter", "Variant"]
+__all__ = [
+    "CATALOGUE",
+    "LEARNED",
+    "Channel",
+    "Effect",
+    "Parameter",
+    "Table",
+    "Variant",
+    "law_of",
+    "table_in",
+]

@@ -1,0 +1,264 @@
+"""A law that no name fits, learned from recordings: a table over one argument.
+
+`law_of` makes the `Effect` of a place, its arguments and its knots; a model file holds it as
+
+    - {name: learned, place: friction_factor, arguments: [load_angle_rad, direction],
+       x: [-0.2, 0.0, 0.2], values: [0.1, 0.0, 0.3]}
+
+Straight between knots, flat beyond the first and the last. With `direction` the value counts times
+the sign of the load's last motion, which is held at standstill.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from bowden.model.compiled import compiled
+from bowden.model.effects.derivative import velocity
+from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
+from bowden.model.histories import Histories
+from bowden.model.trajectory import FloatArray
+from bowden.model.transmission import Transmission
+
+LEARNED = "learned"
+DIRECTION = "direction"
+MOVED_RAD = 1e-3  # load: less than that is noise, not a change of direction
+MOST_KNOTS = 33  # what the drive's tables hold
+LEAST_FACTOR = -0.95  # of mu, added: friction does not vanish
+ROUNDS = 20  # of a fixed point that shrinks by the slope of the law
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a law may act.
+
+    Parameters
+    ----------
+    unit : str
+        Of its values.
+    usual, most : float
+        A middling and the largest plausible value.
+    law : str
+    """
+
+    unit: str
+    usual: float
+    most: float
+    law: str
+
+
+PLACES = {
+    "load_torque_nm": Place("N m", 0.05, 5.0, "reading of the load cell = torque + f"),
+    "motor_torque_nm": Place("N m", 0.01, 1.0, "torque at the motor's pulley = recorded + f"),
+    "friction_factor": Place("", 0.3, 5.0, "mu (1 + f)"),
+}
+ARGUMENTS: dict[str, str] = {
+    "load_angle_rad": "load_angle_rad",
+    "motor_angle_rad": "motor_angle_rad",
+    "load_speed_rad_per_s": "load_angle_rad",
+    "motor_speed_rad_per_s": "motor_angle_rad",
+    "motor_torque_nm": "motor_torque_nm",
+    "load_torque_nm": "load_torque_nm",
+    "time_s": "time_s",
+    "time_since_reversal_s": "load_angle_rad",
+    "conduit_temperature_c": "conduit_temperature_c",
+}
+"""What a law may depend on, and the channel that it is read from."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A learned law but for its values.
+
+    Parameters
+    ----------
+    place : str
+        In `PLACES`.
+    arguments : tuple of str
+        One of `ARGUMENTS`; then "direction" where it counts.
+    x : tuple of float
+        Knots, rising, in the first argument's unit.
+    """
+
+    place: str
+    arguments: tuple[str, ...]
+    x: tuple[float, ...]
+
+    @property
+    def argument(self) -> str:
+        """What the table is over."""
+        return self.arguments[0]
+
+    @property
+    def by_direction(self) -> bool:
+        """Whether its value changes sign with the load's motion."""
+        return DIRECTION in self.arguments
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the values as parameters."""
+        return tuple(f"values[{k}]" for k in range(len(self.x)))
+
+    @property
+    def sees(self) -> tuple[str, ...]:
+        """Channels that it looks at."""
+        seen = (ARGUMENTS[self.argument], *(("load_angle_rad",) if self.by_direction else ()))
+        return tuple(dict.fromkeys(seen))
+
+    def at(self, around: Signals, values: Values) -> FloatArray:
+        """Return the law's value at every sample."""
+        where = argument_of(self.argument, around)
+        found = np.interp(where, self.x, [values[name] for name in self.names])
+        return found * direction_of(around["load_angle_rad"]) if self.by_direction else found
+
+
+def argument_of(name: str, around: Signals) -> FloatArray:
+    """Return the series of an argument; zeros where it is yet to be predicted."""
+    time_s = around["time_s"]
+    channel = ARGUMENTS[name]
+    if channel not in around:
+        return np.zeros(time_s.size)
+    values = around[channel]
+    if name.endswith("speed_rad_per_s"):
+        return np.asarray(velocity(time_s, values))
+    if name == "time_since_reversal_s":
+        return np.asarray(_since_change(time_s, direction_of(values)))
+    return values - time_s[0] if name == "time_s" else values
+
+
+def direction_of(angle_rad: FloatArray) -> FloatArray:
+    """Return the sign of the last motion at every sample: -1, 1; that of the first before it."""
+    return np.asarray(_direction(np.ascontiguousarray(angle_rad, dtype=np.float64), MOVED_RAD))
+
+
+@compiled
+def _direction(angle_rad: FloatArray, least: float) -> FloatArray:
+    found = np.zeros(angle_rad.size)
+    now, low, high = 0.0, angle_rad[0], angle_rad[0]
+    for i in range(angle_rad.size):
+        here = angle_rad[i]
+        low, high = min(low, here), max(high, here)
+        if now <= 0.0 and here - low > least:
+            if now == 0.0:
+                found[:i] = 1.0
+            now, high = 1.0, here
+        elif now >= 0.0 and high - here > least:
+            if now == 0.0:
+                found[:i] = -1.0
+            now, low = -1.0, here
+        if now > 0.0:
+            low = high
+        elif now < 0.0:
+            high = low
+        found[i] = now
+    return found
+
+
+@compiled
+def _since_change(time_s: FloatArray, way: FloatArray) -> FloatArray:
+    found = np.zeros(time_s.size)
+    last = time_s[0]
+    for i in range(1, time_s.size):
+        if way[i] != way[i - 1]:
+            last = time_s[i]
+        found[i] = time_s[i] - last
+    return found
+
+
+@lru_cache(maxsize=512)
+def law_of(table: Table) -> Effect:
+    """Return the effect of a table; its parameters are the values at the knots."""
+    place = PLACES[table.place]
+    low = LEAST_FACTOR if table.place == "friction_factor" else -place.most
+    parameters = tuple(
+        Parameter(name, place.unit, low, place.most, 0.0, place.usual, f"at {x:g}", least=low)
+        for name, x in zip(table.names, table.x, strict=True)
+    )
+    inside = table.place == "friction_factor"
+    variant = Variant(
+        f"{table.place} over {' and '.join(table.arguments)}",
+        parameters,
+        histories=_friction(table) if inside else None,
+        sees=table.sees if inside else (),
+        channels=() if inside else (_torque(table),),
+    )
+    return Effect(
+        name=LEARNED,
+        title="Learned law",
+        enters="friction" if inside else ("sensor" if "load" in table.place else "actuator"),
+        variants=(variant,),
+        law=f"{place.law}({', '.join(table.arguments)})",
+        signature="what no effect of the catalogue explains",
+        excited_by=(),
+        confused_with=(),
+    )
+
+
+def _friction(table: Table) -> Any:  # noqa: ANN401  (a hook of `Variant`)
+    def histories(inside: Signals, pair: Transmission, p: Values) -> Histories:
+        del pair
+        return Histories(friction_factor=1.0 + np.maximum(table.at(inside, p), LEAST_FACTOR))
+
+    return histories
+
+
+def _torque(table: Table) -> Channel:
+    """Return the channel: recorded = true + f at the load, true = recorded + f at the motor.
+
+    f is of what is recorded, but for the place's own torque: there it is of what is true.
+    """
+    name = table.place
+    sign = 1.0 if name == "load_torque_nm" else -1.0
+
+    def applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+        return values + sign * table.at({**around, name: values}, p)
+
+    def undone(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+        found = values
+        for _ in range(ROUNDS if table.argument == name else 1):
+            found = values - sign * table.at({**around, name: found}, p)
+        return found
+
+    return Channel(name, undone, applied, tuple(one for one in table.sees if one != name))
+
+
+def table_in(entry: Mapping[str, Any]) -> tuple[Table | None, list[str]]:
+    """Read place, arguments and knots of an entry of a model file; else what is wrong with it.
+
+    Parameters
+    ----------
+    entry : mapping
+        As a file has it.
+    """
+    wrong = [f"{key}: missing" for key in ("place", "arguments", "x", "values") if key not in entry]
+    if wrong:
+        return None, wrong
+    place, arguments = entry["place"], entry["arguments"]
+    if place not in PLACES:
+        wrong.append(f"place: found {place!r}, accepted: {', '.join(PLACES)}")
+    known = isinstance(arguments, (list, tuple)) and bool(arguments)
+    if not known or arguments[0] not in ARGUMENTS or list(arguments[1:]) not in ([], [DIRECTION]):
+        wrong.append(
+            f"arguments: found {arguments!r}, accepted: one of {', '.join(ARGUMENTS)}, then "
+            f"{DIRECTION} where it counts"
+        )
+    x, values = entry["x"], entry["values"]
+    if not _numbers(x) or not 2 <= len(x) <= MOST_KNOTS or np.any(np.diff(x) <= 0.0):
+        wrong.append(f"x: found {x!r}, accepted: 2 to {MOST_KNOTS} finite numbers, rising")
+    elif not _numbers(values) or len(values) != len(x):
+        wrong.append(f"values: found {values!r}, accepted: {len(x)} finite numbers, one a knot")
+    if wrong:
+        return None, wrong
+    return Table(place, tuple(arguments), tuple(float(one) for one in x)), []
+
+
+def _numbers(found: object) -> bool:
+    return isinstance(found, (list, tuple)) and all(
+        isinstance(one, (int, float)) and not isinstance(one, bool) and np.isfinite(one)
+        for one in found
+    )
