@@ -18,6 +18,7 @@ from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import Observations, observe
 from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
+from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
@@ -157,8 +158,8 @@ def simulated_samples(recording: Recording, step_s: float, mode: Mode) -> _Index
 
 def is_dear(model: Model) -> bool:
     """Return whether the law needs the implicit solver, ten times slower than the others."""
-    pair = model.transmission
-    return model.solver == "lumped" or not pair.is_plain or bool(model.effects)
+    changing = any(one.variant.histories is not None for one in model.effects)
+    return model.solver == "lumped" or changing or needs_implicit_steps(model.transmission)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from bowden.estimation.covariance import DRAWS, Covariance, Data
 
 _Floats = NDArray[np.float64]
 
-LAWS = (0.0, 0.3, 1.0, 3.0)  # of what the laws of a name differ by
+LAWS = (0.0, 0.3, 1.0)  # of what the laws of a name differ by
 ROUGHNESS = (0.1, 0.2, 0.35, 0.6, 1.0)  # share of the drawn paths' variance
 SIZES = (0.0, *np.geomspace(0.1, 300.0, 15).tolist())  # of the discrepancy, in usual noise
 SMALL = 0.5  # half-normal prior of it: two solvers of one law differ by so much

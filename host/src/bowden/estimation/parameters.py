@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.model import Model, ModelError
-from bowden.model.effects import CATALOGUE
 from bowden.model.effects.effect import Scale
+from bowden.model.model_effects import effect_of
 
 _Floats = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ BOUND_SIGMAS = 5.0  # of a prior: the search goes no further
 WEAK = 100.0  # times weaker than usual an effect may be: it does next to nothing then
 WIDE_FACTOR = 20.0  # either way from the file's value, where nothing is known
 SPRINGS = ("rig.cable.axial_stiffness_n",)  # in series with others: compliances add up
-_EFFECT = re.compile(r"effects\[(\d+)\]\.(\w+)")
+_EFFECT = re.compile(r"effects\[(\d+)\]\.(\w+(?:\[\d+\])?)")
 
 
 @dataclass(frozen=True)
@@ -107,6 +107,10 @@ class Parameters:
     def start(self) -> _Floats:
         """Coordinates of the file's values, shape (k,)."""
         return np.array([one.coordinate(one.before) for one in self.each])
+
+    def coordinates_of(self, model: Model) -> _Floats:
+        """Return the coordinates of a model's values, shape (k,)."""
+        return np.array([one.coordinate(model.value(one.path)) for one in self.each])
 
     @cached_property
     def low(self) -> _Floats:
@@ -233,7 +237,7 @@ def _parameter(model: Model, path: str, sigma: float | None) -> FreeParameter:
     value = model.value(path)
     reach = None if sigma is None else BOUND_SIGMAS * sigma
     if (match := _EFFECT.fullmatch(path)) is not None:
-        effect = CATALOGUE[str(model.document.effects[int(match[1])]["name"])]
+        effect = effect_of(model.document.effects[int(match[1])])
         for known in (one for variant in effect.variants for one in variant.parameters):
             if known.name == match[2]:
                 low = max(known.least, min(known.low, value) if reach is None else value - reach)
