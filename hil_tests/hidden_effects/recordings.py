@@ -9,13 +9,13 @@ units of the noise floor: what quantisation and noise do to the predicted channe
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from hil_tests.hidden_effects import draws, effects, excitation, unlisted
+from hil_tests.hidden_effects import draws, effects, excitation, random_laws, unlisted
 from hil_tests.hidden_effects.cable_law import Law
 from hil_tests.hidden_effects.continuum import Pair
 from hil_tests.hidden_effects.hidden import Draw, Hidden, Values, Vector
@@ -33,8 +33,8 @@ from hil_tests.hidden_effects.strength import (
     strength_of,
 )
 
-KINDS = ("complete", "single", "pair", "unlisted")
-WARMS = ("thermal_friction", "cell_temperature_crosstalk")  # no recording of them without it
+KINDS = ("complete", "single", "pair", "unlisted", "law")
+WARMS = ("thermal_friction", "cell_temperature_crosstalk", *random_laws.WARMS)  # not without it
 
 
 @dataclass(frozen=True)
@@ -154,12 +154,19 @@ def draw_names(rng: np.random.Generator, kind: str) -> list[str]:
     """Draw what is hidden, by name."""
     if kind == "complete":
         return []
-    table = list(unlisted.HIDE) if kind == "unlisted" else list(effects.HIDE)
+    table = list(hidden_of(kind))
     return [str(x) for x in rng.choice(table, 2 if kind == "pair" else 1, replace=False)]
+
+
+def hidden_of(kind: str) -> Mapping[str, effects.Hide]:
+    """Return what a case of a kind may hide, by name."""
+    return {"unlisted": unlisted.HIDE, "law": random_laws.HIDE}.get(kind, effects.HIDE)
 
 
 def draw_effect(rng: np.random.Generator, kind: str, name: str, pair: Pair) -> Draw:
     """Draw the numbers of an effect; its strength stays open."""
+    if kind == "law":
+        return random_laws.draw(name, rng)
     return unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, pair)
 
 
@@ -175,7 +182,7 @@ def draw_case(
     ----------
     seed : int
         All that is random comes from it, the kind and the effect's name.
-    kind : "complete", "single", "pair", "unlisted"
+    kind : "complete", "single", "pair", "unlisted", "law"
     effect : str or two of them, optional
         Names; drawn where they are not given.
     length_s : float
@@ -194,7 +201,7 @@ def draw_case(
     hidden: list[Hidden] = []
     strength, read = 0.0, base
     for name in names:
-        make = unlisted.HIDE[name] if kind == "unlisted" else effects.HIDE[name]
+        make = hidden_of(kind)[name]
 
         def run(values: Values, make: effects.Hide = make) -> tuple[float, Read]:
             found = read_out(rig.pair, signals, [make(values)])

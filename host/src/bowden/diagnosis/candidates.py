@@ -121,6 +121,10 @@ class Candidate:
             if not _is_whole(one)
         )
 
+    def added_to(self, model: Model, values: Mapping[str, float]) -> Model:
+        """Return the model with it as its last effect."""
+        return model.with_effect(self.name, dict(values))
+
     def shapes(self) -> Iterator[dict[str, float]]:
         """Yield starting values of the shape parameters: low, middle, high; phases at 0."""
         choices = []
@@ -156,8 +160,3 @@ def candidates(names: Sequence[str] | None = None) -> list[Candidate]:
 def _is_whole(parameter: Parameter) -> bool:
     """Whether only whole numbers make sense: a count per turn."""
     return parameter.off is None and parameter.name.startswith(("harmonic", "count"))
-
-
-def with_candidate(model: Model, candidate: Candidate, values: Mapping[str, float]) -> Model:
-    """Return the model with the candidate appended to its effects."""
-    return model.with_effect(candidate.name, dict(values))

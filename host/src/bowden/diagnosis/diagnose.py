@@ -20,7 +20,9 @@ import numpy as np
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.excitation import excitation
 from bowden.diagnosis.figures import gap_in, series_of
-from bowden.diagnosis.hypothesis import estimates_of
+from bowden.diagnosis.hypothesis import estimates_of, with_posterior
+from bowden.diagnosis.law_candidates import learned_among
+from bowden.diagnosis.learn import learned_of, with_laws
 from bowden.diagnosis.localise import Where, localise
 from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
@@ -28,12 +30,13 @@ from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, Series, Verdict
 from bowden.diagnosis.rules.diagnose import diagnose_by_rules
 from bowden.diagnosis.search import Found, Progress, search
-from bowden.diagnosis.verdict import Decision, decide, invisible, ranking
+from bowden.diagnosis.verdict import SURE, Decision, decide, invisible, odds_of_laws, ranking
 from bowden.diagnosis.waterfall import gap_steps
 from bowden.diagnosis.wording import as_solved_before, sentence_of, stopped
 from bowden.estimation.gate.check import check_data
 from bowden.estimation.gate.finding import stops
 from bowden.model import Mode, Model
+from bowden.model.effects import LEARNED
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED, simulate_recording
 
@@ -104,6 +107,9 @@ def diagnose(
             progress=tell,
         )
         decision = decide(found)
+        if found.in_time and decision.odds["unlisted"] > 1.0 - SURE:
+            found = with_laws(material, model, found, seed, tell)
+            decision = decide(found)
         tell("judging", 0.95)
         base = next(one for one in found.weighed if not one.hypothesis.effects)
         series = series_of(material, base, decision.chosen)
@@ -116,10 +122,13 @@ def diagnose(
     advice = _advice(found.weighed, mode, series)
     gap = max(gaps, key=lambda one: one.before / one.noise_floor if one.noise_floor else 0.0)
     chosen = decision.chosen.hypothesis
+    is_learned = learned_among(chosen.effects) is not None
+    learned = learned_of(chosen, recordings) if is_learned else None
+    law_odds = odds_of_laws(found.weighed) if is_learned else {}
     tell("done", 1.0)
     return Diagnosis(
         verdict=verdict,
-        sentence=sentence_of(verdict, decision.effects, gap, where),
+        sentence=sentence_of(verdict, decision.effects, gap, where, learned),
         effects=decision.effects,
         ranking=ranking(found),
         cannot_tell_apart=decision.tied,
@@ -132,7 +141,7 @@ def diagnose(
         excitation=contents,
         next_experiment=advice.text if advice else "",
         next_command=advice.command if advice else "",
-        model=as_solved_before(chosen.model, model),
+        model=as_solved_before(with_posterior(chosen), model),
         mode=mode,
         series=series,
         notes=_notes(decision, found, hidden, moving=bool(model.free_parameters())),
@@ -145,6 +154,8 @@ def diagnose(
             found.weighed,
             PREDICTED[mode].index(gap.quantity),
         ),
+        learned=learned,
+        law_odds=law_odds,
     )
 
 
@@ -195,9 +206,13 @@ def _advice(
     """Choose what would tell the best hypotheses apart."""
     named: dict[str, Model] = {}
     for one in every:
-        names = one.hypothesis.names
+        hypothesis = one.hypothesis
+        law = learned_among(hypothesis.effects)
+        names = [
+            law.variant.where if law and name == LEARNED else name for name in hypothesis.names
+        ]
         words = " + ".join(names) or "no effect"
-        named.setdefault(f"({words})" if len(names) > 1 else words, one.hypothesis.model)
+        named.setdefault(f"({words})" if len(names) > 1 else words, hypothesis.model)
     sigma = {
         name: float(np.median(np.concatenate([x.sigma for x in series if x.quantity == name])))
         for name in PREDICTED[mode]

@@ -8,25 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.candidates import Candidate, with_candidate
+from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
 from bowden.diagnosis.probes import off_value
 from bowden.estimation.covariance import DOUBTED, Covariance
 from bowden.estimation.descend import descend, jacobians
 from bowden.estimation.parameters import Parameters, parameters_of
-from bowden.estimation.posterior import NOT_TOLD, Estimate
+from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate
 from bowden.estimation.problem import Optimum, Problem
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model, ModelError
+from bowden.model.model_file import PosteriorSection
 
 _Floats = NDArray[np.float64]
 
 SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
 ROUGH = 4  # rounds of a first fit
+FRICTION = ("friction.mu_d", "friction.mu_s")
 
 
 @dataclass(frozen=True)
@@ -85,15 +89,31 @@ def parameters_with(
 ) -> Parameters:
     """Return the numbers that move: those with a tolerance and those of the effects."""
     extended, paths = model, [path for path, _, _ in model.free_parameters()]
+    if any(isinstance(one, LawCandidate) and one.scales_friction for one, _ in effects):
+        paths = [path for path in paths if path not in FRICTION]  # only mu (1 + f) can be told
     if model.document.posterior is not None:
         paths += [path for path in model.document.posterior.paths if path not in paths]
     for candidate, values in effects:
         index = len(extended.effects)
-        extended = with_candidate(extended, candidate, values)
+        extended = candidate.added_to(extended, values)
         paths += [one.path for one in candidate.numbers(index)]
     if not paths:
         return Parameters(extended, (), np.zeros((0, 0)))
-    return parameters_of(extended, paths)
+    return _with_smoothness(parameters_of(extended, paths), [one for one, _ in effects])
+
+
+def _with_smoothness(known: Parameters, effects: Sequence[Candidate]) -> Parameters:
+    """Put the prior of learned laws into the parameters: about none, and smooth."""
+    each, precision = list(known.each), np.array(known.precision)
+    place = len(known.model.effects) - len(effects)
+    paths = [one.path for one in known.each]
+    for index, effect in enumerate(effects):
+        if isinstance(effect, LawCandidate):
+            rows = [paths.index(one.path) for one in effect.numbers(place + index)]
+            precision[np.ix_(rows, rows)] = effect.precision
+            for row in rows:
+                each[row] = replace(each[row], before=0.0)
+    return replace(known, each=tuple(each), precision=precision)
 
 
 def fit_hypothesis(
@@ -124,8 +144,8 @@ def fit_hypothesis(
         parameters = parameters_with(model, effects)
     except ModelError:
         return None
-    problem = material.problem(parameters, [candidate for candidate, _ in effects])
-    first = parameters.start.copy()
+    problem = material.problem(parameters, effects)
+    first = parameters.coordinates_of(parameters.model)
     for i, one in enumerate(parameters.each):
         first[i] = start.get(one.path, first[i])
     count = len(material.nuisances)
@@ -137,20 +157,22 @@ def fit_hypothesis(
 
 def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
     """Fit a hypothesis to the end under a covariance, with the correction of where it ends."""
-    problem, best = one.problem, one.best
-    for _ in range(2):
+    effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
+    problem, best = material.problem(one.problem.parameters, effects), one.best
+    for _ in range(CORRECTED):
         own = corrected(material, problem, best.x, with_laws_doubted(one, noises))
         found = descend(problem, best.x, own, best.scales)
         if found is None:
             return one
         settled = float(np.max(np.abs(found.x - best.x) / problem.unit)) < SETTLED
         best = found
-        one = replace(one, best=best)
+        one = replace(one, problem=problem, best=best)
         if settled:
             break
-    return _with_slopes([(effect, {}) for effect in one.effects], problem, best)
+    return _with_slopes(effects, problem, best)
 
 
+CORRECTED = 4  # times at most
 SETTLED = 0.05  # unit steps: the correction doesn't change within that
 
 
@@ -173,6 +195,34 @@ def _with_slopes(
     sizes = np.clip(SPREAD * sigma, 1e-4 * problem.unit, 0.5 * problem.unit)
     slopes = jacobians(problem, best.x, best.residuals, best.noises, sizes)
     return Hypothesis(tuple(one for one, _ in effects), problem, best, tuple(slopes))
+
+
+def with_posterior(one: Hypothesis) -> Model:
+    """Return the fitted model with what is known of its numbers together: the next fit's prior.
+
+    Only the values where the model leaves more than usual: the covariance would be too narrow.
+    """
+    size, parameters = one.problem.size, one.problem.parameters
+    if not size or max(one.best.scales.discrepancy) > EXCEEDS:
+        return one.model
+    slopes = parameters.slopes(one.best.x[:size])
+    covariance = np.linalg.pinv(one.best.hessian)[:size, :size] * np.outer(slopes, slopes)
+    known = [_known_to(one, number.path) for number in parameters.each]
+    covariance += np.diag((np.array(known) * parameters.values(one.best.x[:size])) ** 2)
+    section = PosteriorSection(
+        paths=tuple(number.path for number in parameters.each),
+        covariance=tuple(tuple(float(v) for v in row) for row in 0.5 * (covariance + covariance.T)),
+        bowden_version=version("bowden"),
+    )
+    return one.model.with_posterior(section)
+
+
+def _known_to(one: Hypothesis, path: str) -> float:
+    """Return the relative error that no number of an effect is known better than; else 0."""
+    for index, effect in enumerate(one.effects):
+        if path.startswith(f"effects[{one.own + index}]."):
+            return effect.effect.known_to
+    return 0.0
 
 
 def estimates_of(one: Hypothesis) -> tuple[Estimate, ...]:

@@ -7,7 +7,8 @@ solved more coarsely than another.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.estimation.covariance import Covariance, Data, covariance
+from bowden.estimation.covariance import Covariance, Data, covariance, is_dear
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
 from bowden.estimation.problem import Problem
@@ -27,10 +28,7 @@ from bowden.signals.prediction import PREDICTED
 _Floats = NDArray[np.float64]
 
 SEARCH_STEP_S, SEARCH_SEGMENTS = 16e-3, 25  # 3 to 4 times faster than the fine ones
-FINE_STEP_S, FINE_SEGMENTS = 4e-3, 50
-# A law of speed answers half a step late: what a step does falls in proportion to it (Richardson).
-EXTRAPOLATED = SEARCH_STEP_S / (SEARCH_STEP_S - FINE_STEP_S)
-ANYWHERE_RAD = 0.1  # twice as far off as an encoder may be off centre
+FINE_STEP_S, DEAR_STEP_S, FINE_SEGMENTS = 1e-3, 4e-3, 50  # dear: laws of the implicit solver
 HALF = 0.5  # count: where in its first one an encoder's zero lies
 
 
@@ -41,8 +39,9 @@ class Material:
     Parameters
     ----------
     mode : Mode
-    coarse, fine : tuple of Data
-        One a recording, with the same observations.
+    coarse, fine, dear : tuple of Data
+        One a recording, with the same observations; fine ones for laws that are quick to simulate
+        and for those that are dear.
     nuisances : tuple of Nuisance
         An encoder's zero to half a count, its hysteresis: what no effect of the catalogue is.
     pool : ThreadPoolExecutor
@@ -51,18 +50,29 @@ class Material:
     mode: Mode
     coarse: tuple[Data, ...]
     fine: tuple[Data, ...]
+    dear: tuple[Data, ...]
     nuisances: tuple[Nuisance, ...]
     pool: ThreadPoolExecutor
 
-    def problem(self, parameters: Parameters, effects: Sequence[Candidate] = ()) -> Problem:
+    def problem(
+        self,
+        parameters: Parameters,
+        effects: Sequence[tuple[Candidate, Mapping[str, float]]] = (),
+    ) -> Problem:
         """Return what the parameters of a hypothesis are fitted to.
 
-        An encoder that is off centre was zeroed wherever the rig stood: its zero is then free.
+        An encoder that is off centre was zeroed wherever the rig stood: its zero is then unknown
+        to as much as it is off centre.
         """
         blocks = tuple(None for _ in self.coarse)
-        free = any(one.effect.counts_from_anywhere for one in effects)
+        off_centre = [
+            max(one.typical, values.get(one.name, 0.0))
+            for candidate, values in effects
+            if candidate.effect.counts_from_anywhere
+            for one in candidate.strengths
+        ]
         nuisances = tuple(
-            replace(one, sigma=ANYWHERE_RAD) if free and one.kind == "zero" else one
+            replace(one, sigma=math.hypot(one.sigma, *off_centre)) if one.kind == "zero" else one
             for one in self.nuisances
         )
         return Problem(self.coarse, parameters, nuisances, blocks, self.pool)
@@ -74,35 +84,46 @@ class Material:
     def correction(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
     ) -> list[_Floats]:
-        """Return what the fine mesh and all samples add to a prediction, one array a recording.
+        """Return what a fine mesh and short steps add to a prediction, one array a recording.
+
+        A law of speed answers half a step late: what a step does falls in proportion to it, and is
+        extrapolated to none (Richardson).
 
         Raises
         ------
         ModelError
             The model cannot run one of them.
         """
-        finer = as_fine(model)
+        meshed, finer = as_fine(model), self.finer(model)
+        step_s = DEAR_STEP_S if finer is self.dear else FINE_STEP_S
+        whole = SEARCH_STEP_S / (SEARCH_STEP_S - step_s)
 
         def one(k: int) -> _Floats:
-            exact = self.fine[k].predict(finer, numbers[k])
-            return EXTRAPOLATED * (exact - self.coarse[k].predict(model, numbers[k]))
+            exact = finer[k].predict(meshed, numbers[k])
+            return whole * (exact - self.coarse[k].predict(model, numbers[k]))
 
         return self.each(one)
+
+    def finer(self, model: Model) -> tuple[Data, ...]:
+        """Return the recordings at the steps that a model's law can afford."""
+        return self.dear if is_dear(model) else self.fine
 
     def noise(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
     ) -> list[Covariance]:
         """Return each recording's covariance about a model, its correction as the offset.
 
+        Input paths are pushed through at short steps: what an inertia makes of them lies there.
+
         Raises
         ------
         ModelError
             The model cannot run one of them.
         """
-        offsets = self.correction(model, numbers)
+        offsets, finer = self.correction(model, numbers), self.finer(model)
 
         def one(k: int) -> Covariance:
-            return covariance(self.coarse[k], model, numbers[k], correction=offsets[k])
+            return covariance(finer[k], model, numbers[k], correction=offsets[k])
 
         return list(self.pool.map(one, range(len(self.coarse))))
 
@@ -117,6 +138,7 @@ def make_material(
 
     coarse = tuple(pool.map(one, enumerate(recordings)))
     fine = tuple(one.sampled(FINE_STEP_S) for one in coarse)
+    dear = tuple(one.sampled(DEAR_STEP_S) for one in coarse)
     nuisances = []
     for data in coarse:
         for name, channel in data.estimates.channels.items():
@@ -124,7 +146,7 @@ def make_material(
                 continue
             if name in PREDICTED[mode]:
                 nuisances.append(Nuisance("zero", name, (data.number,), HALF * channel.quantum))
-    return Material(mode, coarse, fine, tuple(nuisances), pool)
+    return Material(mode, coarse, fine, dear, tuple(nuisances), pool)
 
 
 def as_searched(model: Model) -> Model:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.law_candidates import LAWS, LawCandidate
 from bowden.diagnosis.predict import UnseenPrediction
 
 _Floats = NDArray[np.float64]
@@ -47,10 +48,15 @@ class Weighed:
 
 
 def log_prior(one: Hypothesis, candidates: int = 32) -> float:
-    """Return the logarithm of the prior of a set of effects: fewer are likelier, each alike."""
-    count = len(one.effects)
-    ways = math.comb(candidates, count) * math.prod(len(e.effect.variants) for e in one.effects)
-    return count * math.log(MORE) - math.log(ways)
+    """Return the logarithm of the prior of a set of effects: fewer are likelier, each alike.
+
+    A learned law is what the catalogue hasn't: one of many.
+    """
+    listed = [effect for effect in one.effects if not isinstance(effect, LawCandidate)]
+    count = len(listed)
+    ways = math.comb(candidates, count) * math.prod(len(e.effect.variants) for e in listed)
+    law = math.log(PRIOR_UNLISTED / LAWS) * (len(one.effects) - count)
+    return count * math.log(MORE) - math.log(ways) + law
 
 
 def log_tolerances(one: Hypothesis) -> float:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -56,6 +56,28 @@ class NamedEffect:
     variant: str
     parameters: dict[str, Value]
     confidence: float
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A law that no name fits, as it was learned.
+
+    Parameters
+    ----------
+    place : str
+        ``load_torque_nm``, ``motor_torque_nm`` or ``friction_factor``.
+    arguments : tuple of str
+        What it is a function of; "direction" last, where its sign follows the load's motion.
+    curve : ndarray of shape (knots, 4)
+        Argument, value, and the ends of the 95 % interval.
+    visited : ndarray of shape (knots,)
+        Share of the samples that lie nearest to each knot.
+    """
+
+    place: str
+    arguments: tuple[str, ...]
+    curve: _Floats
+    visited: _Floats
 
 
 @dataclass(frozen=True)
@@ -123,6 +145,10 @@ class Diagnosis:
         Posterior of each explanation: names joined by " + ", "nothing" or "unlisted".
     budget : tuple of BudgetStep
         From the file's model to the noise floor, in the channel of `gap`.
+    learned : Learned or None
+        With "unlisted", where a law predicts unseen stretches better than no law.
+    law_odds : dict of str to float
+        Probability of each place and argument, given that one of them is the law.
     """
 
     verdict: Verdict
@@ -146,6 +172,8 @@ class Diagnosis:
     seed: int
     odds: dict[str, float]
     budget: tuple[BudgetStep, ...]
+    learned: Learned | None = None
+    law_odds: dict[str, float] = field(default_factory=dict)
 
     def to_document(self) -> dict[str, object]:
         """Return what ``bowden diagnose --json`` prints; the keys of CONTRACTS and more."""
@@ -174,6 +202,7 @@ class Diagnosis:
             "excitation": [asdict(one) for one in self.excitation],
             "odds": self.odds,
             "budget": [asdict(one) for one in self.budget],
+            **self._learned(),
             "next_experiment": self.next_experiment,
             "next_command": self.next_command,
             "notes": list(self.notes),
@@ -181,3 +210,16 @@ class Diagnosis:
             "seed": self.seed,
             "model": None,
         }
+
+    def _learned(self) -> dict[str, object]:
+        if self.learned is None:
+            return {}
+        one = self.learned
+        document = {
+            "place": one.place,
+            "arguments": list(one.arguments),
+            "curve": one.curve.tolist(),
+            "visited": one.visited.tolist(),
+            "odds": self.law_odds,
+        }
+        return {"learned": document}

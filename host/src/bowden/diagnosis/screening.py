@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from bowden.diagnosis.candidates import Candidate, with_candidate
+from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.hypothesis import Hypothesis, size_in_noise
 from bowden.diagnosis.probes import (
     Probe,
@@ -132,6 +132,12 @@ class Screen:
             ]
         return [one for one in found if one is not None]
 
+    def look_once(self, candidate: Candidate) -> Look | None:
+        """Return what a candidate without a shape promises, in proportion to its strengths."""
+        nothing = switched_off(candidate, {})
+        off = self._predict(candidate, nothing)
+        return None if off is None else self._look(candidate, {}, 1.0, off)
+
     def _is_unlike(
         self, candidate: Candidate, shape: Mapping[str, float], off: Sequence[_Floats]
     ) -> bool:
@@ -238,7 +244,7 @@ class Screen:
     def _predict(self, candidate: Candidate, values: Mapping[str, float]) -> list[_Floats] | None:
         parent = self.parent
         try:
-            model = with_candidate(parent.model, candidate, values)
+            model = candidate.added_to(parent.model, values)
             return [
                 data.predict(model, self.problem.numbers(parent.best.x, data.number))
                 for data in self.problem.data

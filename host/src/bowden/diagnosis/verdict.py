@@ -18,6 +18,7 @@ from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
 from bowden.diagnosis.search import Found
 from bowden.estimation.search import INTERVAL
+from bowden.model.effects import LEARNED
 
 _Floats = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ def decide(found: Found) -> Decision:
     every = found.weighed
     inclusion: dict[str, float] = {}
     for one in every:
-        for name in set(one.hypothesis.names):
+        for name in set(one.hypothesis.names) - {LEARNED}:
             inclusion[name] = inclusion.get(name, 0.0) + one.weight + one.beyond
     odds = explanations(every)
     sure = {name for name, share in inclusion.items() if share >= SURE}
@@ -93,8 +94,25 @@ def explanations(every: Sequence[Weighed]) -> dict[str, float]:
     found = {"unlisted": sum(one.beyond for one in every)}
     for one in every:
         names = " + ".join(one.hypothesis.names) or "nothing"
+        if LEARNED in one.hypothesis.names:
+            names = "unlisted"
         found[names] = found.get(names, 0.0) + one.weight
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def odds_of_laws(every: Sequence[Weighed]) -> dict[str, float]:
+    """Return the posterior of each learned law, given that one of them is right; likeliest first.
+
+    By what they are: ``friction_factor over load_angle_rad and direction``.
+    """
+    found: dict[str, float] = {}
+    for one in every:
+        for law in one.hypothesis.effects:
+            if law.name == LEARNED:
+                where = law.variant.where
+                found[where] = found.get(where, 0.0) + one.weight + one.beyond
+    total = max(sum(found.values()), 1e-300)
+    return {k: v / total for k, v in sorted(found.items(), key=lambda pair: -pair[1])}
 
 
 def _credible(every: Sequence[Weighed]) -> list[Weighed]:

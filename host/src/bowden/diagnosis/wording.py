@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from bowden.diagnosis.excitation import Excitation
 from bowden.diagnosis.localise import Where
-from bowden.diagnosis.result import Diagnosis, NamedEffect, Verdict
+from bowden.diagnosis.result import Diagnosis, Learned, NamedEffect, Verdict
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
 from bowden.model import Mode, Model
+from bowden.model.effects.learned import DIRECTION
 from bowden.signals.prediction import PREDICTED
 
 
@@ -48,7 +51,13 @@ def stopped(
     )
 
 
-def sentence_of(verdict: Verdict, effects: Sequence[NamedEffect], gap: Gap, where: Where) -> str:
+def sentence_of(
+    verdict: Verdict,
+    effects: Sequence[NamedEffect],
+    gap: Gap,
+    where: Where,
+    learned: Learned | None = None,
+) -> str:
     """Say the verdict in one sentence or two."""
     scale, unit = (1e3, "mrad") if gap.quantity.endswith("_rad") else (1e3, "mN m")
     channel = gap.quantity.rpartition("_")[0].replace("_", " ")
@@ -66,6 +75,12 @@ def sentence_of(verdict: Verdict, effects: Sequence[NamedEffect], gap: Gap, wher
             f"The model lacks {' or '.join(titles)}; these recordings cannot say which. Either "
             f"brings the held-out gap in {channel} from {before} to about {after}."
         )
+    if verdict == "unlisted" and learned is not None:
+        return (
+            f"Something is missing that no effect of the catalogue explains: "
+            f"{law_in_words(learned)}. Learned as a law, it brings the held-out gap in {channel} "
+            f"from {before} to {after}; the noise floor is {floor}."
+        )
     if verdict == "unlisted":
         place = next((f" It sits at: {one.condition}." for one in where.places[:1]), "")
         return (
@@ -78,6 +93,44 @@ def sentence_of(verdict: Verdict, effects: Sequence[NamedEffect], gap: Gap, wher
             f"held-out gap in {channel} is {before}, the noise floor {floor}."
         )
     return "These recordings would show no effect of the catalogue at its usual size."
+
+
+PLACES_IN_WORDS = {
+    "load_torque_nm": "a torque at the load cell",
+    "motor_torque_nm": "a torque at the motor",
+    "friction_factor": "friction",
+}
+
+
+def law_in_words(one: Learned) -> str:
+    """Say what a learned law is: friction that rises with load angle and changes with direction."""
+    value, low, high = one.curve[:, 1], one.curve[:, 2], one.curve[:, 3]
+    # What its band leaves open is no course: the widest rise and fall beyond it.
+    sigma = float(np.median(high - low))
+    steps = np.diff(value)
+    rise, fall = float(steps[steps > 0.0].sum()), -float(steps[steps < 0.0].sum())
+    if fall <= max(0.1 * rise, 0.5 * sigma):
+        course = "rises with"
+    elif rise <= max(0.1 * fall, 0.5 * sigma):
+        course = "falls with"
+    else:
+        course = "varies with"
+    argument = ARGUMENT_WORDS.get(one.arguments[0], one.arguments[0])
+    direction = " and changes with the direction of motion" if DIRECTION in one.arguments else ""
+    return f"{PLACES_IN_WORDS[one.place]} that {course} {argument}{direction}"
+
+
+ARGUMENT_WORDS = {
+    "load_angle_rad": "load angle",
+    "motor_angle_rad": "motor angle",
+    "load_speed_rad_per_s": "load speed",
+    "motor_speed_rad_per_s": "motor speed",
+    "motor_torque_nm": "motor torque",
+    "load_torque_nm": "load torque",
+    "time_s": "time",
+    "time_since_reversal_s": "time since the last reversal",
+    "conduit_temperature_c": "conduit temperature",
+}
 
 
 def _title(one: NamedEffect) -> str:

@@ -17,6 +17,7 @@ from bowden.estimation.gap import Gap
 from bowden.model import format_model
 from bowden.model.effects import CATALOGUE
 from bowden.report import diagnosis_plots as plots
+from bowden.report.learned_law import learned_section
 from bowden.report.page import (
     Section,
     command,
@@ -63,6 +64,7 @@ def diagnosis_report(diagnosis: Diagnosis, facts: Mapping[str, str] | None = Non
         Section("", [tiles(_tiles(diagnosis))]),
         *_stops(diagnosis),
         *_budget(diagnosis),
+        *learned_section(diagnosis),
         *_effects(diagnosis),
         *_before_and_after(diagnosis),
         *_where(diagnosis),
@@ -103,8 +105,9 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     gap = diagnosis.gap
     name = NAMES[gap.quantity]
     found = [(_amount(gap, gap.before), f"{name} gap, calibrated model")]
-    if diagnosis.effects:
-        found.append((_amount(gap, gap.after), "with the effect" + _plural(diagnosis.effects)))
+    if diagnosis.effects or diagnosis.learned:
+        what = "with the effect" + _plural(diagnosis.effects)
+        found.append((_amount(gap, gap.after), "with the law" if diagnosis.learned else what))
     found.append((_amount(gap, gap.noise_floor), "noise floor of these data"))
     if gap.noise_floor > 0.0:
         found.append((f"{gap.after / gap.noise_floor:.2f} ×", "what is left, in floors"))
@@ -232,13 +235,14 @@ def _before_and_after(diagnosis: Diagnosis) -> list[Section]:
         ),
         table(["", "calibrated", "with the effect", "noise floor", "left, in floors"], rows),
     ]
-    if not diagnosis.effects:
+    improved = bool(diagnosis.effects) or diagnosis.learned is not None
+    if not improved:
         body[1] = table(
             ["", "calibrated", "noise floor", "in floors"],
             [[row[0], row[1], row[3], row[4]] for row in rows],
         )
     for number, one in enumerate(_quantity_series(diagnosis, diagnosis.gap.quantity)[:DETAILED], 1):
-        plot = plots.before_and_after(one, POINTS_A_TRACE, improved=bool(diagnosis.effects))
+        plot = plots.before_and_after(one, POINTS_A_TRACE, improved=improved)
         if len(diagnosis.series) > len(diagnosis.gaps):
             body.append(paragraph(Path(one.source).name))
         body.append(figure(plot, f"series-{number}"))

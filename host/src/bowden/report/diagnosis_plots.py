@@ -18,7 +18,7 @@ from bowden.diagnosis.localise import Place, ResidualMap
 from bowden.diagnosis.result import Ranked, Series
 from bowden.diagnosis.waterfall import BudgetStep
 from bowden.estimation.posterior import Estimate
-from bowden.model.effects import CATALOGUE
+from bowden.model.effects import CATALOGUE, LEARNED
 from bowden.report.canvas import MEASURED, SIMULATED, draw, dress, legend_above, short
 from bowden.report.decimate import envelope
 from bowden.report.words import NAMES
@@ -221,7 +221,10 @@ def waterfall(steps: Sequence[BudgetStep], quantity: str) -> go.Figure:
 
 def _step_title(step: str) -> str:
     """Return a step of the budget in words."""
-    titles = [CATALOGUE[name].title if name in CATALOGUE else name for name in step.split(" + ")]
+    titles = [
+        CATALOGUE[name].title if name in CATALOGUE else {LEARNED: "A learned law"}.get(name, name)
+        for name in step.split(" + ")
+    ]
     words = " + ".join(titles)
     return {"model file": "model file as it is", "calibration": "calibrated"}.get(
         step, words if step == "noise floor" else f"and {words[0].lower()}{words[1:]}"

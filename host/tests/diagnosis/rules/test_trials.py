@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bowden.diagnosis.candidates import candidates, with_candidate
+from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.rules.fit import HypothesisFit, solve
 from bowden.diagnosis.rules.free_parameters import free_parameters
 from bowden.diagnosis.rules.hypothesis import FittedEffects
@@ -30,7 +30,7 @@ def test_a_bearing_beside_a_late_cell_is_found_from_its_usual_strength() -> None
     with ThreadPoolExecutor(2) as pool:
         problem = WeighedRecordings(MODE, prepare(model, MODE, [recording], 0, pool))
         fit = HypothesisFit(
-            with_candidate(model, cell, late),
+            cell.added_to(model, late),
             [*free_parameters(model), *cell.numbers(0)],
             problem,
             pool.map,

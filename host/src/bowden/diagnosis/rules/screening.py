@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from bowden.diagnosis.candidates import BELOW, Candidate, with_candidate
+from bowden.diagnosis.candidates import BELOW, Candidate
 from bowden.diagnosis.rules.fit import Fitted, HypothesisFit
 from bowden.model import ModelError
 from bowden.model.effects.effect import Parameter
@@ -247,7 +247,7 @@ def _change(
 ) -> _Floats | None:
     """Simulate the candidate and return what it does to the weighted residual."""
     try:
-        model = with_candidate(base.model, candidate, values)
+        model = candidate.added_to(base.model, values)
         fitted = fit.problem.misfit(model).fitted
     except ModelError:
         return None

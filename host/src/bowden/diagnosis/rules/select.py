@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.candidates import Candidate, with_candidate
+from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.rules.fit import Fitted, HypothesisFit, Movable, solve, solve_widely
 from bowden.diagnosis.rules.hypothesis import (
     MOST_EFFECTS,
@@ -343,7 +343,7 @@ def _without_each(
                 continue
             names = [each.name for each in effect.variant.parameters]
             values = {name: one.fitted.model.value(f"effects[{place}].{name}") for name in names}
-            model = with_candidate(model, effect, values)
+            model = effect.added_to(model, values)
             numbers = effect.numbers(first + len(kept))
             parameters += numbers
             at += [number.at(values[number.parameter.name]) for number in numbers]

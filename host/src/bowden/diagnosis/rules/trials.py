@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.candidates import Candidate, with_candidate
+from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.rules.fit import HypothesisFit, solve
 from bowden.diagnosis.rules.hypothesis import FittedEffects
 from bowden.diagnosis.rules.problem import WeighedRecordings
@@ -105,7 +105,7 @@ def _problem_of(parent: FittedEffects, look: Screened) -> WeighedRecordings:
     if not look.rings or parent.effects:
         return problem
     try:
-        model = with_candidate(parent.fitted.model, look.candidate, look.values)
+        model = look.candidate.added_to(parent.fitted.model, look.values)
         return problem.with_noise_of(model)
     except ModelError:
         return problem
@@ -131,7 +131,7 @@ def _fitted_on_top(  # noqa: PLR0917
 
     None where the search leads to no rig; `known` are derivatives by what moves already.
     """
-    model = with_candidate(parent.fitted.model, candidate, values)
+    model = candidate.added_to(parent.fitted.model, values)
     numbers = candidate.numbers(len(model.document.effects) - 1)
     fit = HypothesisFit(model, [*parent.fit.parameters, *numbers], problem)
     own = np.array([one.at(values[one.parameter.name]) for one in numbers])

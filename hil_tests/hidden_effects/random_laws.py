@@ -1,0 +1,107 @@
+"""Random smooth laws of one argument at one place, hidden in the continuum.
+
+What a rig may have that no catalogue lists: a torque or a factor on friction that follows an angle,
+a speed, a torque or time, with or without the direction of motion. Written from the definitions in
+the contracts, not from `bowden.model`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from hil_tests.hidden_effects.effects import both
+from hil_tests.hidden_effects.hidden import Draw, Hidden, Signals, Values, Vector
+
+MOVED_RAD = 2e-4  # so much motion says a direction
+
+
+def direction(angle_rad: Vector) -> Vector:
+    """Return the sign of the last motion; that of the first before it."""
+    found = np.zeros(angle_rad.size)
+    turn, way = angle_rad[0], 0.0
+    for i, here in enumerate(angle_rad):
+        if abs(here - turn) > MOVED_RAD and np.sign(here - turn) != way:
+            way = float(np.sign(here - turn))
+        if way * (here - turn) > 0.0:
+            turn = here
+        found[i] = way
+    first = found[np.flatnonzero(found)[0]] if found.any() else 1.0
+    found[found == 0.0] = first
+    return found
+
+
+def since_reversal(signals: Signals) -> Vector:
+    """Return the time since the load's motion last changed its direction, s."""
+    way = direction(signals.load_angle_rad)
+    changes = np.concatenate([[0], np.flatnonzero(np.diff(way)) + 1])
+    last = changes[np.searchsorted(changes, np.arange(way.size), side="right") - 1]
+    return np.asarray(signals.time_s - signals.time_s[last])
+
+
+WAVES = 3  # cosines over the visited range: smooth
+ARGUMENTS: dict[str, Callable[[Signals], Vector]] = {
+    "load_angle_rad": lambda s: s.load_angle_rad,
+    "load_speed_rad_per_s": lambda s: np.gradient(s.load_angle_rad, s.time_s),
+    "motor_torque_nm": lambda s: s.motor_torque_nm,
+    "time_s": lambda s: s.time_s - s.time_s[0],
+    "time_since_reversal_s": since_reversal,
+    "conduit_temperature_c": lambda s: s.temperature_c,
+}
+PLACES = {
+    "load_torque_nm": (2e-3, 2.0),
+    "motor_torque_nm": (5e-4, 0.2),
+    "friction_factor": (0.03, 0.8),
+}
+CELL = "load_torque_nm"  # the cell's own torque: at its place only
+
+
+def curve(p: Values, at: Vector, low: float, high: float) -> Vector:
+    """Return the law's value: cosines over the range, in units of its size."""
+    u = np.clip((at - low) / (high - low), 0.0, 1.0)
+    waves = [p[f"a_{k}"] * np.cos(np.pi * k * u + p[f"phase_{k}_rad"]) for k in range(1, WAVES + 1)]
+    return np.asarray(p["size"] * (p["level"] + np.sum(waves, axis=0)))
+
+
+def _law(place: str, argument: str, by_direction: bool, p: Values) -> Hidden:
+    def value(signals: Signals, own: Vector | None = None) -> Vector:
+        at = ARGUMENTS[argument](signals) if own is None else own
+        low, high = np.quantile(at, [0.0, 1.0])
+        found = curve(p, at, float(low), float(high))
+        return found * direction(signals.load_angle_rad) if by_direction else found
+
+    name = name_of(place, argument, by_direction)
+    if place == "friction_factor":
+        return Hidden(name, dict(p), histories=lambda s, pair: both(1.0 + value(s)))  # noqa: ARG005
+    if place == "motor_torque_nm":
+        return Hidden(name, dict(p), true_torque=lambda x, s: x + value(s))
+    own = argument == CELL
+    return Hidden(name, dict(p), read_load_torque=lambda x, s: x + value(s, x if own else None))
+
+
+def name_of(place: str, argument: str, by_direction: bool) -> str:
+    """Return what a law is called: its place and its arguments."""
+    return f"{place} over {argument}" + " and direction" * by_direction
+
+
+HIDE: dict[str, Callable[[Values], Hidden]] = {
+    name_of(place, argument, by_direction): partial(_law, place, argument, by_direction)
+    for place in PLACES
+    for argument in (*ARGUMENTS, *((CELL,) if place == CELL else ()))
+    for by_direction in (False, True)
+}
+"""Name -> from parameter values to the hidden law."""
+
+WARMS = tuple(name for name in HIDE if "temperature" in name)
+
+
+def draw(name: str, rng: np.random.Generator) -> Draw:
+    """Draw the shape of a law; its strength is called `size`."""
+    low, high = PLACES[name.split(" over ", maxsplit=1)[0]]
+    shape = {"size": 0.3 * high, "level": float(rng.normal(0.0, 0.5))}
+    for k in range(1, WAVES + 1):
+        shape[f"a_{k}"] = float(rng.normal()) / k
+        shape[f"phase_{k}_rad"] = float(rng.uniform(0.0, 2.0 * np.pi))
+    return Draw(shape, "size", low, high)

@@ -1,0 +1,196 @@
+"""Learn a law where no name fits: a smooth function of one argument, at one place.
+
+Where the posterior says that something unlisted is there, every place and argument is screened on
+top of the best sets of effects, the most promising laws are fitted with the simulator inside, and
+what predicts unseen stretches best is the law. How smooth it is the evidence says. `verdict` words
+it, `law_candidates` lists what is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.hypothesis import FRICTION, Hypothesis, finish, fit_hypothesis
+from bowden.diagnosis.law_candidates import (
+    LawCandidate,
+    finer,
+    laws_over,
+    learned_among,
+    smooth_precision,
+    visits,
+)
+from bowden.diagnosis.material import Material, as_searched
+from bowden.diagnosis.odds import posterior
+from bowden.diagnosis.predict import WIDEST, predict_unseen
+from bowden.diagnosis.result import Learned
+from bowden.diagnosis.screening import Look, Screen
+from bowden.diagnosis.search import Found, matters
+from bowden.estimation.search import INTERVAL
+from bowden.model import Model
+from bowden.recording.recording import Recording
+
+_Floats = NDArray[np.float64]
+
+PROMISING = 4  # laws that are fitted on top of each parent
+ROUNDS = 12  # of Gauss-Newton: a law has many numbers
+BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
+
+ALIVE = 0.01  # of the posterior: sets that a law is held against
+
+Progress = Callable[[str, float], None]
+
+
+def with_laws(
+    material: Material, model: Model, found: Found, seed: int, progress: Progress | None = None
+) -> Found:
+    """Return what the search found with learned laws among the hypotheses.
+
+    Parameters
+    ----------
+    material : Material
+    model : Model
+        Of the file.
+    found : Found
+        What the search ended with.
+    seed : int
+        Of the bootstrap.
+    progress : callable (stage, share of the whole), optional
+    """
+    tell = progress or (lambda _stage, _share: None)
+    tell("looking for a law that no name fits", 0.9)
+    searched = as_searched(model)
+    tried = [
+        _fitted(material, searched, parent, look)
+        for parent in _parents(found)
+        for look in _promising(material, parent)
+    ]
+    laws = [one for one in tried if one is not None]
+    if not laws:
+        return found
+    tell("predicting by learned laws", 0.93)
+    best = min(laws, key=lambda one: one.best.cost)
+    numbers = [best.problem.numbers(best.best.x, k) for k in range(len(material.coarse))]
+    noises = material.noise(best.model, numbers)
+    known = [
+        one.hypothesis
+        for one in found.weighed
+        if one.weight + one.beyond > ALIVE or not one.hypothesis.effects
+    ]
+    compared = [finish(material, one, noises) for one in (*laws, *known)]
+    compared = [one for one in compared if not one.effects or matters(one)]
+    names = len({one.candidate.name for one in found.looks})
+    weighed = posterior([(one, predict_unseen(one)) for one in compared], names, seed)
+    return replace(found, weighed=tuple(weighed))
+
+
+def _parents(found: Found) -> list[Hypothesis]:
+    """Return the calibrated model and the likeliest single effect.
+
+    Sets of more effects than there are bend to what none of them is: a law is not looked for on top
+    of those.
+    """
+    every = [one.hypothesis for one in found.weighed]
+    base = next(one for one in every if not one.effects)
+    return [base, *[one for one in every if len(one.effects) == 1][:1]]
+
+
+def _promising(material: Material, parent: Hypothesis) -> list[Look]:
+    """Return the laws whose fits promise most on top of a set of effects."""
+    screen = Screen(parent)
+    laws = laws_over([data.estimates.recording for data in material.coarse])
+    looks = [one for one in material.pool.map(screen.look_once, laws) if one is not None]
+    gains = list(material.pool.map(screen.annealed, looks))
+    order = np.argsort(gains)[::-1][:PROMISING]
+    return [looks[k] for k in order if gains[k] > 0.0]
+
+
+def _fitted(
+    material: Material, searched: Model, parent: Hypothesis, look: Look
+) -> Hypothesis | None:
+    """Fit a law on top of a set of effects; then as smooth as the evidence has it."""
+    assert isinstance(look.candidate, LawCandidate)
+    law, values = finer(look.candidate, look.values)
+    if law.scales_friction:  # on the file's mu, not on what calibration made of it
+        share = parent.model.value("friction.mu_d") / searched.value("friction.mu_d")
+        values = {name: share * (1.0 + f) - 1.0 for name, f in values.items()}
+    known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
+    start = parent.coordinates()
+    first = fit_hypothesis(
+        material, searched, [*known, (law, values)], start, parent.best, rounds=ROUNDS
+    )
+    if first is None:
+        return None
+    law = replace(law, bend=_likeliest_bend(first, law))
+    last = len(first.effects) - 1
+    known = [(effect, first.values(i)) for i, effect in enumerate(parent.effects)]
+    return fit_hypothesis(
+        material,
+        searched,
+        [*known, (law, first.values(last))],
+        first.coordinates(),
+        first.best,
+        rounds=ROUNDS,
+    )
+
+
+def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:
+    """Return the bend under which the data are most likely, the law linear about its fit."""
+    paths = [number.path for number in one.problem.parameters.each]
+    place = f"effects[{one.own + len(one.effects) - 1}]."
+    mine = [i for i, path in enumerate(paths) if path.startswith(place)]
+    at = one.best.x[mine]
+    inner = np.ix_(mine, mine)
+    own = law.precision
+    # What the data say: the Hessian without the law's prior, and where they have their best; no
+    # number is known to less than its range.
+    data = np.array(one.best.hessian) + np.diag((WIDEST * one.problem.unit) ** -2.0)
+    data[inner] -= own
+    pull = np.zeros(data.shape[0])
+    pull[mine] = own @ at  # gradient of the data at the optimum, by balance with the prior
+    spread = max(float(np.ptp(at)), float(np.max(np.abs(at))), 1e-9)
+
+    def evidence(bend: float) -> float:
+        prior = smooth_precision(law.table, bend)
+        full = np.array(data)
+        full[inner] += prior
+        # Quadratic about the fit: step to the new optimum and what it costs.
+        gradient = np.zeros(full.shape[0])
+        gradient[mine] = prior @ at - pull[mine]
+        step = -np.linalg.solve(full, gradient)
+        low = 0.5 * float(at @ prior @ at) + 0.5 * float(gradient @ step)
+        sign = np.linalg.slogdet(full)[1] - np.linalg.slogdet(prior)[1]
+        return -(low + 0.5 * float(sign))
+
+    bends = [float(share) * spread for share in BENDS]
+    return max(bends, key=evidence)
+
+
+def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
+    """Return the law of a hypothesis that has one, with its 95 % band and where it was visited."""
+    law = learned_among(one.effects)
+    assert law is not None
+    index = one.effects.index(law)
+    place = f"effects[{one.own + index}]."
+    mine = [
+        i for i, number in enumerate(one.problem.parameters.each) if number.path.startswith(place)
+    ]
+    value = one.best.x[mine]
+    variance = np.maximum(np.diag(np.linalg.pinv(one.best.hessian))[mine], 0.0)
+    variance = variance + (law.effect.known_to * value) ** 2
+    if law.scales_friction:  # mu (1 + f) is known, mu to its tolerance only
+        variance = variance + (_known_to(one.model, FRICTION[0]) * (1.0 + value)) ** 2
+    reach = INTERVAL * np.sqrt(variance)
+    curve = np.stack([np.array(law.table.x), value, value - reach, value + reach], axis=1)
+    return Learned(law.table.place, law.table.arguments, curve, visits(law.table, recordings))
+
+
+def _known_to(model: Model, path: str) -> float:
+    """Return the relative tolerance of a number; 0 without one."""
+    for found, value, sigma in model.free_parameters():
+        if found == path:
+            return sigma / value
+    return 0.0

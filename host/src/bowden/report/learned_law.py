@@ -1,0 +1,75 @@
+"""A learned law on the diagnosis page: its curve, its band, where it was visited, and the odds.
+
+Takes a `Diagnosis`, returns sections; `diagnosis` puts them on the page.
+"""
+
+from __future__ import annotations
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from bowden.diagnosis.result import Diagnosis, Learned
+from bowden.diagnosis.wording import ARGUMENT_WORDS, law_in_words
+from bowden.report.canvas import dress, legend_above
+from bowden.report.page import Section, figure, paragraph, table
+from bowden.report.words import percent
+
+LEAST_SHOWN = 0.01  # of probability
+_LAW, _BAND, _VISITED = "#0072b2", "rgba(0,114,178,0.18)", "#9aa1aa"
+_UNITS = {"rad": "rad", "rad_per_s": "rad/s", "nm": "N m", "s": "s", "c": "°C"}
+
+
+def learned_section(diagnosis: Diagnosis) -> list[Section]:
+    """Return the section of a learned law; none where there is none."""
+    one = diagnosis.learned
+    if one is None:
+        return []
+    words = law_in_words(one)
+    odds = [
+        [where, percent(share)]
+        for where, share in diagnosis.law_odds.items()
+        if share >= LEAST_SHOWN
+    ]
+    body = [
+        paragraph(
+            f"{words[0].upper()}{words[1:]}. The band holds the law with 95 % probability at each "
+            "place, if a law of this argument at this place is right; bars show where the "
+            "recordings have been. Beyond the ends of the curve it stays level."
+        ),
+        figure(draw_law(one), "learned-law"),
+        table(["law", "probability, given one of these"], odds),
+    ]
+    if len(odds) > 1:
+        body.append(paragraph("These recordings do not say for certain what it depends on."))
+    return [Section("The learned law", body)]
+
+
+def draw_law(one: Learned) -> go.Figure:
+    """Draw a learned law with its 95 % band, over bars of where it was visited."""
+    x, value, low, high = one.curve.T
+    plot = make_subplots(
+        rows=2, cols=1, shared_xaxes=True, row_heights=[0.78, 0.22], vertical_spacing=0.06
+    )
+    edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip"}
+    plot.add_trace(go.Scatter(x=x, y=high, showlegend=False, **edge), row=1, col=1)
+    band = {"fill": "tonexty", "fillcolor": _BAND, "name": "95 % band", **edge}
+    plot.add_trace(go.Scatter(x=x, y=low, **band), row=1, col=1)
+    law = {"name": "learned law", "line": {"color": _LAW}, "mode": "lines+markers"}
+    plot.add_trace(go.Scatter(x=x, y=value, **law), row=1, col=1)
+    bars = {"marker": {"color": _VISITED}, "showlegend": False}
+    plot.add_trace(go.Bar(x=x, y=100.0 * one.visited, **bars), row=2, col=1)
+    dress(plot, height=420)
+    plot.update_layout(legend=legend_above(1.02), bargap=0.2)
+    what = "share of mu, added" if one.place == "friction_factor" else "torque, added (N m)"
+    way = ", moving outward" if len(one.arguments) > 1 else ""
+    plot.update_yaxes(title_text=f"{what}{way}", row=1, col=1)
+    plot.update_yaxes(title_text="visited (%)", row=2, col=1)
+    words = ARGUMENT_WORDS[one.arguments[0]]
+    plot.update_xaxes(title_text=f"{words} ({unit_of(one.arguments[0])})", row=2, col=1)
+    return plot
+
+
+def unit_of(argument: str) -> str:
+    """Return the unit at the end of an argument's name, in print."""
+    longest = max((end for end in _UNITS if argument.endswith(f"_{end}")), key=len)
+    return _UNITS[longest]
