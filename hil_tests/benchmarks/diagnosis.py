@@ -25,7 +25,7 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
-from bowden.diagnosis.diagnose import diagnose
+from bowden.diagnosis.diagnose import Method, diagnose
 from bowden.diagnosis.result import Diagnosis
 from bowden.model import Mode, ModelError, parse_model
 from bowden.recording.atomic import replace_whole
@@ -36,19 +36,25 @@ from hil_tests.benchmarks import diagnosis_baselines as baselines
 from hil_tests.benchmarks.diagnosis_picture import svg
 from hil_tests.benchmarks.diagnosis_score import Answer, Result, markdown
 from hil_tests.benchmarks.diagnosis_truth import over_truth
-from hil_tests.hidden_effects import effects, recordings, unlisted
+from hil_tests.hidden_effects import effects, random_laws, recordings, unlisted
 from hil_tests.hidden_effects.recordings import Case
 from hil_tests.hidden_effects.strength import WEAKEST
 from hil_tests.rig_cases import cases as rig_cases
 
-OURS = "bowden"
+OURS, RULES = "bowden", "bowden --method rules"
+METHODS: tuple[tuple[str, Method], ...] = ((OURS, "prediction"), (RULES, "rules"))
 REDRAWS = 5
 SOURCES = {"continuum": recordings.draw_case, "rig": rig_cases.draw_case}
-Job = tuple[int, str, tuple[str, ...], float, str]
+Job = tuple[int, str, tuple[str, ...], float, str, bool]
 
 
-def jobs(
-    seed: int, per_effect: int, only: list[str], length_s: float, source: str = "continuum"
+def jobs(  # noqa: PLR0917  (one call, all of the command line)
+    seed: int,
+    per_effect: int,
+    only: list[str],
+    length_s: float,
+    source: str = "continuum",
+    beside_rules: bool = False,
 ) -> list[Job]:
     """List the cases: seed, kind, names; rounds over all effects, so that any part is balanced."""
     rng = np.random.default_rng([seed, 77])
@@ -57,6 +63,7 @@ def jobs(
         number = 1000 * seed + k
         found += [(number, "single", (name,)) for name in effects.HIDE]
         found += [(number, "unlisted", (name,)) for name in unlisted.HIDE]
+        found += [(number, "law", (name,)) for name in random_laws.HIDE]
         found += [(number + 100 * i, "complete", ()) for i in range(12)]
         for i in range(8):
             a, b = rng.choice(list(effects.HIDE), 2, replace=False)
@@ -64,12 +71,12 @@ def jobs(
     if only:
         found = [j for j in found if set(only) & {j[1], *j[2]}]
     order = np.random.default_rng([seed, 78]).permutation(len(found))
-    return [(*found[i], length_s, source) for i in order]
+    return [(*found[i], length_s, source, beside_rules) for i in order]
 
 
 def excited(job: Job) -> Case:
     """Draw the case; again with the next rig and motion while its effect cannot be seen."""
-    seed, kind, names, length_s, source = job
+    seed, kind, names, length_s, source, _ = job
     case: Case | None = None
     for again in range(REDRAWS):
         try:
@@ -120,16 +127,19 @@ def run(job: Job) -> dict[str, Result]:
         t = case.truth
         return Result(t.seed, t.source, t.kind, truth, t.strength, answer)
 
-    start = time.perf_counter()
-    try:
-        found = diagnose(model, [recording], Mode.TORQUE_POSITION, seed=job[0])
-    except ModelError as error:
-        failed = Answer(f"failed: {error}", (), seconds=time.perf_counter() - start)
-        return {OURS: result(failed)}
-    seconds = time.perf_counter() - start
-    answers = {OURS: ours(found, seconds, over_truth(case, recording, found))}
-    if not baselines.missing():
-        answers |= baselines.answers(found, recording)
+    answers: dict[str, Answer] = {}
+    for name, method in METHODS[: 1 + job[-1]]:
+        start = time.perf_counter()
+        try:
+            found = diagnose(model, [recording], Mode.TORQUE_POSITION, seed=job[0], method=method)
+        except ModelError as error:
+            seconds = time.perf_counter() - start
+            answers[name] = Answer(f"failed: {error}", (), seconds=seconds)
+            continue
+        seconds = time.perf_counter() - start
+        answers[name] = ours(found, seconds, over_truth(case, recording, found))
+        if name == OURS and not baselines.missing():
+            answers |= baselines.answers(found, recording)
     return {method: result(answer) for method, answer in answers.items()}
 
 
@@ -172,6 +182,9 @@ def main() -> int:
     parser.add_argument(
         "--source", choices=SOURCES, default="continuum", help="who makes the recordings"
     )
+    parser.add_argument(
+        "--beside-rules", action="store_true", help="answer each case by --method rules as well"
+    )
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="or a kind")
     parser.add_argument("--length-s", type=float, default=30.0, help="of each recording")
     parser.add_argument("--jobs", type=int, default=1, help="cases at the same time")
@@ -179,7 +192,14 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=Path("build/diagnosis.json"))
     args = parser.parse_args()
     args.output.parent.mkdir(parents=True, exist_ok=True)
-    todo = jobs(args.seed, args.cases_per_effect, args.only, args.length_s, args.source)
+    todo = jobs(
+        args.seed,
+        args.cases_per_effect,
+        args.only,
+        args.length_s,
+        args.source,
+        args.beside_rules,
+    )
     if lacking := baselines.missing():
         sys.stderr.write(f"no baselines without {', '.join(lacking)}: make setup-baselines\n")
     methods: dict[str, list[Result]] = {}
