@@ -13,6 +13,8 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 LARGEST_TIE = 3
 PERIODIC = ("phase_rad", "load_phase_rad")
 NO_EFFECT = "(none)"
@@ -38,6 +40,11 @@ class Answer:
     gap_over_truth : float
         That over what the true model leaves; nan where there is none.
     seconds : float
+    laws : tuple of str
+        Learned laws that hold 95 % of the probability together, likeliest first.
+    law_inside : float
+        Share of the law's knots at which the true curve lies inside the 95 % band; nan where it is
+        another law.
     """
 
     verdict: str
@@ -47,6 +54,8 @@ class Answer:
     gap_over_floor: float = math.nan
     gap_over_truth: float = math.nan
     seconds: float = math.nan
+    laws: tuple[str, ...] = ()
+    law_inside: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -127,7 +136,7 @@ class Result:
 class Rate:
     """Successes among trials, with the Wilson interval at 95 %."""
 
-    hits: int
+    hits: float
     trials: int
 
     @property
@@ -145,6 +154,12 @@ class Rate:
         middle = (p + z * z / (2 * n)) / (1 + z * z / n)
         half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
         return max(0.0, middle - half), min(1.0, middle + half)
+
+    @classmethod
+    def of_shares(cls, shares: Iterable[float]) -> Rate:
+        """Return the mean of shares, each counted as one trial."""
+        found = list(shares)
+        return cls(float(np.sum(found)), len(found))
 
     def __str__(self) -> str:
         """Return it as 93 % (80 .. 98, n = 40)."""
@@ -169,6 +184,7 @@ def rates(results: Sequence[Result]) -> dict[str, Rate]:
     """Return the rates over all kinds that are there."""
     single, pair = of_kind(results, "single"), of_kind(results, "pair")
     complete, unlisted = of_kind(results, "complete"), of_kind(results, "unlisted")
+    laws = of_kind(results, "smooth_law")
     return {
         "single: named first": rate(r.first for r in single),
         "single: among the first two": rate(r.second for r in single),
@@ -180,6 +196,19 @@ def rates(results: Sequence[Result]) -> dict[str, Rate]:
         "unlisted: recognised": rate(r.answer.verdict == "unlisted" for r in unlisted),
         "unlisted: given a name": rate(
             r.answer.verdict in {"named", "ambiguous"} for r in unlisted
+        ),
+        "smooth law: recognised, with a law": rate(
+            r.answer.verdict == "unlisted" and bool(r.answer.laws) for r in laws
+        ),
+        "smooth law: place and argument right or tied": rate(
+            r.label in r.answer.laws[:LARGEST_TIE] for r in laws
+        ),
+        "smooth law: gap after <= 1.5 floors": rate(r.answer.gap_over_floor <= 1.5 for r in laws),
+        "smooth law: true curve inside the band": Rate.of_shares(
+            r.answer.law_inside for r in laws if math.isfinite(r.answer.law_inside)
+        ),
+        "complete or listed: given a law": rate(
+            bool(r.answer.laws) for r in (*single, *complete, *pair)
         ),
         "pair: both named": rate(r.hits == 2 for r in pair),
         "pair: at least one": rate(r.hits >= 1 for r in pair),

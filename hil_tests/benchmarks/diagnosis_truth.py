@@ -15,6 +15,7 @@ from bowden.recording.recording import Recording
 from bowden.signals.dequantise import estimate_channels
 from bowden.signals.prediction import simulate_recording
 
+from hil_tests.hidden_effects import random_laws
 from hil_tests.hidden_effects.recordings import Case
 
 CALIBRATED = {
@@ -29,7 +30,7 @@ def over_truth(case: Case, recording: Recording, found: Diagnosis) -> float:
 
     nan where the truth is in no catalogue, or where the data allowed no verdict.
     """
-    if case.truth.kind == "unlisted" or not found.series:
+    if case.truth.kind in {"unlisted", "smooth_law"} or not found.series:
         return math.nan
     model = true_model(case)
     given = estimate_channels(recording, model, found.mode).recording
@@ -52,3 +53,19 @@ def true_model(case: Case) -> Model:
     for name, values in case.truth.effects:
         model = model.with_effect(name, values)
     return model
+
+
+def law_inside(case: Case, found: Diagnosis) -> float:
+    """Return the share of a learned law's knots at which the true curve lies in the 95 % band.
+
+    nan where another law was learned, or the true one follows the cell's own torque, whose range
+    only the truth knows.
+    """
+    (name, values), one = case.truth.effects[0], found.learned
+    if one is None or random_laws.CELL in name.split(" over ")[1]:
+        return math.nan
+    if f"{one.place} over {' and '.join(one.arguments)}" != name:
+        return math.nan
+    x, _, low, high = one.curve.T
+    true = random_laws.recorded_law(name, values, case.columns, x)
+    return float(np.mean((low <= true) & (true <= high)))

@@ -7,7 +7,7 @@ the contracts, not from `bowden.model`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -79,6 +79,16 @@ def _law(place: str, argument: str, by_direction: bool, p: Values) -> Hidden:
         return Hidden(name, dict(p), true_torque=lambda x, s: x + value(s))
     own = argument == CELL
     return Hidden(name, dict(p), read_load_torque=lambda x, s: x + value(s, x if own else None))
+
+
+def recorded_law(name: str, p: Values, columns: Mapping[str, Vector], at: Vector) -> Vector:
+    """Return the true curve at some arguments, its range read off a recording's columns."""
+    argument = name.split(" over ")[1].removesuffix(" and direction")
+    time_s = columns["time_s"]
+    warm = columns.get("conduit_temperature_c", np.zeros(time_s.size))
+    recorded = Signals(time_s, columns["motor_torque_nm"], columns["load_angle_rad"], warm)
+    seen = ARGUMENTS[argument](recorded)
+    return curve(p, at, float(seen.min()), float(seen.max()))
 
 
 def name_of(place: str, argument: str, by_direction: bool) -> str:

@@ -33,7 +33,7 @@ from hil_tests.hidden_effects.strength import (
     strength_of,
 )
 
-KINDS = ("complete", "single", "pair", "unlisted", "law")
+KINDS = ("complete", "single", "pair", "unlisted", "smooth_law")
 WARMS = ("thermal_friction", "cell_temperature_crosstalk", *random_laws.WARMS)  # not without it
 
 
@@ -160,12 +160,12 @@ def draw_names(rng: np.random.Generator, kind: str) -> list[str]:
 
 def hidden_of(kind: str) -> Mapping[str, effects.Hide]:
     """Return what a case of a kind may hide, by name."""
-    return {"unlisted": unlisted.HIDE, "law": random_laws.HIDE}.get(kind, effects.HIDE)
+    return {"unlisted": unlisted.HIDE, "smooth_law": random_laws.HIDE}.get(kind, effects.HIDE)
 
 
 def draw_effect(rng: np.random.Generator, kind: str, name: str, pair: Pair) -> Draw:
     """Draw the numbers of an effect; its strength stays open."""
-    if kind == "law":
+    if kind == "smooth_law":
         return random_laws.draw(name, rng)
     return unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, pair)
 
@@ -182,7 +182,7 @@ def draw_case(
     ----------
     seed : int
         All that is random comes from it, the kind and the effect's name.
-    kind : "complete", "single", "pair", "unlisted", "law"
+    kind : "complete", "single", "pair", "unlisted", "smooth_law"
     effect : str or two of them, optional
         Names; drawn where they are not given.
     length_s : float

@@ -18,7 +18,7 @@ from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
 from bowden.diagnosis.probes import off_value
 from bowden.estimation.covariance import DOUBTED, Covariance
-from bowden.estimation.descend import descend, jacobians
+from bowden.estimation.descend import descend, jacobians, principal_axes
 from bowden.estimation.parameters import Parameters, parameters_of
 from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate
 from bowden.estimation.problem import Optimum, Problem
@@ -28,7 +28,6 @@ from bowden.model.model_file import PosteriorSection
 
 _Floats = NDArray[np.float64]
 
-SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
 ROUGH = 4  # rounds of a first fit
 FRICTION = ("friction.mu_d", "friction.mu_s")
 
@@ -191,9 +190,8 @@ def corrected(
 def _with_slopes(
     effects: Sequence[tuple[Candidate, Mapping[str, float]]], problem: Problem, best: Optimum
 ) -> Hypothesis:
-    sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(best.hessian)), 0.0))
-    sizes = np.clip(SPREAD * sigma, 1e-4 * problem.unit, 0.5 * problem.unit)
-    slopes = jacobians(problem, best.x, best.residuals, best.noises, sizes)
+    axes = principal_axes(problem, best.hessian)
+    slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
     return Hypothesis(tuple(one for one, _ in effects), problem, best, tuple(slopes))
 
 

@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.estimation.covariance import DRAWS, Covariance, Data
 from bowden.estimation.descend import bounded_step, normal_equations
-from bowden.estimation.likelihood import Scales, best_scales, whiten
+from bowden.estimation.likelihood import LAWS, Scales, best_scales, cost, whiten
 from bowden.estimation.problem import Problem, fitted_parts, objective
 
 _Floats = NDArray[np.float64]
@@ -94,17 +94,23 @@ def predict_unseen(one: Hypothesis) -> UnseenPrediction:
             fitted_parts(train, best.residuals, best.noises), best.scales, LISTED[-1]
         )
         x, found, root = _refitted(train, one, scales)
+        laws = _laws(train, found, best.noises, scales)
         for r, data in enumerate(problem.data):
             if not unseen[r]:
                 continue
             columns = np.column_stack([found[r], one.slopes[r] @ root])
             for into, sizes in ((small, LISTED), (large, UNLISTED)):
-                into[r][unseen[r]] = _mixture(
-                    [
-                        _densities(data, best.noises[r], each, columns, unseen[r])
-                        for each in _of_sizes(scales, sizes)
-                    ]
-                )
+                by_law = [
+                    log_weight
+                    + _mixture(
+                        [
+                            _densities(data, best.noises[r], each, columns, unseen[r])
+                            for each in _of_sizes(like, sizes)
+                        ]
+                    )
+                    for like, log_weight in laws
+                ]
+                into[r][unseen[r]] = logsumexp(np.stack(by_law), axis=0)
             for number in unseen[r]:
                 rows = data.observations.blocks[number]
                 residuals[r][rows] = found[r][rows]
@@ -118,6 +124,18 @@ def predict_unseen(one: Hypothesis) -> UnseenPrediction:
         tuple(points),
         tuple(fold),
     )
+
+
+def _laws(
+    train: Problem, residuals: Sequence[_Floats], noises: Sequence[Covariance], scales: Scales
+) -> list[tuple[Scales, float]]:
+    """Return how far the laws may be off, with the log posterior of each by the training blocks."""
+    parts = fitted_parts(train, residuals, noises)
+    if not any(noise.law is not None and noise.law.any() for noise in noises):
+        return [(scales, 0.0)]
+    every = [replace(scales, law=law) for law in LAWS]
+    weights = -np.array([cost(parts, one) for one in every])
+    return list(zip(every, (weights - logsumexp(weights)).tolist(), strict=True))
 
 
 def _refitted(

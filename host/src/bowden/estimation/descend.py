@@ -23,6 +23,7 @@ ROUNDS = 20
 ENOUGH = 0.02  # of -log posterior: a step that gains less ends the search
 DERIVATIVE = 0.02  # of a unit step, before anything is known of the posterior
 SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
+LENGTHS = (1e-4, 0.5)  # unit steps: of an axis, at least and at most
 LONGEST = 3.0  # unit steps a round, in any coordinate
 
 
@@ -41,12 +42,11 @@ def descend(
     scales = best_scales(fitted_parts(problem, residuals, noises), scales)
     now = objective(problem, x, residuals, noises, scales)
     hessian = np.diag(problem.unit**-2.0)
-    damping, step_sizes = 1e-4, DERIVATIVE * problem.unit
+    damping, axes = 1e-4, np.diag(DERIVATIVE * problem.unit)
     for _ in range(rounds):
-        slopes = jacobians(problem, x, residuals, noises, step_sizes)
+        slopes = jacobians(problem, x, residuals, noises, axes)
         hessian, gradient = normal_equations(problem, x, residuals, slopes, (noises, scales))
-        sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(hessian)), 0.0))
-        step_sizes = np.clip(SPREAD * sigma, 1e-4 * problem.unit, 0.5 * problem.unit)
+        axes = principal_axes(problem, hessian)
         gained = -math.inf
         for _ in range(5):
             step = bounded_step(problem, x, hessian, gradient, damping)
@@ -72,41 +72,69 @@ def jacobians(
     x: _Floats,
     residuals: Sequence[_Floats],
     noises: Sequence[Covariance],
-    sizes: _Floats,
+    axes: _Floats,
 ) -> list[_Floats]:
-    """Return derivatives of each recording's residual by every number: central differences."""
-    points, spans, known = [], [], []
-    for i, size in enumerate(sizes):
-        pair = []
-        for sign in (1.0, -1.0):
-            moved = x.copy()
-            moved[i] += sign * size
-            pair.append(problem.feasible(moved))
-            known.append(_unmoved(problem, i, sign * size, residuals))
+    """Return derivatives of each recording's residual by every number: central differences.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : ndarray of shape (k,)
+    residuals : sequence of ndarray of shape (n,)
+        At that point.
+    noises : sequence of Covariance
+    axes : ndarray of shape (k, k)
+        Columns: how far to go either way along each axis.
+    """
+    points, moves, known = [], [], []
+    for axis in axes.T:
+        pair = [problem.feasible(x + axis), problem.feasible(x - axis)]
         points += pair
-        spans.append(pair[0][i] - pair[1][i])
+        moves.append(pair[0] - pair[1])
+        known += [_unmoved(problem, one - x, residuals) for one in pair]
     found = problem.residuals_at(points, noises, known)
-    columns: list[list[_Floats]] = [[] for _ in residuals]
-    for i, span in enumerate(spans):
-        up, down = found[2 * i], found[2 * i + 1]
-        for k, here in enumerate(residuals):
-            if up is not None and down is not None and span > 0.0:
-                columns[k].append((up[k] - down[k]) / span)
-            else:
-                columns[k].append(np.zeros(here.size))
-    return [np.stack(one, axis=1) for one in columns]
+    for i in range(len(moves)):
+        if found[2 * i] is None or found[2 * i + 1] is None:
+            moves[i] = np.zeros(x.size)
+    # What moved, and what it did: numbers that a bound holds still have no derivative.
+    back = np.linalg.pinv(np.stack(moves, axis=1) / problem.unit[:, None]) / problem.unit
+    slopes = []
+    for k, here in enumerate(residuals):
+        change = np.zeros((here.size, x.size))
+        for i in range(x.size):
+            up, down = found[2 * i], found[2 * i + 1]
+            if up is not None and down is not None:
+                change[:, i] = up[k] - down[k]
+        slopes.append(change @ back)
+    return slopes
 
 
-def _unmoved(
-    problem: Problem, index: int, moved: float, residuals: Sequence[_Floats]
-) -> dict[int, _Floats]:
+def principal_axes(problem: Problem, hessian: _Floats) -> _Floats:
+    """Return axes along which the numbers are uncertain one by one, half a sigma long.
+
+    What two numbers do may cancel almost: only along the axis of both is the rest exact. Nuisance
+    numbers have axes of their own.
+    """
+    size, unit = problem.size, problem.unit
+    axes = np.zeros((unit.size, unit.size))
+    for rows in (slice(0, size), *(slice(k, k + 1) for k in range(size, unit.size))):
+        scaled = hessian[rows, rows] * np.outer(unit[rows], unit[rows])
+        values, vectors = np.linalg.eigh(scaled)
+        sigma = 1.0 / np.sqrt(np.maximum(values, 1e-300))
+        length = np.clip(SPREAD * sigma, *LENGTHS)
+        axes[rows, rows] = unit[rows][:, None] * vectors * length
+    return axes
+
+
+def _unmoved(problem: Problem, move: _Floats, residuals: Sequence[_Floats]) -> dict[int, _Floats]:
     """Return residuals that are known without a simulation after one number moved.
 
     A nuisance number counts for its recordings only, and a zero of a predicted channel shifts it.
     """
-    if index < problem.size:
+    (where,) = np.nonzero(move)
+    if where.size != 1 or where[0] < problem.size:
         return {}
-    one = problem.nuisances[index - problem.size]
+    one, moved = problem.nuisances[int(where[0]) - problem.size], float(move[where[0]])
     found = {}
     for k, data in enumerate(problem.data):
         names = PREDICTED[data.mode]

@@ -5,6 +5,7 @@ Takes a `Diagnosis`, returns sections; `diagnosis` puts them on the page.
 
 from __future__ import annotations
 
+import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
@@ -33,8 +34,8 @@ def learned_section(diagnosis: Diagnosis) -> list[Section]:
     body = [
         paragraph(
             f"{words[0].upper()}{words[1:]}. The band holds the law with 95 % probability at each "
-            "place, if a law of this argument at this place is right; bars show where the "
-            "recordings have been. Beyond the ends of the curve it stays level."
+            "place, if a law of this argument at this place is right; the area below shows where "
+            "the recordings have been. Beyond the ends of the curve it stays level."
         ),
         figure(draw_law(one), "learned-law"),
         table(["law", "probability, given one of these"], odds),
@@ -50,16 +51,19 @@ def draw_law(one: Learned) -> go.Figure:
     plot = make_subplots(
         rows=2, cols=1, shared_xaxes=True, row_heights=[0.78, 0.22], vertical_spacing=0.06
     )
-    edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip"}
-    plot.add_trace(go.Scatter(x=x, y=high, showlegend=False, **edge), row=1, col=1)
-    band = {"fill": "tonexty", "fillcolor": _BAND, "name": "95 % band", **edge}
-    plot.add_trace(go.Scatter(x=x, y=low, **band), row=1, col=1)
+    band = {"fill": "toself", "fillcolor": _BAND, "name": "95 % band", "mode": "lines"}
+    around = {"x": np.concatenate([x, x[::-1]]), "y": np.concatenate([high, low[::-1]])}
+    plot.add_trace(go.Scatter(**around, **band, line={"width": 0}, hoverinfo="skip"), row=1, col=1)
     law = {"name": "learned law", "line": {"color": _LAW}, "mode": "lines+markers"}
     plot.add_trace(go.Scatter(x=x, y=value, **law), row=1, col=1)
-    bars = {"marker": {"color": _VISITED}, "showlegend": False}
-    plot.add_trace(go.Bar(x=x, y=100.0 * one.visited, **bars), row=2, col=1)
+    bars = {"fill": "tozeroy", "fillcolor": _VISITED, "mode": "lines", "showlegend": False}
+    plot.add_trace(
+        go.Scatter(x=x, y=100.0 * one.visited, line={"width": 0}, name="visited", **bars),
+        row=2,
+        col=1,
+    )
     dress(plot, height=420)
-    plot.update_layout(legend=legend_above(1.02), bargap=0.2)
+    plot.update_layout(legend=legend_above(1.02))
     what = "share of mu, added" if one.place == "friction_factor" else "torque, added (N m)"
     way = ", moving outward" if len(one.arguments) > 1 else ""
     plot.update_yaxes(title_text=f"{what}{way}", row=1, col=1)

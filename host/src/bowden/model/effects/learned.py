@@ -176,7 +176,17 @@ def law_of(table: Table) -> Effect:
     place = PLACES[table.place]
     low = LEAST_FACTOR if table.place == "friction_factor" else -place.most
     parameters = tuple(
-        Parameter(name, place.unit, low, place.most, 0.0, place.usual, f"at {x:g}", least=low)
+        Parameter(
+            name,
+            place.unit,
+            low,
+            place.most,
+            0.0,
+            place.usual,
+            f"at {x:g}",
+            least=low,
+            most=place.most,
+        )
         for name, x in zip(table.names, table.x, strict=True)
     )
     inside = table.place == "friction_factor"

@@ -1,0 +1,56 @@
+"""A law that no catalogue has, hidden by the continuum solver, is learned: place, argument, curve."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bowden.diagnosis.diagnose import diagnose
+from bowden.diagnosis.result import Diagnosis
+from bowden.model import Mode, parse_model
+
+from hil_tests.benchmarks.diagnosis import recording_of
+from hil_tests.benchmarks.diagnosis_truth import law_inside
+from hil_tests.hidden_effects import random_laws
+from hil_tests.hidden_effects.recordings import Case, draw_case
+
+CANDIDATES = ["bearing_friction", "gravity_imbalance", "load_cell_gain"]  # few, to be quick
+
+
+def found_in(case: Case) -> Diagnosis:
+    model = parse_model(case.model_yaml)
+    return diagnose(model, [recording_of(case)], Mode.TORQUE_POSITION, names=CANDIDATES)
+
+
+def test_a_hidden_law_is_learned_with_its_place_argument_and_curve() -> None:
+    case = draw_case(9, "smooth_law", "motor_torque_nm over load_angle_rad and direction", 15.0)
+    found = found_in(case)
+    assert found.verdict == "unlisted"
+    assert found.learned is not None
+    assert (found.learned.place, found.learned.arguments) == (
+        "motor_torque_nm",
+        ("load_angle_rad", "direction"),
+    )
+    # Seventeen knots, each inside with 95 %: fewer than 14 of them happens once in a thousand.
+    assert law_inside(case, found) >= 14 / 17
+    # A few moments of rest, where counts leave the path open, are all that stays.
+    assert found.gap.after < 0.5 * found.gap.before
+    document = found.to_document()["learned"]
+    assert isinstance(document, dict)
+    assert np.shape(document["curve"]) == (17, 4)
+    assert "a torque at the motor that varies with load angle" in found.sentence
+    # The extended model is a model file that holds the law, and explains as much.
+    assert found.model.effects[-1].values == dict(
+        zip((f"values[{k}]" for k in range(17)), found.learned.curve[:, 1].tolist(), strict=True)
+    )
+
+
+def test_a_listed_effect_gets_its_name_and_no_law() -> None:
+    found = found_in(draw_case(11, "single", "gravity_imbalance", 15.0))
+    assert [one.name for one in found.effects] == ["gravity_imbalance"]
+    assert found.learned is None
+    assert "learned" not in found.to_document()
+
+
+def test_a_law_of_the_benchmark_counts_for_both_directions_as_the_contract_says() -> None:
+    angle = np.array([0.0, 0.1, 0.2, 0.2, 0.1, 0.0, 0.0, 0.1])
+    assert random_laws.direction(angle) == pytest.approx([1, 1, 1, 1, -1, -1, -1, 1])
