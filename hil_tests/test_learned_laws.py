@@ -22,7 +22,7 @@ def found_in(case: Case) -> Diagnosis:
 
 
 def test_a_hidden_law_is_learned_with_its_place_argument_and_curve() -> None:
-    case = draw_case(9, "smooth_law", "motor_torque_nm over load_angle_rad and direction", 15.0)
+    case = draw_case(9, "smooth_law", "motor_torque_nm over load_angle_rad and direction", 10.0)
     found = found_in(case)
     assert found.verdict == "unlisted"
     assert found.learned is not None
@@ -45,7 +45,7 @@ def test_a_hidden_law_is_learned_with_its_place_argument_and_curve() -> None:
 
 
 def test_a_listed_effect_gets_its_name_and_no_law() -> None:
-    found = found_in(draw_case(11, "single", "gravity_imbalance", 15.0))
+    found = found_in(draw_case(11, "single", "gravity_imbalance", 8.0))
     assert [one.name for one in found.effects] == ["gravity_imbalance"]
     assert found.learned is None
     assert "learned" not in found.to_document()
