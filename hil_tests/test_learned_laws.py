@@ -1,4 +1,4 @@
-"""A law that no catalogue has, hidden by the continuum solver, is learned: place, argument, curve."""
+"""A law that no catalogue has is learned: its place, its argument and its curve."""
 
 from __future__ import annotations
 
