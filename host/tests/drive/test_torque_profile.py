@@ -80,7 +80,12 @@ def test_a_profile_from_a_file(tmp_path: Path) -> None:
     [
         (["record", "run.blf", "--profile", "no.csv"], "--enable torque"),
         (["record", "run.blf", "--profile", "no.csv", "--enable", "torque"], "no.csv"),
-        (["experiment", "1b", "--on-drive"], "1a"),
+        (["experiment", "2", "--on-drive"], "1a"),
+        (["experiment", "1a", "--on-drive", "--loops", "2"], "1b"),
+        (["experiment", "1b", "--on-drive", "--loops", "0"], "1 or more"),
+        (["experiment", "1b", "--on-drive", "--loops", "1", "2"], "one at a time"),
+        (["experiment", "1b", "--loops", "2"], "--on-drive or --recordings"),
+        (["experiment", "3", "--on-drive", "--gains", "0", "1"], "KP above 0"),
         (["experiment", "1a", "--pretension", "2"], "--on-drive"),
         (["experiment", "1a", "--on-drive", "--pretension", "1", "2"], "one at a time"),
         (["experiment", "1a", "--on-drive", "--pretension", "-1"], "more than 0"),

@@ -6,6 +6,9 @@ follows the load's position, ideally and with a PI controller. The preset `print
 the paper's Table I, with which no torque arrives in Experiment 1; `transmitting` has a pretension
 with which it does.
 
+--recordings puts your own recordings beside the model, on a page with the paper's figures.
+--on-drive runs 1a, 1b or 3 on the connected drive, or with --start-rig on a simulated rig.
+
 tunnel: Experiment 2; with --compensation not offline but on the connected drive, or on a simulated
 rig of its own (--start-rig): each law renders the same tunnel for the same motion, is recorded and
 judged against the torque that was wanted at the load.
@@ -34,6 +37,9 @@ EXAMPLES = """examples:
   bowden experiment 3 --model rig.yaml --segments 50 --json
   bowden experiment 1a --on-drive --start-rig --output locked
   bowden experiment 1a --on-drive --pretension 2 --model rig.yaml -i socketcan -c can0
+  bowden experiment 1b --on-drive --start-rig --output loops
+  bowden experiment 3 --on-drive --start-rig --pretension 2 --output follower
+  bowden experiment 1a --recordings a.blf b.blf --pretension 1 2 --model rig.yaml
   bowden experiment tunnel --compensation all --start-rig
   bowden experiment tunnel --compensation model-inversion --model rig.yaml -i socketcan -c can0
 """
@@ -69,18 +75,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
-    on_drive = parser.add_argument_group("experiments 1a and tunnel on a drive")
+    on_drive = parser.add_argument_group("experiments on a drive, and recordings of them")
     on_drive.add_argument(
         "--on-drive",
         action="store_true",
-        help="1a: ramp the torque of the connected drive's motor, load locked, beside the model",
+        help="1a, 1b: ramp the motor's torque, load locked; 3: the motor follows the load",
+    )
+    on_drive.add_argument(
+        "--recordings",
+        nargs="+",
+        type=Path,
+        metavar="REC",
+        help="of the experiment: shown beside the model, one for each --pretension or --loops",
+    )
+    on_drive.add_argument(
+        "--loops",
+        nargs="+",
+        type=int,
+        metavar="N",
+        help="1b: the full turns of the conduit that you have laid",
     )
     on_drive.add_argument(
         "--pretension",
         nargs="+",
         type=float,
         metavar="N",
-        help="1a on a drive: the pretension that you have set (several only with --start-rig)",
+        help="the pretension that you have set (on a drive, several only with --start-rig)",
     )
     on_drive.add_argument(
         "--compensation",
@@ -124,16 +144,11 @@ def run(args: argparse.Namespace) -> int:
         from bowden.cli.tunnel_experiment import run_on_drive  # noqa: PLC0415  (fast --help)
 
         return run_on_drive(args)
-    if args.on_drive:
-        if args.experiment != "1a":
-            raise BadInput("--on-drive", f"experiment {args.experiment}", "1a, or tunnel")
-        if not args.start_rig and len(args.pretension or ()) > 1:
-            raise BadInput("--pretension", "several", "one at a time, set by you; or --start-rig")
-        from bowden.cli.locked_experiment import run_locked_on_drive  # noqa: PLC0415
-
-        return run_locked_on_drive(args)
-    if args.pretension:
-        raise BadInput("--pretension", "no --on-drive", "--on-drive, which it is for")
+    if args.recordings or args.on_drive:
+        return _measured(args)
+    if args.pretension or args.loops:
+        name = "--pretension" if args.pretension else "--loops"
+        raise BadInput(name, "no --on-drive", "--on-drive or --recordings, which it is for")
     if args.start_rig:
         needed = "--compensation LAW or --on-drive, which it is for"
         raise BadInput("--start-rig", "no --compensation", needed)
@@ -158,6 +173,32 @@ def run(args: argparse.Namespace) -> int:
         report = str(args.report) if args.report else None
         print_json(result.to_document() | {"report": report})
     return 0
+
+
+def _measured(args: argparse.Namespace) -> int:
+    """Put recordings beside the model: those that are there, or those made now on a drive."""
+    if args.recordings and args.on_drive:
+        raise BadInput("--recordings", "--on-drive", "one of the two")
+    if args.experiment == "tunnel" and args.recordings:
+        args.experiment = "2"
+    if args.loops and args.experiment != "1b":
+        raise BadInput("--loops", f"experiment {args.experiment}", "1b")
+    if args.recordings:
+        from bowden.cli.measured_experiment import run_measured  # noqa: PLC0415  (fast --help)
+
+        return run_measured(args)
+    if args.experiment not in ("1a", "1b", "3"):
+        raise BadInput("--on-drive", f"experiment {args.experiment}", "1a, 1b, 3, or tunnel")
+    for name, values in (("--pretension", args.pretension), ("--loops", args.loops)):
+        if not args.start_rig and len(values or ()) > 1:
+            raise BadInput(name, "several", "one at a time, set by you; or --start-rig")
+    if args.experiment == "3":
+        from bowden.cli.measured_experiment import run_follower_on_drive  # noqa: PLC0415
+
+        return run_follower_on_drive(args)
+    from bowden.cli.locked_experiment import run_locked_on_drive  # noqa: PLC0415
+
+    return run_locked_on_drive(args)
 
 
 def _model(args: argparse.Namespace) -> Model:

@@ -1,13 +1,15 @@
 """Experiment 1 on a drive: the load locked, the motor's torque ramped up and down (Figs. 3 and 4).
 
-`experiment 1a --on-drive` calls it. One recording for each pretension: on a connected rig you set
-it and name it with --pretension; a simulated rig of its own (--start-rig) is set by itself. Beside
-each measured run stands the model, driven by the torque that was measured.
+`experiment 1a|1b --on-drive` calls it. One recording for each pretension (1a) or number of loops
+(1b): on a connected rig you set it and name it with --pretension or --loops; a simulated rig of its
+own (--start-rig) is set by itself. Beside each measured run stands the model, driven by the torque
+that was measured.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from bowden.cli.drive_arguments import connect_drive
+from bowden.cli.measured_experiment import while_enabled, write_measured_report
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console, print_json, say
 from bowden.cli.record import check_output, record_to
@@ -29,14 +32,19 @@ from bowden.errors import BadInput
 from bowden.model import Inputs, Mode, Model, simulate, table_1
 from bowden.model.experiments.locked_load import DWELL_S, PEAK_TORQUE_NM, SLOPE_NM_PER_S
 from bowden.model.experiments.signals import ramp_period_s, ramps_with_dwells, sample_times
-from bowden.model.experiments.variants import with_pretension
+from bowden.model.experiments.variants import with_loops, with_pretension
 from bowden.recording.enabled import enabled
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
+from bowden.report.measured_experiment import MeasuredRun
 
 CYCLES = 2
 #: With these, torque arrives at the locked load of Table I (Experiment 1a, preset transmitting).
 PRETENSIONS_N = (1.0, 1.5, 2.0)
+#: The same in Experiment 1b, also with three loops.
+LOOPS_PRETENSION_N = 0.6
+#: Of the simulated rig's own path, 2 m at 0.28 m.
+RIG_WRAP_RAD = 2.0 / 0.28
 #: A load that moves by more is not locked.
 LOCKED_RAD = 0.02
 _PROFILE_RATE_HZ = 100.0
@@ -63,34 +71,83 @@ class LockedRun:
         return self.load_pp_nm / (self.ratio * self.motor_pp_nm)
 
 
+@dataclass(frozen=True)
+class Setup:
+    """How the rig is set for a run; None: as it is, or as the model file says."""
+
+    pretension_n: float | None
+    loops: int | None
+
+    @property
+    def label(self) -> str:
+        """For files, table and page."""
+        if self.loops is not None:
+            return f"{self.loops} loop{'s' if self.loops > 1 else ''}"
+        return "as it is" if self.pretension_n is None else f"{self.pretension_n:g} N"
+
+    def of_model(self, model: Model) -> Model:
+        """Return the model of a rig that is set so."""
+        if self.loops is not None:
+            model = with_loops(model, self.loops)
+        return model if self.pretension_n is None else with_pretension(model, self.pretension_n)
+
+    def of_rig(self) -> list[str]:
+        """Return what sets the simulated rig so; its path has a wrap of its own to begin with."""
+        settings = []
+        if self.loops is not None:
+            more = 2.0 * math.pi * self.loops - RIG_WRAP_RAD
+            settings.append(f"cable.extra_wrap_rad={more:.9g}")
+        if self.pretension_n is not None:
+            settings.append(f"cable.pretension_n={self.pretension_n:g}")
+        return settings
+
+
+def _setups(args: argparse.Namespace) -> list[Setup]:
+    given = args.pretension
+    if args.experiment == "1b":
+        pretension = given[0] if given else LOOPS_PRETENSION_N if args.start_rig else None
+        loops = args.loops or ((1, 2, 3) if args.start_rig else (None,))
+        return [Setup(pretension, number) for number in loops]
+    return [Setup(one, None) for one in given or (PRETENSIONS_N if args.start_rig else [None])]
+
+
 def run_locked_on_drive(args: argparse.Namespace) -> int:
     """Record every pretension, print measured beside simulated."""
     if args.pretension and min(args.pretension) <= 0:
         raise BadInput("--pretension", f"{min(args.pretension):g}", "N, more than 0")
+    if args.loops and min(args.loops) < 1:
+        raise BadInput("--loops", f"{min(args.loops)}", "1 or more")
     directory: Path = args.output
     directory.mkdir(parents=True, exist_ok=True)
     model = read_model(args.model) if args.model else table_1()
-    pretensions = args.pretension or (PRETENSIONS_N if args.start_rig else [None])
     period_s = ramp_period_s(PEAK_TORQUE_NM, SLOPE_NM_PER_S, DWELL_S)
     time_s = sample_times(CYCLES * period_s, _PROFILE_RATE_HZ)
     torque = ramps_with_dwells(time_s, PEAK_TORQUE_NM, SLOPE_NM_PER_S, DWELL_S)
     profile = TorqueProfile(time_s, torque, f"experiment {args.experiment}")
-    runs = []
-    for pretension in pretensions:
-        of_run = model if pretension is None else with_pretension(model, pretension)
-        label = "as it is" if pretension is None else f"{pretension:g} N"
+    runs, measured = [], []
+    for setup in _setups(args):
+        of_run, label = setup.of_model(model), setup.label
         path = directory / f"locked_{label.replace(' ', '_')}.blf"
         check_output(path, overwrite=False)
-        with _drive(args, directory, pretension) as drive:
+        with _drive(args, directory, setup) as drive:
             if not args.start_rig:
-                say(f"pretension {label}: lock the load; the motor ramps to {PEAK_TORQUE_NM} N m")
-            notes = {"notes": f"Experiment {args.experiment}, pretension {label}"}
+                say(f"{label}: lock the load; the motor ramps to {PEAK_TORQUE_NM} N m")
+            notes = {"notes": f"Experiment {args.experiment}, {label}"}
             job = Run(ModeOfOperation.TORQUE, profile=profile)
             record_to(drive, path, profile.duration_s, job, notes)
-        runs.append(judge_locked_run(read_recording(path), of_run, period_s, label, path.name))
+        recording = read_recording(path)
+        runs.append(judge_locked_run(recording, of_run, period_s, label, path.name))
+        measured.append(MeasuredRun(label, while_enabled(recording), of_run))
+    report = write_measured_report(args, measured, directory)
     _show(runs)
     if args.json:
-        print_json({"experiment": args.experiment, "runs": [_document(run) for run in runs]})
+        print_json(
+            {
+                "experiment": args.experiment,
+                "runs": [_document(run) for run in runs],
+                "report": str(report),
+            }
+        )
     return 0
 
 
@@ -129,16 +186,13 @@ def judge_locked_run(
 
 
 @contextmanager
-def _drive(
-    args: argparse.Namespace, directory: Path, pretension_n: float | None
-) -> Iterator[Drive]:
+def _drive(args: argparse.Namespace, directory: Path, setup: Setup) -> Iterator[Drive]:
     if not args.start_rig:
         with connect_drive(args) as drive:
             yield drive
         return
     arguments = ["--target", args.target, "--seed", str(args.seed), "--operator", "locked"]
-    settings = [*([] if pretension_n is None else [f"cable.pretension_n={pretension_n:g}"])]
-    for setting in [*settings, *args.set]:
+    for setting in [*setup.of_rig(), *args.set]:
         arguments += ["--set", setting]
     say("starting the simulated rig in a process of its own")
     with own_rig(bus_options(args), arguments, directory / "rig.log") as drive:
@@ -160,7 +214,7 @@ def _document(run: LockedRun) -> dict[str, object]:
 def _show(runs: list[LockedRun]) -> None:
     from rich.table import Table  # noqa: PLC0415  (as in experiment)
 
-    table = Table("pretension", "motor", "load", "model's load", "efficiency", "gap RMS")
+    table = Table("rig", "motor", "load", "model's load", "efficiency", "gap RMS")
     for run in runs:
         torques = (run.motor_pp_nm, run.load_pp_nm, run.model_load_pp_nm)
         shown = [f"{1e3 * torque:.1f}" for torque in torques]

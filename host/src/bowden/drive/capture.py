@@ -15,6 +15,7 @@ from pathlib import Path
 from bowden.drive.client import Drive
 from bowden.drive.faults import describe_emergency
 from bowden.drive.follow import Follower
+from bowden.drive.position_follower import following_sender
 from bowden.drive.power import Run, powered
 from bowden.drive.provenance import read_layouts, run_metadata, side_file
 from bowden.drive.torque_profile import profile_sender
@@ -137,8 +138,7 @@ class _Session:
         self.ours = [
             drive for drive in drives if run is not None or drive.next_nmt_state() != "OPERATIONAL"
         ]
-        profile = run.profile if run is not None else None
-        self.senders = [profile_sender(drive, profile) for drive in drives] if profile else []
+        self.senders = [_sender(one, run) for one in self.followers] if run is not None else []
         for drive in self.ours:
             drive.nmt("PRE-OPERATIONAL")
         counters = self._counters() if self.triggered else {}
@@ -206,6 +206,15 @@ class _Session:
     def _counters(self) -> dict[int, int]:
         """Read the sample counters of the drives that send for us, by node id."""
         return {drive.node_id: drive.read_raw("sample_counter") for drive in self.ours}
+
+
+def _sender(follower: Follower, run: Run) -> Callable[[float], None]:
+    """Return what commands the drive's torque while it is recorded."""
+    if run.follow is not None:
+        return following_sender(follower.drive, run.follow, follower)
+    if run.profile is not None:
+        return profile_sender(follower.drive, run.profile)
+    return lambda _elapsed_s: None
 
 
 @contextmanager

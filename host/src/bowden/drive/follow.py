@@ -98,6 +98,11 @@ class Follower:
                 return f"{name.replace('_', ' ')} moved by more than {motion_rad:g} rad"
         return None
 
+    @property
+    def angles_rad(self) -> dict[str, float]:
+        """The last angles by entry name (`motor_angle`, `load_angle`), those that came."""
+        return {name: lookup(name).to_value(raw) for name, raw in self._angles.items()}
+
     def new_fault(self) -> str | None:
         """Return a fault that was not there at first, in words; None when there is none."""
         if not self._is_faulty():

@@ -19,6 +19,7 @@ from bowden.drive.meanings import ModeOfOperation
 from bowden.errors import DriveFailed
 
 if TYPE_CHECKING:
+    from bowden.drive.position_follower import FollowLoad
     from bowden.drive.torque_profile import TorqueProfile
 
 HEARTBEAT_TIMEOUT_MS = 1000
@@ -39,11 +40,14 @@ class Run:
         Motor torque in mode TORQUE; the drive approaches it with its slew rate.
     profile : TorqueProfile, optional
         In mode TORQUE, what a recording sends from its first sample on, after `torque_nm`.
+    follow : FollowLoad, optional
+        Instead of a profile: the controller that a recording runs.
     """
 
     mode: ModeOfOperation
     torque_nm: float = 0.0
     profile: TorqueProfile | None = None
+    follow: FollowLoad | None = None
 
 
 #: CiA 402 states: mask and value of the statusword.

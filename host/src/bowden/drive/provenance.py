@@ -120,11 +120,12 @@ def run_metadata(drive: Drive, run: Run | None) -> dict[str, str]:
         return {}
     law = {"compensation": CompensationLaw.word_of(drive.read_raw("compensation_law"))}
     if run.mode is ModeOfOperation.TORQUE:
-        torque = (
-            {"torque_profile": run.profile.name}
-            if run.profile is not None
-            else {"target_torque_nm": f"{run.torque_nm:.9g}"}
-        )
+        if run.follow is not None:
+            torque = {"torque_profile": str(run.follow)}
+        elif run.profile is not None:
+            torque = {"torque_profile": run.profile.name}
+        else:
+            torque = {"target_torque_nm": f"{run.torque_nm:.9g}"}
         return law | {"drive_mode": "torque"} | torque
     return law | {
         "drive_mode": "tunnel",

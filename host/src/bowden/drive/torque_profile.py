@@ -84,6 +84,27 @@ def profile_sender(drive: Drive, profile: TorqueProfile) -> Callable[[float], No
             f"{most_nm:g} N m",
             f"at most {limit_nm:g} N m (bowden od write motor_torque_limit=...)",
         )
+    send_torque = torque_sender(drive)
+    next_s = 0.0
+
+    def send(elapsed_s: float) -> None:
+        nonlocal next_s
+        if elapsed_s < next_s:
+            return
+        next_s = elapsed_s + SEND_EVERY_S
+        send_torque(profile.at(elapsed_s))
+
+    return send
+
+
+def torque_sender(drive: Drive) -> Callable[[float], None]:
+    """Return what sends a motor torque, N m, through RPDO 1.
+
+    Raises
+    ------
+    DriveFailed
+        RPDO 1 is not as the drive comes from power-on.
+    """
     layout = RPDOS[0]
     mapping = [
         drive.read_raw(f"{layout.name}_mapping.object_{place}")
@@ -97,17 +118,12 @@ def profile_sender(drive: Drive, profile: TorqueProfile) -> Callable[[float], No
             "its first RPDO: reset it to its default mapping"
         )
     torque = lookup("target_torque")
-    next_s = 0.0
 
-    def send(elapsed_s: float) -> None:
-        nonlocal next_s
-        if elapsed_s < next_s:
-            return
-        next_s = elapsed_s + SEND_EVERY_S
+    def send(torque_nm: float) -> None:
         raw = {
             "controlword": _ENABLE_OPERATION,
             "mode_of_operation": int(ModeOfOperation.TORQUE),
-            "target_torque": torque.to_raw(profile.at(elapsed_s)),
+            "target_torque": torque.to_raw(torque_nm),
         }
         drive.connection.send(cob_id & 0x7FF, layout.encode(raw))
 
