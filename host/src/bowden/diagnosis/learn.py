@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.hypothesis import FRICTION, Hypothesis, finish, fit_hypothesis
+from bowden.diagnosis.hypothesis import FRICTION, ROUGH, Hypothesis, finish, fit_hypothesis
 from bowden.diagnosis.law_candidates import (
     LawCandidate,
     finer,
@@ -36,6 +36,7 @@ from bowden.recording.recording import Recording
 _Floats = NDArray[np.float64]
 
 PROMISING = 4  # laws that are fitted on top of each parent
+FITTED = 4  # of those, to the end
 ROUNDS = 12  # of Gauss-Newton: a law has many numbers
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
 
@@ -64,11 +65,13 @@ def with_laws(
     tell("looking for a law that no name fits", 0.9)
     searched = as_searched(model)
     tried = [
-        _fitted(material, searched, parent, look)
+        _rough(material, searched, parent, look)
         for parent in _parents(found)
         for look in _promising(material, parent)
     ]
-    laws = [one for one in tried if one is not None]
+    rough = sorted((one for one in tried if one is not None), key=lambda one: one.best.cost)
+    smooth = [_smoothed(material, searched, one) for one in rough[:FITTED]]
+    laws = [one for one in smooth if one is not None]
     if not laws:
         return found
     tell("predicting by learned laws", 0.93)
@@ -108,32 +111,29 @@ def _promising(material: Material, parent: Hypothesis) -> list[Look]:
     return [looks[k] for k in order if gains[k] > 0.0]
 
 
-def _fitted(
+def _rough(
     material: Material, searched: Model, parent: Hypothesis, look: Look
 ) -> Hypothesis | None:
-    """Fit a law on top of a set of effects; then as smooth as the evidence has it."""
+    """Fit a law on top of a set of effects."""
     assert isinstance(look.candidate, LawCandidate)
     law, values = finer(look.candidate, look.values)
     if law.scales_friction:  # on the file's mu, not on what calibration made of it
-        share = parent.model.value("friction.mu_d") / searched.value("friction.mu_d")
+        share = parent.model.value(FRICTION[0]) / searched.value(FRICTION[0])
         values = {name: share * (1.0 + f) - 1.0 for name, f in values.items()}
     known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
-    start = parent.coordinates()
-    first = fit_hypothesis(
-        material, searched, [*known, (law, values)], start, parent.best, rounds=ROUNDS
-    )
-    if first is None:
-        return None
+    effects = [*known, (law, values)]
+    start, like = parent.coordinates(), parent.best
+    return fit_hypothesis(material, searched, effects, start, like, rounds=ROUGH)
+
+
+def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:
+    """Fit a law again, as smooth as the evidence has it."""
+    *known, law = first.effects
+    assert isinstance(law, LawCandidate)
     law = replace(law, bend=_likeliest_bend(first, law))
-    last = len(first.effects) - 1
-    known = [(effect, first.values(i)) for i, effect in enumerate(parent.effects)]
+    effects = [(effect, first.values(i)) for i, effect in enumerate((*known, law))]
     return fit_hypothesis(
-        material,
-        searched,
-        [*known, (law, first.values(last))],
-        first.coordinates(),
-        first.best,
-        rounds=ROUNDS,
+        material, searched, effects, first.coordinates(), first.best, rounds=ROUNDS
     )
 
 
