@@ -6,8 +6,9 @@ Reads model files; everything else is in the commands.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bowden.errors import BadInput
 
@@ -20,6 +21,36 @@ MODES = ("torque-position", "position-torque", "position-position")
 def add_model_argument(parser: argparse.ArgumentParser) -> None:
     """Add the positional model file."""
     parser.add_argument("model", metavar="MODEL", type=Path, help="model file (YAML)")
+    parser.add_argument(
+        "--effects",
+        metavar="FILE.py",
+        action=_OwnEffects,
+        help="effects of your own, listed in EFFECTS; runs the code of that file",
+    )
+
+
+class _OwnEffects(argparse.Action):
+    """Adds the effects of a file to the catalogue."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        option_string: str | None = None,
+    ) -> None:
+        """Run the file."""
+        from bowden.model import ModelError  # noqa: PLC0415  (keeps --help fast)
+        from bowden.model.effects import CATALOGUE  # noqa: PLC0415
+        from bowden.model.effects.own import add_to, effects_in  # noqa: PLC0415
+
+        del parser, option_string
+        path = Path(str(values))
+        try:
+            add_to(CATALOGUE, effects_in(path), str(path))
+        except ModelError as error:
+            raise argparse.ArgumentError(self, str(error)) from error
+        setattr(namespace, self.dest, path)
 
 
 def add_mode_argument(parser: argparse.ArgumentParser, *, required: bool = False) -> None:

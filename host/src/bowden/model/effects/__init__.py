@@ -33,6 +33,7 @@ from bowden.model.effects import (
 )
 from bowden.model.effects.effect import Channel, Effect, Parameter, Variant
 from bowden.model.effects.learned import LEARNED, Table, law_of, table_in
+from bowden.model.effects.own import GROUP, add_to, installed
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
@@ -71,7 +72,8 @@ CATALOGUE: dict[str, Effect] = {
         motor_torque.LAG,
     )
 }
-"""All effects by name, in the order of CONTRACTS."""
+"""All effects by name, in the order of CONTRACTS, then those of installed packages."""
+add_to(CATALOGUE, installed(), f"entry points {GROUP}")
 
 __all__ = [
     "CATALOGUE",
