@@ -105,8 +105,8 @@ endef
 setup: $(VENV)/.ready
 
 $(VENV)/.ready: requirements.lock host/pyproject.toml rig/pyproject.toml pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
-	    echo "bowden: found $$($(PYTHON) --version 2>&1); accepted: Python 3.11 or later (set PYTHON=...)" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || { \
+	    echo "bowden: found $$($(PYTHON) --version 2>&1); accepted: Python 3.11 to 3.13 (set PYTHON=...)" >&2; exit 1; }
 	$(call need,$(PYTHON) -c 'import ensurepip$(comma) venv',python3-venv)
 	$(call need,gcc -E -include stdint.h -include stdio.h -x c /dev/null,gcc libc6-dev)
 	@echo "bowden: making the virtual environment in $(VENV)" >&2

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bowden.drive.capture import record
 from bowden.drive.client import Drive
+from bowden.drive.connection import SHARED_MACHINE
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
 from bowden.drive.watch import Progress
@@ -183,3 +184,20 @@ def test_durations_that_make_no_sense_are_refused(
     with pytest.raises(BadInput, match="--duration"):
         record(drive, tmp_path / "run.blf", duration_s)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_simulated_rig_may_be_without_processor_time_for_seconds(
+    rig: MakeRig, tmp_path: Path
+) -> None:
+    drive, bus = rig()
+    drive.connection.limits = SHARED_MACHINE
+    lost_s = 0.0
+    drive.connection.clock = lambda: bus.time_s + lost_s
+
+    def starve(progress: Progress) -> None:
+        nonlocal lost_s
+        lost_s = 20.0 if progress.samples > 300 else 0.0
+
+    record(drive, tmp_path / "run.blf", 1.0, run=TUNNEL, on_progress=starve)
+    assert lost_s
+    assert read_recording(tmp_path / "run.blf").time_s[-1] >= 0.999

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import can
 from can.cli import add_bus_arguments as add_python_can_arguments
 
-from bowden.drive.connection import Connection
+from bowden.drive.connection import Connection, TimeLimits
 from bowden.errors import BadInput, DriveFailed
 
 DEFAULT_INTERFACE = "udp_multicast"
@@ -95,8 +95,8 @@ def bus_options(args: argparse.Namespace) -> BusOptions:
     return BusOptions(interface, given.get("channel", default_channel), bitrate, further)
 
 
-def open_connection(options: BusOptions) -> Connection:
-    """Open the bus.
+def open_connection(options: BusOptions, limits: TimeLimits | None = None) -> Connection:
+    """Open the bus; `limits` are those of the drives on it.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def open_connection(options: BusOptions) -> Connection:
             f"cannot open the CAN bus ({options.interface}, channel {options.channel}): "
             f"{type(cause).__name__}: {cause}{_hint(options, cause)}"
         ) from error
-    return Connection(bus, adapter=options.adapter())
+    return Connection(bus, adapter=options.adapter(), limits=limits)
 
 
 def _hint(options: BusOptions, cause: BaseException) -> str:

@@ -27,7 +27,6 @@ from bowden.errors import BadInput, DriveFailed
 _ATTEMPTS = 3
 #: Roles of entries whose value may be written twice: writing them does nothing but set them.
 _REPEATABLE = ("config", "calibration")
-_ANSWER_TIMEOUT_S = 0.5
 _HEARTBEAT_S = 0.5
 _DIAGNOSIS_S = 1.2  # longer than any sensible heartbeat period
 _NMT_COMMANDS = {"OPERATIONAL": 1, "STOPPED": 2, "PRE-OPERATIONAL": 128, "RESET": 129}
@@ -66,7 +65,7 @@ class Drive:
         self.connection = connection
         self.node_id = node_id
         network = connection.network
-        self._sdo = Transfers(connection, node_id, _ANSWER_TIMEOUT_S)
+        self._sdo = Transfers(connection, node_id, connection.limits.answer_s)
         self._lock = threading.Lock()
         network.subscribe(0x580 + node_id, self._sdo.on_response)
         network.subscribe(0x700 + node_id, self._on_heartbeat)

@@ -16,6 +16,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import TracebackType
 
 import can
@@ -38,6 +39,32 @@ logging.getLogger("can").addHandler(logging.NullHandler())
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 
+@dataclass(frozen=True)
+class TimeLimits:
+    """How long a drive may take before it counts as not answering, s.
+
+    The defaults fit a drive, which has a processor of its own. A simulated rig shares this machine,
+    which may give it no time for seconds.
+
+    Parameters
+    ----------
+    answer_s : float, s
+        For each answer of an SDO transfer.
+    state_s : float, s
+        For each change of the power state.
+    silence_s : float, s
+        Without any frame of the drive.
+    """
+
+    answer_s: float = 0.5
+    state_s: float = 1.0
+    silence_s: float = 1.0
+
+
+#: For a simulated rig on this machine, which may be thirty times overloaded.
+SHARED_MACHINE = TimeLimits(answer_s=15.0, state_s=30.0, silence_s=30.0)
+
+
 class Connection:
     """One open bus.
 
@@ -51,6 +78,8 @@ class Connection:
         Seconds, increasing; the time in which waiting is measured.
     threaded : bool
         Read the bus in a thread of its own (True), or only when `receive` is called.
+    limits : TimeLimits
+        Of the drives on this bus.
 
     Attributes
     ----------
@@ -67,10 +96,12 @@ class Connection:
         adapter: dict[str, str] | None = None,
         clock: Callable[[], float] = time.monotonic,
         threaded: bool = True,
+        limits: TimeLimits | None = None,
     ) -> None:
         self.bus = bus
         self.adapter = adapter or {}
         self.clock = clock
+        self.limits = limits or TimeLimits()
         self.network = canopen.Network(bus)
         self._heard: dict[int, float] = {}
         self._errors = 0

@@ -16,7 +16,6 @@ from bowden.drive.faults import describe_emergency
 from bowden.drive.power import is_fault, power_state
 from bowden.errors import DriveFailed
 
-_VANISHED_S = 1.0
 _EMERGENCY_FOLLOWS_S = 0.05
 _ANGLES = ("load_angle", "motor_angle")
 
@@ -132,8 +131,9 @@ class Follower:
             statusword = self.last.get("statusword") if self.last else None
             if statusword is not None and (state := power_state(statusword)) != "operation enabled":
                 raise DriveFailed(f"{node} has left 'operation enabled' for {state!r}")
-        if self._clock() - self._last_at <= _VANISHED_S:
+        limit_s = drive.connection.limits.silence_s
+        if self._clock() - self._last_at <= limit_s:
             return
-        if drive.connection.silence_s(drive.node_id) <= _VANISHED_S:
+        if drive.connection.silence_s(drive.node_id) <= limit_s:
             raise DriveFailed(f"{node} sends no samples any more (NMT {drive.nmt_state.lower()})")
-        raise DriveFailed(f"{node} has vanished: nothing from it for {_VANISHED_S:g} s")
+        raise DriveFailed(f"{node} has vanished: nothing from it for {limit_s:g} s")

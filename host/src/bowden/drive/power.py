@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from bowden.drive.torque_profile import TorqueProfile
 
 HEARTBEAT_TIMEOUT_MS = 1000
-_STEP_TIMEOUT_S = 1.0
 _ANSWERS_OUT_S = 0.02
 _SILENT_S = 0.3
 _FAULT_BIT = 0x0008
@@ -199,7 +198,7 @@ def _step(drive: Drive, controlword: int, wanted: str) -> None:
 def _wait_for(drive: Drive, reached: Callable[[str], bool]) -> str:
     """Read the state until it is `reached` or time is over; return the last one."""
     clock = drive.connection.clock
-    deadline = clock() + _STEP_TIMEOUT_S
+    deadline = clock() + drive.connection.limits.state_s
     while True:
         state = power_state(drive.read_raw("statusword"))
         if reached(state) or clock() >= deadline:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from bowden.drive.bus_options import DEFAULT_INTERFACE, BusOptions, open_connection
 from bowden.drive.client import Drive
-from bowden.drive.connection import Connection
+from bowden.drive.connection import SHARED_MACHINE, Connection
 from bowden.drive.dictionary import DEFAULT_NODE_ID
 from bowden.drive.scan import scan
 from bowden.errors import BadInput, DriveFailed
@@ -51,7 +51,7 @@ def own_rig(options: BusOptions, rig_arguments: Sequence[str], log_path: Path) -
     """
     options = _own_bus(options)
     with (
-        open_connection(options) as connection,
+        open_connection(options, SHARED_MACHINE) as connection,
         _process(options, rig_arguments, log_path) as process,
     ):
         drive = Drive(connection, _find(connection, process, log_path))
@@ -84,6 +84,8 @@ def _find(connection: Connection, process: subprocess.Popen[bytes], log_path: Pa
             raise DriveFailed(f"the simulated rig is silent; its log is {log_path}")
         connection.listen(0.1)
     nodes = scan(connection)
+    while not nodes and time.monotonic() <= deadline:  # busy: its answers are late
+        nodes = scan(connection)
     if len(nodes) != 1:
         found = ", ".join(str(node.node_id) for node in nodes) or "none"
         raise DriveFailed(f"found nodes {found} on the bus where only this command's rig should be")

@@ -62,7 +62,9 @@ class Calibration:
         names = [one.quantity for one in self.held_out]
         for gap in self.held_out:
             if gap.noise_floor == 0.0:
-                found.append(f"{gap.quantity}: not recorded, so only the other channel is fitted.")
+                found.append(
+                    f"{gap.quantity}: no held-out gap: not recorded, constant, or too short."
+                )
         for name, size in zip(names, self.posterior.discrepancy, strict=True):
             if not self.posterior.holds and size == max(self.posterior.discrepancy):
                 found.append(

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.errors import BadInput
 from bowden.model import Mode
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import EDGE_NOISE, Estimates
@@ -75,6 +76,11 @@ def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observati
     estimates : Estimates
         Of its channels: which are quantised, how noisy each is, the path behind the counts.
     mode : Mode
+
+    Raises
+    ------
+    BadInput
+        Nothing that the mode predicts changes.
     """
     time_s = recording.time_s
     pieces = []
@@ -83,6 +89,8 @@ def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observati
             continue
         values = recording[name]
         one = estimates.channels[name]
+        if not np.ptp(values) and not one.noise:
+            continue  # how well it is known cannot be told
         if one.quantum is not None and one.noise < 0.5 * one.quantum:
             found = _at_edges(time_s, values, estimates.recording[name], one.quantum)
         else:
@@ -92,6 +100,10 @@ def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observati
         at, measured, sigma, way = found
         least = LEAST_SHARE * max(float(np.ptp(values)), 1e-9)
         pieces.append((at, measured, np.hypot(sigma, least), np.full(at.size, number), way))
+    if not pieces:
+        raise BadInput(
+            recording.source, f"no change in {' or '.join(PREDICTED[mode])}", "a channel that moves"
+        )
     columns = [np.concatenate(column) for column in zip(*pieces, strict=True)]
     row_time_s = columns[0]
     edges = _block_edges(estimates.recording)

@@ -59,7 +59,7 @@ def check_time_base(one: Recording, name: str) -> Iterator[Finding]:
         yield Finding(
             "gap",
             f"{name}, time_s",
-            f"{len(gaps)} gaps, {missing:.3g} s in all, longest "
+            f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, {missing:.3g} s in all, longest "
             f"{max(length for _, length in gaps):.3g} s",
             "none: what friction remembers across a gap is a guess",
             "stop" if missing > GAP_SHARE * duration else "warn",
