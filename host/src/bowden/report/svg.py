@@ -371,7 +371,9 @@ def _titles(plot: go.Figure, axes: dict[str, Axis], width: float) -> list[str]:
             at = min(middle_x, width - 4 - 3.4 * len(shown)) if len(shown) > room else middle_x
             parts.append(_text("", at, y.start_px + 38, shown, "middle"))
         if title := layout_of(plot, y_name).title.text:
-            at = 16.0 if not y.categories else 14.0
+            # As far from its own panel as the first title is from the first panel.
+            leftmost = min(one.start_px for name, one in axes.items() if name[0] == "x")
+            at = (16.0 if not y.categories else 14.0) + x.start_px - leftmost
             place = f'transform="translate({at:g} {middle_y:.1f}) rotate(-90)"'
             parts.append(f'<text {place} text-anchor="middle">{escape(title)}</text>')
     for note in plot.layout.annotations:
