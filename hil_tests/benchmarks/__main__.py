@@ -11,7 +11,15 @@ from pathlib import Path
 
 from bowden.recording.atomic import replace_whole
 
-from hil_tests.benchmarks import bench_speed, board, first_call, model_speed, newton_tendon, render
+from hil_tests.benchmarks import (
+    bench_speed,
+    board,
+    first_call,
+    lab_day,
+    model_speed,
+    newton_tendon,
+    render,
+)
 from hil_tests.benchmarks.measurement import Figure, machine
 
 SUBJECTS: dict[str, Callable[[], list[Figure]]] = {
@@ -19,6 +27,7 @@ SUBJECTS: dict[str, Callable[[], list[Figure]]] = {
     "first_call": first_call.figures,
     "newton": newton_tendon.figures,
     "bench": bench_speed.figures,
+    "lab_day": lab_day.figures,
     "board": board.figures,
     "render": render.figures,
 }
