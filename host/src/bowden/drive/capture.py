@@ -16,7 +16,7 @@ from bowden.drive.client import Drive
 from bowden.drive.faults import describe_emergency
 from bowden.drive.follow import Follower
 from bowden.drive.position_follower import following_sender
-from bowden.drive.power import Run, powered
+from bowden.drive.power import Run, powered, require_unused
 from bowden.drive.provenance import read_layouts, run_metadata, side_file
 from bowden.drive.torque_profile import profile_sender
 from bowden.drive.watch import Progress, Request, Span, Watch
@@ -131,6 +131,9 @@ class _Session:
         self.drives, self.path, self.span, self.run = drives, path, span, run
         self.triggered = span.start_on_motion_rad is None
         self.ended = "duration over"
+        if run is not None:
+            for drive in drives:
+                require_unused(drive)
         layouts = [read_layouts(drive) for drive in drives]
         self.followers = [Follower(drive, one) for drive, one in zip(drives, layouts, strict=True)]
         side = side_file(drives, layouts, {**metadata, **run_metadata(drives[0], run)})

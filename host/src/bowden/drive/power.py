@@ -80,6 +80,21 @@ def is_fault(statusword: int) -> bool:
     return bool(statusword & _FAULT_BIT)
 
 
+def require_unused(drive: Drive) -> None:
+    """Refuse a drive that another program runs, before anything that would stop its motion.
+
+    Raises
+    ------
+    DriveFailed
+        Its bridge is on.
+    """
+    if (state := power_state(drive.read_raw("statusword"))) in BRIDGE_ON:
+        raise DriveFailed(
+            f"node {drive.node_id} is in {state!r}: another program runs it; end that first "
+            "(or `bowden stop`)"
+        )
+
+
 @contextmanager
 def powered(drive: Drive, run: Run) -> Iterator[None]:
     """Turn the bridge on for the ``with`` block, and safely off at its end, however it ends.
@@ -99,12 +114,7 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
         Another program runs the drive, a fault that cannot be reset, a configuration that cannot
         run, or a step not taken.
     """
-    # Before anything that would stop it at the end: that motion is somebody else's.
-    if (state := power_state(drive.read_raw("statusword"))) in BRIDGE_ON:
-        raise DriveFailed(
-            f"node {drive.node_id} is in {state!r}: another program runs it; end that first "
-            "(or `bowden stop`)"
-        )
+    require_unused(drive)
     heartbeat_before = drive.read_raw("consumer_heartbeat.1")
     try:
         enable(drive, run)

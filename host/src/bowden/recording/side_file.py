@@ -6,6 +6,7 @@ that a capture can be read long after the object dictionary has moved on, and wi
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
@@ -153,7 +154,9 @@ def read_side_file(capture: Path) -> SideFile:
     """
     path = side_path(capture)
     try:
-        return SideFile.model_validate_json(path.read_bytes())
+        text = path.read_bytes()
+        _refuse_later(path, text)
+        return SideFile.model_validate_json(text)
     except OSError as error:
         raise BadInput(
             str(capture), f"no side file {path.name}", "a capture with its side file beside it"
@@ -163,6 +166,18 @@ def read_side_file(capture: Path) -> SideFile:
             f"{'.'.join(map(str, item['loc'])) or 'file'}: {item['msg']}" for item in error.errors()
         )
         raise BadInput(str(path), problems, "the side file as the recorder wrote it") from error
+
+
+def _refuse_later(path: Path, text: bytes) -> None:
+    """Say of a file of a later version that it is one, not what else it has that is unknown."""
+    try:
+        tree = json.loads(text)
+    except ValueError:
+        return
+    found = tree.get("format") if isinstance(tree, dict) else None
+    if isinstance(found, int) and found > FORMAT:
+        accepted = f"formats up to {FORMAT}, or a later bowden than this one"
+        raise BadInput(str(path), f"format {found}, of a later bowden", accepted)
 
 
 def write_side_file(capture: Path, side: SideFile) -> None:
