@@ -77,8 +77,9 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
  * cell sees to the rest. Without one, while the load moves, what the observer is sure of, so that
  * it is not pushed; at standstill what it expects, since a motor within its friction moves nothing
  * at all. Less of it when the model is in doubt. */
-static uint32_t friction_share_q16(const compensation_t *compensation, bool cell) {
-    const uint32_t left = LAW_SHARE_ONE - passivity_back_off_q16(&compensation->passivity);
+static uint32_t friction_share_q16(const compensation_t *compensation, bool cell,
+                                   uint32_t back_off_q16) {
+    const uint32_t left = LAW_SHARE_ONE - back_off_q16;
     if (cell) {
         return left;
     }
@@ -102,7 +103,8 @@ static void adapt(compensation_t *compensation, const transmission_t *transmissi
     const int32_t side = side_of(&compensation->estimator);
     const bool slides = side != 0 && compensation->estimator.load_direction == side;
     const bool limited = (compensation->outputs.flags & COMPENSATION_FLAGS_LIMITED) != 0;
-    if (!compensation->settings.adapt || !inputs->load_cell_valid || !slides || limited) {
+    const bool moves = compensation->answer.inertia_unm != 0; /* torque that pulls no cable */
+    if (!compensation->settings.adapt || !inputs->load_cell_valid || !slides || limited || moves) {
         return;
     }
     /* well away from where a cable goes slack, which the levels are still off by */
@@ -129,12 +131,12 @@ static void adapt(compensation_t *compensation, const transmission_t *transmissi
     take_adapted(compensation);
 }
 
-static uint8_t flags_of(const compensation_t *compensation, bool limited) {
+static uint8_t flags_of(const compensation_t *compensation, bool limited, bool owes) {
     uint8_t flags = compensation->answer.flags;
     if (limited) {
         flags |= COMPENSATION_FLAGS_LIMITED;
     }
-    if (passivity_back_off_q16(&compensation->passivity) > 0) {
+    if (owes) {
         flags |= COMPENSATION_FLAGS_DAMPED;
     }
     if (compensation->estimator.confidence < TRUSTED) {
@@ -151,6 +153,7 @@ static void step_laws(compensation_t *compensation, const compensation_inputs_t 
     law_answer_t *answer = &compensation->answer;
     const bool active = inputs->active;
     const compensation_law_t running = active ? inputs->law : COMPENSATION_LAW_NONE;
+    const uint32_t back_off_q16 = passivity_back_off_q16(&compensation->passivity);
     const law_inputs_t told = {
         .wanted_unm = active ? inputs->wanted_unm : 0,
         .naive_unm =
@@ -159,8 +162,9 @@ static void step_laws(compensation_t *compensation, const compensation_inputs_t 
         .error_unm = error_unm,
         .cell = inputs->load_cell_valid,
         .limited = (outputs->flags & COMPENSATION_FLAGS_LIMITED) != 0,
-        .owes = passivity_back_off_q16(&compensation->passivity) > 0,
-        .share_q16 = friction_share_q16(compensation, inputs->load_cell_valid),
+        .owes = back_off_q16 > 0,
+        .given_pj = compensation->passivity.given,
+        .share_q16 = friction_share_q16(compensation, inputs->load_cell_valid, back_off_q16),
         /* without a cell the observer's friction is that of the pair as it is configured */
         .sliding = inputs->load_cell_valid ? &compensation->sliding : &compensation->configured,
         .estimator = &compensation->estimator,
@@ -175,7 +179,8 @@ static void step_laws(compensation_t *compensation, const compensation_inputs_t 
     const int32_t limit = compensation->settings.torque_limit_unm;
     outputs->motor_torque_unm = fixed_clamp(answer->motor_torque_unm, -limit, limit);
     laws_follow(&compensation->laws, running, outputs->motor_torque_unm, &told);
-    outputs->flags = flags_of(compensation, outputs->motor_torque_unm != answer->motor_torque_unm);
+    const bool cut = outputs->motor_torque_unm != answer->motor_torque_unm;
+    outputs->flags = flags_of(compensation, cut, back_off_q16 > 0);
 }
 
 void compensation_step(compensation_t *compensation, transmission_t *transmission,

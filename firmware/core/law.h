@@ -42,6 +42,7 @@ typedef struct {
     bool cell;                    /* the load torque is the cell's */
     bool limited;                 /* the motor's limit cut the last answer */
     bool owes;                    /* the drive has given the load energy: passivity.h */
+    uint64_t given_pj;            /* that energy since the start; wraps: differences tell */
     uint32_t share_q16;           /* of the friction to compensate, LAW_SHARE_ONE for all */
     const sliding_t *sliding;     /* the pair that the law is to assume */
     const estimator_t *estimator; /* after this tick's step */

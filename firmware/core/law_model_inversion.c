@@ -21,7 +21,7 @@ static const struct {
                                by the operator */
     uint32_t back_off_most; /* 2^x, 0 .. 8: 4/3 of the friction; a load that is moved back makes
                                twice that */
-    int32_t late_friction;  /* 1/x of friction, 1 .. 100: what the load feels too much after a
+    int32_t thrown_part;    /* 1/x of friction times backlash, 1 .. 100: what a load is given in a
                                change of direction when friction builds up late */
     int32_t late_windup_q3; /* 2^-3 of windup, 1 .. 64: lead of the motor over the model then;
                                stiffness that is off makes less */
@@ -43,7 +43,7 @@ static const struct {
     .correcting = 2,
     .back_part = 4,
     .back_off_most = 3,
-    .late_friction = 3,
+    .thrown_part = 8,
     .late_windup_q3 = 5,
     .late_most = 2,
     .sure_limit_q3 = 7,
@@ -69,6 +69,7 @@ static const struct {
     {INVERSION_UNKNOWN, EVENT_DIRECTION_FOUND, INVERSION_TURNING},
     {INVERSION_TURNING, EVENT_FRICTION_TURNED, INVERSION_TURNED},
     {INVERSION_TURNED, EVENT_SETTLED, INVERSION_SETTLED},
+    {INVERSION_TURNING, EVENT_REVERSED, INVERSION_TURNING},
     {INVERSION_TURNED, EVENT_REVERSED, INVERSION_TURNING},
     {INVERSION_SETTLED, EVENT_REVERSED, INVERSION_TURNING},
     {INVERSION_TURNED, EVENT_SET_POINT_CHANGED, INVERSION_TURNING},
@@ -108,6 +109,11 @@ law_model_inversion_t law_model_inversion_of(const law_settings_t *settings) {
     const int64_t limit_unm = settings->torque_limit_unm;
     const uint32_t gain_mhz = settings->integral_gain_mhz;
     const uint32_t per_gain = ticks_per_s * 1000u;
+    /* how far the load moves while the friction builds up anew */
+    const int32_t stiffness_unm = sliding->motor_unm_per_rad > 0 ? sliding->motor_unm_per_rad : 1;
+    const int64_t motor_urad = (int64_t)motor_friction_unm * 1000000 / stiffness_unm;
+    const int32_t load_urad =
+        fixed_scale(fixed_saturate(motor_urad, &saturations), motor_per_load, &saturations);
     return (law_model_inversion_t){
         .motor_per_load_torque = motor_per_load,
         /* D = J damping_per_s in 1e-9 N m s; a speed of 1 nm a tick is ticks_per_s / r_nm rad/s */
@@ -117,6 +123,7 @@ law_model_inversion_t law_model_inversion_of(const law_settings_t *settings) {
         .turned_ticks = NUMBERS.turned_lags * (uint32_t)lag_ticks,
         .friction_unm = fixed_clamp(friction_unm, 0, 1 << 30), /* 8/6 of it is still in range */
         .felt_unm = settings->friction_unm / NUMBERS.felt_part,
+        .thrown_pj = (int64_t)friction_unm * load_urad / NUMBERS.thrown_part,
         .rest_band_unm = settings->rest_band_unm,
         .weak = motor_friction_unm > limit_unm * NUMBERS.sure_limit_q3 / 8,
         .move = move_of(lag_ticks, settings->torque_limit_unm,
@@ -165,11 +172,13 @@ static void forget_back_off(law_model_inversion_t *law) {
 }
 
 /* Remembers where a change of direction begins. */
-static void mark_turn(law_model_inversion_t *law, const estimator_t *estimator) {
+static void mark_turn(law_model_inversion_t *law, const law_inputs_t *inputs) {
+    const estimator_t *estimator = inputs->estimator;
     law->turn_ticks = 0;
     law->turn_arc_nm = estimator->mark_nm;
     law->turn_far_nm = estimator->mark_nm;
     law->turn_innovation_nm = estimator->innovation_nm;
+    law->turn_given_pj = inputs->given_pj;
     law->outran = false;
 }
 
@@ -197,13 +206,13 @@ static void follow_set_point(law_model_inversion_t *law, int32_t wanted_unm, boo
 }
 
 /* What is there stays until it is wrong, or the load moves. */
-static void find_direction(law_model_inversion_t *law, const estimator_t *estimator,
+static void find_direction(law_model_inversion_t *law, const law_inputs_t *inputs,
                            int32_t towards) {
-    const int32_t motion = estimator->load_direction;
+    const int32_t motion = inputs->estimator->load_direction;
     law->direction = motion != 0 ? motion : towards;
     if (law->direction != 0) {
         take(law, EVENT_DIRECTION_FOUND);
-        mark_turn(law, estimator);
+        mark_turn(law, inputs);
         law->called_for = false;
     }
 }
@@ -225,25 +234,39 @@ static void watch_turn(law_model_inversion_t *law, const estimator_t *estimator,
     }
 }
 
-/* Turns the slip direction over. Without a stroke of the load or a new set point that costs
- * back-off. */
-static void reverse(law_model_inversion_t *law, const estimator_t *estimator, bool calm,
-                    bool owes) {
+/* Energy that the load has been given since the direction changed. */
+static int64_t given_pj(const law_model_inversion_t *law, const law_inputs_t *inputs) {
+    return (int64_t)(inputs->given_pj - law->turn_given_pj);
+}
+
+/* Does the operator move the load against the slip direction? The motor pulls it the other way, so
+ * it is not the drive, unless the drive has given it the energy to come back. */
+static bool operator_moves_back(const law_model_inversion_t *law, const law_inputs_t *inputs) {
+    return inputs->estimator->load_direction == -law->direction && given_pj(law, inputs) <= 0;
+}
+
+/* Turns the slip direction over. Unless the load moves back, has made a stroke or the set point is
+ * new that costs back-off. */
+static void reverse(law_model_inversion_t *law, const law_inputs_t *inputs, bool calm,
+                    bool moved_back) {
+    const estimator_t *estimator = inputs->estimator;
     uint32_t saturations = 0; /* far travel is far */
     const int32_t travel_nm = fixed_subtract(estimator->mark_nm, law->turn_arc_nm, &saturations);
     const bool stroke = travel_nm * law->direction > estimator->windup_nm / 2;
-    if (calm && stroke && !owes) {
+    if (calm && stroke && !inputs->owes) {
         forget_back_off(law);
-    } else if (!law->called_for && law->back_off < NUMBERS.back_off_most) {
+    } else if (!law->called_for && !moved_back && law->back_off < NUMBERS.back_off_most) {
         law->back_off++;
     }
     law->called_for = false;
     law->direction = -law->direction;
     take(law, EVENT_REVERSED);
-    mark_turn(law, estimator);
+    mark_turn(law, inputs);
 }
 
-static void choose_direction(law_model_inversion_t *law, const law_inputs_t *inputs,
+/* Follows the load that the operator moves back at once, all else when the last change is over.
+ * Says whether a planned move is to turn the friction over. */
+static bool choose_direction(law_model_inversion_t *law, const law_inputs_t *inputs,
                              int32_t wanted_unm, int32_t error_unm) {
     const estimator_t *estimator = inputs->estimator;
     const int32_t motion = estimator->load_direction;
@@ -254,15 +277,18 @@ static void choose_direction(law_model_inversion_t *law, const law_inputs_t *inp
     const int32_t called_unm = law->declined ? 0 : error_unm;
     const int32_t towards = (called_unm > band_unm) - (called_unm < -band_unm);
     if (law->phase == INVERSION_UNKNOWN) {
-        find_direction(law, estimator, towards);
-        return;
+        find_direction(law, inputs, towards);
+        return false;
     }
     watch_turn(law, estimator, error_unm, calm);
-    const bool settled =
-        law->phase == INVERSION_SETTLED || (law->phase == INVERSION_TURNED && motion != 0);
+    const bool moved_back = operator_moves_back(law, inputs);
+    const bool settled = law->phase == INVERSION_SETTLED || moved_back ||
+                         (law->phase == INVERSION_TURNED && motion != 0);
     if (towards == -law->direction && motion != law->direction && settled) {
-        reverse(law, estimator, calm, inputs->owes);
+        reverse(law, inputs, calm, moved_back);
+        return moved_back && inputs->cell && law->late == 0;
     }
+    return false;
 }
 
 /* Does the set point change at once? Not where the motor might bring it but never take it back. */
@@ -283,7 +309,7 @@ static bool set_point_changes(law_model_inversion_t *law, int32_t wanted_unm, in
 
 /* The set point has changed at once: the slip direction is that of the error, as the motor outruns
  * the load. */
-static void take_set_point(law_model_inversion_t *law, const estimator_t *estimator,
+static void take_set_point(law_model_inversion_t *law, const law_inputs_t *inputs,
                            int32_t wanted_unm, int32_t error_unm) {
     const int32_t towards = (error_unm > law->rest_band_unm) - (error_unm < -law->rest_band_unm);
     if (towards != 0) {
@@ -291,16 +317,18 @@ static void take_set_point(law_model_inversion_t *law, const estimator_t *estima
         take(law, EVENT_DIRECTION_FOUND);
     }
     take(law, EVENT_SET_POINT_CHANGED);
-    mark_turn(law, estimator);
+    mark_turn(law, inputs);
     forget_back_off(law);
     law->settled_unm = wanted_unm;
     law->called_for = true;
 }
 
 /* Where friction builds up late it does not hold the motor while the direction changes: the motor
- * runs ahead and pulls the load along. Each such change makes the next ones slower. */
-static void notice_late_friction(law_model_inversion_t *law, const estimator_t *estimator,
-                                 bool cell, int32_t error_unm) {
+ * runs ahead and throws the load. With a cell the energy that the load is given tells: a load that
+ * the operator moves back meanwhile takes none, however large the error. Without, the motor's lead
+ * over the model. Each such change makes the next ones slower. */
+static void notice_late_friction(law_model_inversion_t *law, const law_inputs_t *inputs) {
+    const estimator_t *estimator = inputs->estimator;
     if (law->phase != INVERSION_TURNING || law->outran) {
         return;
     }
@@ -308,9 +336,9 @@ static void notice_late_friction(law_model_inversion_t *law, const estimator_t *
     const int32_t direction = law->direction;
     const int32_t ahead_nm =
         fixed_subtract(estimator->innovation_nm, law->turn_innovation_nm, &saturations);
-    const bool pulls = -direction * error_unm > law->friction_unm / NUMBERS.late_friction;
+    const bool thrown = given_pj(law, inputs) > law->thrown_pj;
     const bool ahead = direction * ahead_nm > estimator->windup_nm / 8 * NUMBERS.late_windup_q3;
-    law->outran = cell ? pulls : ahead;
+    law->outran = inputs->cell ? thrown : ahead;
     if (law->outran && law->late < NUMBERS.late_most) {
         law->late++;
     }
@@ -388,10 +416,10 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
     const int32_t error_unm = fixed_subtract(wanted_unm, inputs->load_torque_unm, &saturations);
     const bool changed = set_point_changes(law, inputs->wanted_unm, error_unm, motion);
     if (changed) {
-        take_set_point(law, estimator, wanted_unm, error_unm);
+        take_set_point(law, inputs, wanted_unm, error_unm);
     }
-    choose_direction(law, inputs, wanted_unm, error_unm);
-    notice_late_friction(law, estimator, inputs->cell, error_unm);
+    const bool moved_back = choose_direction(law, inputs, wanted_unm, error_unm);
+    notice_late_friction(law, inputs);
     const int32_t left_alone_unm = (law->rest_band_unm + law->friction_unm / NUMBERS.rest_band)
                                    << law->back_off;
     law->resting = motion == 0 && magnitude(error_unm) <= left_alone_unm;
@@ -410,7 +438,7 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
         law->phase == INVERSION_UNKNOWN
             ? law->lag_q4_unm[0] / 16
             : fixed_clamp((int32_t)extra_unm, -EXTRA_MOST_UNM, EXTRA_MOST_UNM);
-    if (changed) {
+    if (changed || moved_back) {
         move_start(&law->move, law->held_unm, fixed_add(plain_unm, target_unm, &saturations),
                    sliding_slack_motor_unm(sliding));
     }

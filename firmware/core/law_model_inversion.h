@@ -17,16 +17,18 @@
  *   UNKNOWN            the load moves, or the error leaves its dead band                TURNING
  *   TURNING            8 lags have passed                                               TURNED
  *   TURNED             16 lags have passed                                              SETTLED
+ *   TURNING, TURNED    the load moves back, and the error leaves the dead band          TURNING
  *   TURNED             the load moves, and the error against it leaves the dead band    TURNING
  *   SETTLED            the error against the direction leaves the dead band             TURNING
  *   TURNED, SETTLED    the set point changes by more than the rest band in one tick     TURNING
  *   any                another law gives the torque                                     UNKNOWN
  *
  * Beside it, for the set point: a change at once starts a *move* (move.h), friction and all, in the
- * direction of the error. A motor that is not sure to turn the friction over leaves a load at
- * standstill alone: what it brings, by its momentum or because friction is late, it could never
- * take back. Unless the error is more than it could be wrong by the change is *declined* until the
- * load moves, and the wanted torque given as it is.
+ * direction of the error. So does a load that moves back, where a cell tells when it is enough. A
+ * motor that is not sure to turn the friction over leaves a load at standstill alone: what it
+ * brings, by its momentum or because friction is late, it could never take back. Unless the error
+ * is more than it could be wrong by the change is *declined* until the load moves, and the wanted
+ * torque given as it is.
  *
  * Each direction has a *shift* of the wanted torque, an integral of the load cell's error: what the
  * model's friction is wrong by that way. It stays when the direction changes, and when the cell
@@ -36,14 +38,19 @@
  * friction_observer.h is sure of is compensated while the load moves: overcompensation would push.
  * At standstill it is the friction that is expected: less may not arrive at all.
  *
- * The *back-off* counts changes of direction that neither a stroke of the load nor a new set point
- * has called for: each doubles the dead band, and the next needs half more than what the last one
- * left at standstill; until the operator makes a stroke, moves the load back, however slowly, or
- * the set point changes. A stroke while the passivity observer is owed energy is the drive's own
- * and counts for nothing. So however wrong the model is, the law comes to standstill.
+ * A load that moves against the slip direction is moved by the operator, as the motor pulls it the
+ * other way, unless the drive has given it energy since the last change (passivity.h): the
+ * direction follows at once, however soon that was.
  *
- * Friction that builds up late does not hold the motor while the direction changes: it outruns the
- * model and the load is pulled along. Twice such a change makes all later ones slower.
+ * The *back-off* counts changes of direction that neither the load, by moving back or a stroke, nor
+ * a new set point has called for: each doubles the dead band, and the next needs half more than
+ * what the last one left at standstill; until the operator makes a stroke, moves the load back,
+ * however slowly, or the set point changes. A stroke while the passivity observer is owed energy is
+ * the drive's own and counts for nothing. So however wrong the model is, the law comes to
+ * standstill.
+ *
+ * Friction that builds up late does not hold the motor while the direction changes: the load is
+ * thrown, and given energy by it. Twice such a change makes all later ones slower.
  */
 #ifndef BOWDEN_CORE_LAW_MODEL_INVERSION_H
 #define BOWDEN_CORE_LAW_MODEL_INVERSION_H
@@ -70,6 +77,7 @@ typedef struct {
     uint32_t turned_ticks;         /* from a change of direction to TURNED */
     int32_t friction_unm;          /* at the load, of the sliding pair */
     int32_t felt_unm;              /* of it, that is left to be felt while the load moves */
+    int64_t thrown_pj;             /* given in one change of direction: the load is thrown */
     int32_t rest_band_unm;
     int32_t integral_ticks; /* in which a shift takes up an error; 0: never */
     bool weak;              /* the motor may not be able to turn the friction over */
@@ -82,6 +90,7 @@ typedef struct {
     int32_t turn_arc_nm;        /* where the load was then */
     int32_t turn_far_nm;        /* and how far in the direction it has got */
     int32_t turn_innovation_nm; /* and by how much the motor was ahead of the model */
+    uint64_t turn_given_pj;     /* and what the load had been given */
     bool outran;                /* it has got further ahead than cables with friction let it */
     int32_t late;               /* changes of direction in which it did: 0 .. 2 */
     int32_t settled_unm;        /* the wanted torque that the back-off is for */

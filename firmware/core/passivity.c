@@ -26,7 +26,9 @@ void passivity_step(passivity_t *passivity, int32_t load_arc_nm, int32_t excess_
     passivity->last_arc_nm = load_arc_nm;
     /* 2^62 is added to at most 2^61: no overflow */
     const int64_t most = INT64_C(1) << 61;
-    const int64_t sum = passivity->balance + (int64_t)excess_unm * step_urad;
+    const int64_t step_pj = (int64_t)excess_unm * step_urad;
+    passivity->given += (uint64_t)step_pj;
+    const int64_t sum = passivity->balance + step_pj;
     const int64_t limited = sum > most ? most : sum;
     passivity->balance = limited < passivity->bank ? passivity->bank : limited;
 }

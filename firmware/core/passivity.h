@@ -25,6 +25,7 @@ typedef struct {
     int64_t bank; /* least balance, uN m urad (pJ); <= 0 */
     ratio_t q16_per_1024_pj;
     int64_t balance; /* E, pJ */
+    uint64_t given;  /* the same without a bank, pJ; wraps, differences tell */
     int32_t last_arc_nm;
     bool started;
 } passivity_t;

@@ -229,7 +229,10 @@ def judge(trial: Trial) -> Outcome:
             rows[:, at.MOTOR_ANGLE], HUNTING_COUNTS * 2.0 * math.pi / MOTOR_COUNTS_PER_TURN
         )
     friction_nm = rig.ratio * rig.friction_nm
-    turn_energy = measures.turn_energy(torque, wanted, angle, TURN_BAND_RAD, friction_nm)
+    # while the wanted torque steps it does work of its own: no path is closed
+    turn_energy = 0.0
+    if task.kind != "steps":
+        turn_energy = measures.turn_energy(torque, wanted, angle, TURN_BAND_RAD, friction_nm)
     redriven = nan
     if task.free_from_s < task.duration_s:
         released = round(task.free_from_s * TICKS_PER_S)
