@@ -129,7 +129,7 @@ def _recording(duration_s: float) -> list[Figure]:
     growth = (max(early[len(early) // 2 :]) - early[0]) / 1e6
     side = capture.side
     row = [
-        ("samples", float(side.samples), "1", ""),
+        ("samples", float(side.samples or 0), "1", ""),
         ("frames_lost", float(capture.decoded.frames_lost), "1", "0"),
         ("core_share", worked_s / duration_s, "1", "0.2"),
         ("memory_growth", growth, "MB", "0 a minute"),
