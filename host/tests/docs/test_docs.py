@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
 from collections.abc import Iterator
@@ -97,3 +98,46 @@ def test_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     for body in blocks:
         exec(compile(body, "python.md", "exec"), {})
     assert (tmp_path / "loop.html").stat().st_size > 1000
+
+
+#: A newcomer's questions, as the front page asks them, and what must stand on the page it leads to.
+ANSWERS = {
+    "columns": r"load_torque_nm",
+    "keys": r"pretension_n",
+    "tolerance": r"tolerance",
+    "stop the drive": r"Ctrl-C",
+    "How good": r"without load cell",
+    "verdict": r"named|complete",
+    "compensation law": r"model-inversion",
+    "read, set or save": r"bowden od",
+    "switches the motor off": r"emergency stop",
+    "wire a board": r"encoder",
+    "option X": r"--json",
+    "add an effect": r"effect",
+}
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The generated pages, as the site has them."""
+    spec = importlib.util.spec_from_file_location("reference", ROOT / "docs" / "reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    folder = tmp_path_factory.mktemp("reference")
+    module.write_reference(folder)
+    return folder
+
+
+def test_a_newcomers_questions_are_one_click_from_the_front_page(reference: Path) -> None:
+    front = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([^|]+\?) \| (.+) \|$", front, re.MULTILINE)
+    assert len(rows) >= 10
+    asked = {words: row for words in ANSWERS for row in rows if words in row[0]}
+    assert asked.keys() == ANSWERS.keys()
+    for words, (question, answer) in asked.items():
+        target = LINK.findall(answer)[0][0].partition("#")[0]
+        page = ROOT / "docs" / target
+        page = reference / page.name if page.parent == GENERATED else page
+        assert re.search(ANSWERS[words], page.read_text(encoding="utf-8")), question
