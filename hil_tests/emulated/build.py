@@ -41,7 +41,7 @@ def is_current() -> bool:
     if not LIBRARY.exists():
         return False
     built = LIBRARY.stat().st_mtime_ns
-    return all(path.stat().st_mtime_ns < built for path in SOURCES.glob("*.[ch]"))
+    return all(path.stat().st_mtime_ns < built for path in SOURCES.rglob("*.[ch]"))
 
 
 def build() -> Path:
@@ -68,8 +68,8 @@ def build() -> Path:
 def _compile() -> None:
     unicorn = unicorn_folder()
     temporary = LIBRARY.with_suffix(".new")
-    command = ["gcc", *FLAGS, "-fPIC", "-shared", f"-I{unicorn / 'include'}"]
-    command += sorted(str(path) for path in SOURCES.glob("*.c"))
+    command = ["gcc", *FLAGS, "-fPIC", "-shared", f"-I{unicorn / 'include'}", f"-I{SOURCES}"]
+    command += sorted(str(path) for path in SOURCES.rglob("*.c"))
     command += ["-o", str(temporary), str(unicorn / "lib" / "libunicorn.so.2")]
     command += [f"-Wl,-rpath,{unicorn / 'lib'}", "-lm"]
     try:

@@ -6,7 +6,7 @@
  * page once it has been read: a page of SRAM of which only a part may be read is mapped like a
  * register block, and every access to it is asked for here. Peripherals are asked for in bus.c.
  */
-#include "machine.h"
+#include "core.h"
 
 #include <string.h>
 

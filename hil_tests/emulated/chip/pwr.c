@@ -2,7 +2,7 @@
  *
  * Thresholds are the datasheet's typical falling ones, without hysteresis.
  */
-#include "machine.h"
+#include "chip.h"
 
 enum { CR_PVDE = 1u << 4, CSR_PVDO = 1u << 2, PVD_EXTI_LINE = 16 };
 

@@ -4,7 +4,7 @@
  * requests, escalation, faults while stacking, lock-up. Not modelled: the process stack and
  * floating-point frames (noted when used); tail-chaining and late arrival save cycles only.
  */
-#include "machine.h"
+#include "core.h"
 
 #include <string.h>
 

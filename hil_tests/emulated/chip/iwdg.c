@@ -3,7 +3,7 @@
  * Counts the LSI oscillator in virtual time, in WFI as well and when the core stands still. The
  * real LSI may run at 17..47 kHz; the option lsi_hz tries the ends.
  */
-#include "machine.h"
+#include "chip.h"
 
 enum { KEY_RELOAD = 0xAAAA, KEY_ACCESS = 0x5555, KEY_START = 0xCCCC };
 

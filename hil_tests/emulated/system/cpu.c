@@ -4,7 +4,7 @@
  * experiment: stop from a register access unless that access is to be abandoned (it then runs
  * again; this is how bus faults are made precise here), or keep its default translation buffer.
  */
-#include "machine.h"
+#include "system.h"
 
 #include <stdlib.h>
 #include <string.h>

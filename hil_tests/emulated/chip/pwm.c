@@ -3,7 +3,7 @@
  * RM0090 17.3.9 to 17.3.12 and 17.4.18. Legs of the H-bridge: channel 1 (PA8 and PB13 or PA7),
  * channel 2 (PA9 and PB14 or PB0), gate drivers active high. Break input: PB12 or PA6.
  */
-#include "machine.h"
+#include "chip.h"
 
 enum { MOE = 1u << 15, AOE = 1u << 14, BKP = 1u << 13, BKE = 1u << 12, BIF = 1u << 7 };
 enum { PORT_A, PORT_B, AF_TIM1 = 1 };

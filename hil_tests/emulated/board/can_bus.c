@@ -4,7 +4,7 @@
  * for, a babbling node. A frame occupies the bus for its exact length including stuff bits; at
  * idle the lowest identifier starts. Unless a fault says otherwise every frame is acknowledged.
  */
-#include "machine.h"
+#include "board.h"
 
 enum { LEC_STUFF = 1, LEC_FORM, LEC_ACK, LEC_BIT_RECESSIVE, LEC_BIT_DOMINANT, LEC_CRC };
 enum { ERROR_FRAME_BITS = 14, INTERFRAME_BITS = 3, SUSPEND_BITS = 8 };

@@ -5,7 +5,7 @@
  * nothing but set an error flag, as on the chip: only the MPU can turn it into a fault. An
  * interrupted erase leaves the first half of its sector erased.
  */
-#include "machine.h"
+#include "chip.h"
 
 #include <string.h>
 

@@ -5,7 +5,7 @@
  * say that they open, as after a break. The option frozen_timer_drives is the other reading: they
  * keep driving. Not modelled: SysTick, which really stops.
  */
-#include "machine.h"
+#include "chip.h"
 
 enum { IWDG_STOP = 1u << 12, TIM1_STOP = 1u << 0 };
 

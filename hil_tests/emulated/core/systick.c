@@ -3,7 +3,7 @@
  * DWT_CYCCNT counts executed instructions times the option cycles_per_instruction, plus entry and
  * return of exceptions. It stands still in WFI, as on a chip without a debugger.
  */
-#include "machine.h"
+#include "core.h"
 
 #include <string.h>
 

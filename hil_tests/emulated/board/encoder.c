@@ -5,7 +5,7 @@
  * so a broken wire, swapped pins or a wrong input polarity show as they would on the board. One
  * turn has counts_per_turn such counts; the index line is high in the state that begins a turn.
  */
-#include "machine.h"
+#include "board.h"
 
 static int level_at(const encoder_t *e, int line, int64_t position) {
     if (e->broken[line] >= 0) {

@@ -1,5 +1,5 @@
 /* exti.c: external interrupts (RM0090 chapter 12) and the pin multiplexer of SYSCFG (chapter 9). */
-#include "machine.h"
+#include "chip.h"
 
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /* scs.c: the registers of the system control space, 0xE000E000: NVIC and SCB (PM0214 4.3, 4.4). */
-#include "machine.h"
+#include "core.h"
 
 #include <string.h>
 

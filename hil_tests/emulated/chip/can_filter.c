@@ -1,5 +1,5 @@
 /* can_filter.c: CAN1's 28 filter banks (RM0090 32.7.4): 16- and 32-bit scale, mask and list. */
-#include "machine.h"
+#include "chip.h"
 
 enum { FINIT = 1 };
 

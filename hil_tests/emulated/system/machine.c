@@ -1,5 +1,5 @@
 /* machine.c: one board: power, reset, time, and the bench's windows into memory. */
-#include "machine.h"
+#include "system.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -61,11 +61,6 @@ bool machine_load(machine_t *m, uint32_t address, const uint8_t *data, uint32_t 
     return true;
 }
 
-void request_reset(machine_t *m, uint32_t cause) {
-    m->reset_cause |= cause;
-    m->attention |= ATTENTION_STOP;
-}
-
 void perform_reset(machine_t *m) {
     uint32_t cause = m->reset_cause;
     m->reset_cause = 0;
@@ -121,10 +116,6 @@ int machine_run_until(machine_t *m, double time_us) {
     m->until =
         (tick_t)whole * TICKS_PER_US + (tick_t)llround((time_us - whole) * (double)TICKS_PER_US);
     return cpu_run(m);
-}
-
-uint64_t ticks_to_ns(tick_t ticks) {
-    return ticks / TICKS_PER_US * 1000 + ticks % TICKS_PER_US * 1000 / TICKS_PER_US;
 }
 
 double machine_time_us(const machine_t *m) {

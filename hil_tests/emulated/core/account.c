@@ -3,7 +3,7 @@
  * Inclusive counts everything from entry to return; exclusive leaves out what preempted it. The
  * counts are of whole blocks (exact), in instructions, not in cycles.
  */
-#include "machine.h"
+#include "core.h"
 
 static void add_to_running(machine_t *m, int depth) {
     accounts_t *a = &m->accounts;

@@ -5,22 +5,7 @@
  * instructions, in order of time, and are told the time they were due at, so that what is
  * periodic does not drift by the length of a block.
  */
-#include "machine.h"
-
-static void find_next(machine_t *m) {
-    m->next_event = NEVER;
-    for (int i = 0; i < EVENT_COUNT; i++) {
-        if (m->event_at[i] < m->next_event) {
-            m->next_event = m->event_at[i];
-        }
-    }
-    m->wake_at = m->next_event < m->until ? m->next_event : m->until;
-}
-
-void schedule(machine_t *m, int event, tick_t at) {
-    m->event_at[event] = at;
-    find_next(m);
-}
+#include "system.h"
 
 static void handle(machine_t *m, int event, tick_t at) {
     if (event >= EVENT_TIM && event < EVENT_TIM + TIMERS) {
@@ -51,7 +36,7 @@ void events_run(machine_t *m) {
         }
         m->event_at[event] = NEVER;
         handle(m, event, at);
-        find_next(m);
+        schedule_next(m);
     }
-    find_next(m);
+    schedule_next(m);
 }

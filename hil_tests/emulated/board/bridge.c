@@ -5,7 +5,7 @@
  * shows the mean anyway. With all switches open the current returns through the diodes into the
  * supply and stops at zero.
  */
-#include "machine.h"
+#include "board.h"
 
 #include <math.h>
 

@@ -3,7 +3,7 @@
  * A pin shows what drives it: its output register, else the outside, else its pull resistor. The
  * peripherals ask gpio_is_alternate(): a signal passes only a pin that is configured for it.
  */
-#include "machine.h"
+#include "chip.h"
 
 #include <string.h>
 

@@ -5,7 +5,7 @@
  * encoder.c. Not modelled, and noted when used: DMA, input capture, compare interrupts, slave
  * modes other than the encoder's.
  */
-#include "machine.h"
+#include "chip.h"
 
 #include <string.h>
 

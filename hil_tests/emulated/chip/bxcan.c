@@ -3,7 +3,7 @@
  *
  * Not modelled, and noted when used: loop-back and silent mode, time-triggered mode.
  */
-#include "machine.h"
+#include "chip.h"
 
 #include <string.h>
 

@@ -4,7 +4,7 @@
  * follow from the registers, so a wrong PLL factor makes the emulated program slow or fast just
  * as it would a real one. Limits that are exceeded are noted.
  */
-#include "machine.h"
+#include "chip.h"
 
 #include <string.h>
 

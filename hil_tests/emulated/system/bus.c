@@ -5,10 +5,8 @@
  * and the bridge's description); on AHB it changes its own lanes. A reserved address is a bus
  * fault; a peripheral that exists but is not modelled reads 0 and is noted.
  */
-#include "machine.h"
+#include "system.h"
 
-#include <stdarg.h>
-#include <stdio.h>
 #include <string.h>
 
 enum { AHB1, AHB2, AHB3, APB1, APB2, ALWAYS };
@@ -77,34 +75,6 @@ static const block_t BLOCKS[] = {
 };
 
 static const block_t *block_of[512]; /* by address / 1 KiB; the same for every machine */
-
-static void add_note(machine_t *m, bool is_unmodelled, const char *format, va_list arguments) {
-    char text[sizeof m->notes[0].text];
-    vsnprintf(text, sizeof text, format, arguments);
-    for (int i = 0; i < m->note_count; i++) {
-        if (strcmp(m->notes[i].text, text) == 0) {
-            return;
-        }
-    }
-    if (m->note_count < (int)(sizeof m->notes / sizeof m->notes[0])) {
-        memcpy(m->notes[m->note_count].text, text, sizeof text);
-        m->notes[m->note_count++].is_unmodelled = is_unmodelled;
-    }
-}
-
-void note(machine_t *m, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    add_note(m, false, format, arguments);
-    va_end(arguments);
-}
-
-void unmodelled(machine_t *m, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    add_note(m, true, format, arguments);
-    va_end(arguments);
-}
 
 /* The access is abandoned on its instruction, so the fault is precise. */
 static void access_fault(machine_t *m, int exception, uint32_t cfsr, uint32_t address) {
