@@ -4,7 +4,7 @@
  * Inputs are codes of the 12-bit scale with fractions; noise is added before rounding. Not
  * modelled, and noted when used: DMA, discontinuous and dual mode, automatic injection.
  */
-#include "machine.h"
+#include "chip.h"
 
 #include <math.h>
 #include <string.h>
