@@ -13,7 +13,7 @@ from bowden.errors import BadInput
 from bowden.model import parse_model
 from bowden_rig.rig.parameters import Cable
 
-from .workshop import Fitter, Wiring, open_workshop
+from hil_tests.workshop import Fitter, Wiring, open_workshop
 
 NOMINAL = """
 rig:

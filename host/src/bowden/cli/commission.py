@@ -33,6 +33,7 @@ EXAMPLES = """examples:
 """
 
 EXIT_INTERRUPTED = 130
+_INDENT = (0, 0, 0, 2)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -153,31 +154,44 @@ class Terminal:
 
     def ask(self, title: str, moves: str, todo: str) -> None:
         """Show the step, wait for Enter."""
+        from rich.padding import Padding  # noqa: PLC0415  (keeps --help fast)
+        from rich.text import Text  # noqa: PLC0415
+
         out = console()
         out.print(f"\n[bold]{title}[/]")
         if moves:
             out.print(f"  [bold yellow]will move {moves}[/]")
         else:
             out.print("  the bridge stays off")
-        out.print(f"  {todo}", markup=False, soft_wrap=True)
+        out.print(Padding(Text(todo), _INDENT))
         self._wait("Enter begins, q ends")
 
     def mend(self, fault: str, todo: str) -> None:
         """Name the fault, wait until it is mended."""
         from bowden.commission.job import Declined  # noqa: PLC0415  (keeps --help fast)
 
-        console().print(f"  [bold red]{fault}[/]\n  {todo}, then repeat the step", soft_wrap=True)
+        self.show_fault(fault, todo)
         if self._yes:
             raise Declined
         self._wait("Enter when it is mended, q ends")
 
+    def show_fault(self, fault: str, todo: str) -> None:
+        """Show what is wrong and what to do."""
+        from rich.padding import Padding  # noqa: PLC0415
+
+        text = f"[bold red]{fault}[/]\n{todo}, then repeat the step"
+        console().print(Padding(text, _INDENT))
+
     def tell(self, finding: StepFinding) -> None:
         """Show what was found."""
+        from rich.padding import Padding  # noqa: PLC0415  (keeps --help fast)
+        from rich.text import Text  # noqa: PLC0415
+
         colour = {"as stated": "green", "measured": "green"}.get(finding.verdict, "yellow")
-        console().print(
-            f"  [{colour}]{finding.verdict}[/]  [bold]{finding.what}[/]: {finding.found}",
-            soft_wrap=True,
+        text = Text.assemble(
+            (finding.verdict, colour), "  ", (finding.what, "bold"), f": {finding.found}"
         )
+        console().print(Padding(text, _INDENT))
 
     def _wait(self, choices: str) -> None:
         from bowden.commission.job import Declined  # noqa: PLC0415  (keeps --help fast)

@@ -147,7 +147,7 @@ def find_load_cell(job: Job) -> list[StepFinding]:
         StepFinding.of(
             "load cell gain",
             "corrected" if wrong[0] else "as stated",
-            f"{1e6 * gain.value:.3f} uN m per count, {off:+.2%} of what was stated",
+            f"{1e6 * gain.value:.3f} uN m per count, {off:+.2%} against what was stated",
             gain,
             "N m per count",
         ),

@@ -87,8 +87,8 @@ def find_torque_constant(job: Job) -> list[StepFinding]:
     if not right:
         job.write({"torque_constant": value})
     found = (
-        f"{value:.5f} N m per ampere as the drive reads it, {scale.value - 1.0:+.2%} of what was "
-        "stated; gain of the current sensor and constant of the motor are in it together"
+        f"{value:.5f} N m per ampere as the drive reads it, {scale.value - 1.0:+.2%} against "
+        "what was stated; gain of the current sensor and constant of the motor are in it together"
     )
     number = Measured(value, low, high)
     verdict: Verdict = "as stated" if right else "corrected"
@@ -129,6 +129,7 @@ def find_cables(job: Job) -> list[StepFinding]:
             )
         )
     caveats = list(found.caveats)
+    through = through_torque_nm(job.model)  # of the cables as they are
     if peak < through:
         caveats.append(
             f"{peak:.3g} N m do not get through the pulled cable ({through:.3g} N m would): less "

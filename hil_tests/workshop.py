@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from bowden.commission.state import StepFinding
 from bowden.drive.client import Drive
@@ -46,6 +47,7 @@ class Miswired:
         return getattr(self._target, name)
 
     def tick(self, sensors: Sensors) -> Actuators:
+        """Run the target's tick on what the wiring makes of the sample."""
         w = self._wiring
         cell = sensors.load_cell_counts
         if w.hung_nm is not None:  # the noise of the cell stays: its last bits
@@ -75,6 +77,7 @@ class HeldBench(Bench):
         self._angle = 0.0
 
     def step(self, told: tuple[float, float] | None = None) -> None:  # noqa: ARG002
+        """Let a control period pass with the hand on its way."""
         step = TICK_S / self.swell_s
         self._swell = min(max(self._swell + (step if self.moving else -step), 0.0), 1.0)
         size = self._swell**2 * (3.0 - 2.0 * self._swell)
@@ -102,6 +105,7 @@ class Fitter:
     findings: dict[str, StepFinding] = field(default_factory=dict)
 
     def ask(self, title: str, moves: str, todo: str) -> None:
+        """Do what the step asks for."""
         self.asked.append((title, moves, todo))
         self.bench.moving = False
         self.bus.advance(1.0)
@@ -123,6 +127,7 @@ class Fitter:
         self.bench.moving = True
 
     def mend(self, fault: str, todo: str) -> None:
+        """Swap the wires."""
         self.mended.append(fault)
         if "load encoder" in todo:
             self.wiring.load_encoder *= -1.0
@@ -132,6 +137,7 @@ class Fitter:
             self.wiring.motor_leads *= -1
 
     def tell(self, finding: StepFinding) -> None:
+        """Keep what was found."""
         self.findings[finding.what] = finding
 
 
@@ -144,7 +150,7 @@ def open_workshop(wiring: Wiring, cable: Cable) -> tuple[Drive, VirtualBus, Fitt
         sensing=Sensing(load_cell_noise_nm=5e-3),
     )
     target = Miswired(make_target("native"), wiring, rig.sensing.load_cell_nm_per_count)
-    bench = HeldBench(SimulatedRig(rig), target)
+    bench = HeldBench(SimulatedRig(rig), cast(Target, target))
     bus = VirtualBus(bench)
     connection = Connection(
         bus, adapter={"interface": "virtual"}, clock=lambda: bus.time_s, threaded=False
