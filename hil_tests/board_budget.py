@@ -7,13 +7,19 @@ the chip branches, loads and flash make an instruction take about one and a half
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import can
-from bowden.drive.meanings import CompensationLaw, ModeOfOperation
+from bowden.drive.meanings import (
+    CompensationLaw,
+    ModeOfOperation,
+    TableArgument,
+    TablePlace,
+)
 from bowden_rig.rig.parameters import Operator
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
@@ -45,6 +51,7 @@ class Scenario:
     command: Callable[[Board], None] | None = None  # in every control period
     babbler: can.Message | None = None  # on the bus without a pause
     law: CompensationLaw = CompensationLaw.NONE
+    tables: bool = False  # all eight, with all their knots
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,38 @@ def _reversals(board: Board) -> None:
     torque = 0.4 if int(board.bench.time_s / 0.02) % 2 == 0 else -0.4
     if board.bench.ticks % 80 == 0:
         board.host.write(TARGET_TORQUE, 0, round(1e6 * torque), 3)
+
+
+# Place, argument, direction, repeats, first, span and size of each table: what costs most of each.
+_TABLES: Final = (
+    (TablePlace.FRICTION_FACTOR, TableArgument.LOAD_ANGLE, 1, 0, -800_000, 1_600_000, 200_000),
+    (TablePlace.FRICTION_FACTOR, TableArgument.LOAD_ANGLE, 2, 0, -800_000, 1_600_000, 300_000),
+    (TablePlace.FRICTION_FACTOR, TableArgument.LOAD_SPEED, 0, 0, -9_000_000, 18_000_000, 250_000),
+    (TablePlace.FRICTION_FACTOR, TableArgument.CONDUIT_TEMPERATURE, 0, 0, 0, 80_000, 100_000),
+    (TablePlace.LOAD_TORQUE, TableArgument.LOAD_ANGLE, 0, 0, -800_000, 1_600_000, 100_000),
+    (TablePlace.MOTOR_TORQUE, TableArgument.MOTOR_ANGLE, 0, 1, 0, 897_598, 5_000),
+    (TablePlace.LOAD_ANGLE, TableArgument.LOAD_ANGLE, 0, 1, 0, 6_283_185, 5_000),
+    (TablePlace.MOTOR_GAIN, TableArgument.MOTOR_ANGLE, 0, 1, 0, 6_283_185, 10_000),
+)
+_KNOTS: Final = 33
+
+
+def write_tables(board: Board) -> None:
+    """Write all tables, each a sine."""
+    write = board.host.write
+    for number, table in enumerate(_TABLES, 1):
+        place, argument, direction, repeats, first, span, size = table
+        for knot in range(_KNOTS):
+            value = round(size * math.sin(2.0 * math.pi * knot / (_KNOTS - 1)))
+            write(0x2157 + number, knot + 1, value, 4)
+        write(0x2152, number, argument, 1)
+        write(0x2153, number, direction, 1)
+        write(0x2154, number, repeats, 1)
+        write(0x2155, number, _KNOTS, 1)
+        write(0x2156, number, first, 4)
+        write(0x2157, number, span, 4)
+        write(0x2151, number, place, 1)
+    board.run(SETTLE_S)
 
 
 # The shortest frame that passes the filters.
@@ -92,6 +131,13 @@ SCENARIOS: Final = (
         law=CompensationLaw.MODEL_INVERSION,
     ),
     Scenario(
+        "model inversion, all tables, 40 deg at 2 Hz, bus flood",
+        Operator(motion="sine", frequency_hz=2.0),
+        babbler=_SHORTEST,
+        law=CompensationLaw.MODEL_INVERSION,
+        tables=True,
+    ),
+    Scenario(
         "model inversion, reversals",
         Operator(motion="locked"),
         TORQUE_MODE,
@@ -115,6 +161,8 @@ def measure(scenario: Scenario, duration_s: float = 2.0) -> list[Share]:
     if scenario.law:
         board.host.write(COMPENSATION_LAW, 0, scenario.law, 1)
         board.run(SETTLE_S)
+    if scenario.tables:
+        write_tables(board)
     board.host.enable(scenario.mode)
     board.run(0.1)
     board.chip.set_babbling(scenario.babbler)

@@ -278,8 +278,10 @@ static bool timer_ran_out(const tpdo_t *tpdo, uint32_t now_us) {
 }
 
 static bool is_due(const tpdo_t *tpdo, uint32_t now_us) {
-    const bool inhibited = tpdo->sent && now_us - tpdo->sent_us < tpdo->inhibit_us;
-    return tpdo->map.exists && !inhibited && (tpdo->wanted || timer_ran_out(tpdo, now_us));
+    if (!tpdo->map.exists || !(tpdo->wanted || timer_ran_out(tpdo, now_us))) {
+        return false;
+    }
+    return !tpdo->sent || now_us - tpdo->sent_us >= tpdo->inhibit_us;
 }
 
 bool pdo_due(const pdo_t *pdo, uint32_t now_us) {

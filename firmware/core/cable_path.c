@@ -70,6 +70,18 @@ static void configure_fronts(cable_path_t *path, const segment_t *segment_from_m
     };
 }
 
+/* Each product of a length in um and a curvature in 1e-9/m is
+ * below 2e14; their sum times mu fits when it is in microradians. */
+uint32_t cable_wrap_q24(const cable_settings_t *cable) {
+    uint64_t turned = 0; /* 1e-15 rad */
+    for (uint32_t i = 0; i < cable->segments && i < CABLE_SEGMENTS_MAX; i++) {
+        turned += (uint64_t)cable->segment_length_um[i] * cable->segment_curvature_per_1000km[i];
+    }
+    const uint64_t exponent_ppm = turned / 1000000u * cable->friction_dynamic_ppm / 1000000u;
+    const uint64_t exponent_q24 = exponent_ppm * FIXED_Q24_ONE / 1000000u;
+    return exponent_q24 < CABLE_WRAP_MAX_Q24 ? (uint32_t)exponent_q24 : CABLE_WRAP_MAX_Q24;
+}
+
 static cable_defect_t check_segment(const cable_settings_t *settings, uint8_t index,
                                     uint64_t *wrap_q24) {
     if (settings->segment_length_um[index] == 0) {

@@ -73,6 +73,9 @@ typedef enum {
 /* Checks the settings; the first defect, and the segment it is in (0 when it is in none). */
 cable_defect_t cable_check(const cable_settings_t *settings, uint8_t *segment);
 
+/* The wrap exponent, sum of mu dx/R, at most CABLE_WRAP_MAX_Q24. Any settings. */
+uint32_t cable_wrap_q24(const cable_settings_t *cable);
+
 /* Computes the constants from settings that cable_check() found fine; else *path is not changed and
  * the result is false. Slow, for the configuration only: some thousand instructions a segment. */
 bool cable_configure(cable_path_t *path, const cable_settings_t *settings);

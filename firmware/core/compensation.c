@@ -1,6 +1,8 @@
 /* compensation.c: see compensation.h. */
 #include "compensation.h"
 
+#include <stddef.h>
+
 #define PPM 1000000
 #define TRUSTED 128 /* confidence below which ever less of the friction is compensated */
 
@@ -42,6 +44,11 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
         .passivity = passivity_of(pair->load_pulley_radius_nm, friction_unm),
         .load_motion = load_motion_of(transmission, &sliding, settings->ticks_per_s),
     };
+    estimator_t *estimator = &compensation->estimator;
+    estimator->motor_per_load_torque = compensation->motor_per_load_torque;
+    /* f alone on (O1) of friction_observer.h: half of what it stretches with g = f */
+    estimator->stretch_nm_per_unm = arc_per_motor_torque;
+    estimator->stretch_nm_per_unm.shift++;
     laws_configure(&compensation->laws, &(law_settings_t){
                                             .transmission = transmission,
                                             .sliding = &compensation->configured,
@@ -183,6 +190,19 @@ static void step_laws(compensation_t *compensation, const compensation_inputs_t 
     outputs->flags = flags_of(compensation, cut, back_off_q16 > 0);
 }
 
+/* The factors on the friction, one direction a tick: each takes an exponential. */
+static void take_factors(compensation_t *compensation, const uint32_t *friction_q14) {
+    if (friction_q14 == NULL) {
+        return;
+    }
+    const int32_t sign = compensation->next_sign > 0 ? 1 : -1;
+    compensation->next_sign = -sign;
+    const uint32_t factor_q14 = friction_q14[sign > 0 ? 1 : 0];
+    sliding_set_factor(&compensation->configured, sign, factor_q14);
+    compensation->sliding.factor[sign > 0 ? 1 : 0] =
+        compensation->configured.factor[sign > 0 ? 1 : 0];
+}
+
 void compensation_step(compensation_t *compensation, transmission_t *transmission,
                        const compensation_inputs_t *inputs) {
     compensation_outputs_t *outputs = &compensation->outputs;
@@ -191,6 +211,7 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
     /* what turns the motor's inertia does not pull the cables */
     const int32_t pulls_unm =
         fixed_subtract(inputs->motor_torque_unm, compensation->answer.inertia_unm, &saturations);
+    take_factors(compensation, inputs->friction_q14);
     estimator_step(estimator, transmission,
                    &(estimator_inputs_t){
                        .motor_arc_nm = inputs->motor_arc_nm,
@@ -198,6 +219,7 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
                        .motor_torque_unm = pulls_unm,
                        .load_cell_unm = inputs->load_cell_unm,
                        .load_cell_valid = inputs->load_cell_valid,
+                       .friction_q14 = inputs->friction_q14,
                    });
     adapt(compensation, transmission, inputs);
     friction_observer_step(&compensation->observer,

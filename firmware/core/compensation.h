@@ -53,6 +53,8 @@ typedef struct {
     int32_t load_arc_nm;
     int32_t motor_torque_unm; /* measured */
     int32_t load_cell_unm;    /* by the cables on the load; any value while not valid */
+    const uint32_t
+        *friction_q14; /* [2], of the model's, by direction (tables.h); NULL: it is one */
 } compensation_inputs_t;
 
 typedef struct {
@@ -85,6 +87,7 @@ typedef struct {
     load_motion_t load_motion;
     laws_t laws;
     law_answer_t answer; /* of the last tick */
+    int32_t next_sign;   /* direction whose factor on the friction is next */
 } compensation_t;
 
 /* Computes the constants from a configured transmission, and starts at standstill. Slow: not in a

@@ -4,18 +4,6 @@
 /* The envelope of the torque falls with a time constant of 128 ticks, 32 ms. */
 #define ENVELOPE_SHIFT 7
 
-/* The wrap exponent, sum of mu dx/R. Each product of a length in um and a curvature in 1e-9/m is
- * below 2e14; their sum times mu fits when it is in microradians. */
-static uint32_t wrap_q24(const cable_settings_t *cable) {
-    uint64_t turned = 0; /* 1e-15 rad */
-    for (uint32_t i = 0; i < cable->segments && i < CABLE_SEGMENTS_MAX; i++) {
-        turned += (uint64_t)cable->segment_length_um[i] * cable->segment_curvature_per_1000km[i];
-    }
-    const uint64_t exponent_ppm = turned / 1000000u * cable->friction_dynamic_ppm / 1000000u;
-    const uint64_t exponent_q24 = exponent_ppm * FIXED_Q24_ONE / 1000000u;
-    return exponent_q24 < CABLE_WRAP_MAX_Q24 ? (uint32_t)exponent_q24 : CABLE_WRAP_MAX_Q24;
-}
-
 static ratio_t q31(uint64_t numerator_q31) {
     return ratio_of(numerator_q31, FIXED_Q31_ONE);
 }
@@ -27,7 +15,7 @@ void ends_configure(ends_t *ends, const cable_settings_t *cable, uint32_t motor_
     for (uint32_t i = 0; i < cable->segments && i < CABLE_SEGMENTS_MAX; i++) {
         length_um += cable->segment_length_um[i];
     }
-    const uint32_t m = wrap_q24(cable);
+    const uint32_t m = cable_wrap_q24(cable);
     const uint32_t falls = fixed_exp_minus(m); /* e^-m; at least e^-8 */
     const ratio_t compliance = ratio_of(length_um, cable->axial_stiffness_mn); /* nm per uN */
     const ratio_t force = ratio_of(1000000000u, motor_pulley_radius_nm);       /* uN per uN m */

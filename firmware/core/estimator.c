@@ -2,6 +2,8 @@
  * motion gives mirrored results. */
 #include "estimator.h"
 
+#include <stddef.h>
+
 #define DIRECTION_COUNTS 3     /* travel of the load that makes a direction ... */
 #define DIRECTION_FORGOTTEN 50 /* ... which is forgotten 1/50 s after the last such travel */
 #define GAP_SPEED_TICKS 8      /* time constant; an encoder count spread over 2 ms */
@@ -70,6 +72,34 @@ static int32_t doubt(int32_t disagreement, ratio_t doubt_per_unit) {
     return fixed_clamp(fixed_scale(magnitude(size), doubt_per_unit, &saturations), 0, 255);
 }
 
+#define ONE_Q14 16384u
+#define CARRIED_TICKS 4 /* keeps the loop through the model stable down to a factor of 1/8 */
+
+/* The torque that the model takes for the true one. */
+static int32_t torque_for_model(const estimator_t *estimator, const estimator_inputs_t *inputs) {
+    const int32_t torque_unm = inputs->motor_torque_unm;
+    uint32_t saturations = 0; /* torques are far from the range */
+    if (inputs->friction_q14 == NULL) {
+        return torque_unm;
+    }
+    const int32_t taken_unm = fixed_subtract(torque_unm, estimator->carried_unm, &saturations);
+    const uint32_t factor_q14 = inputs->friction_q14[taken_unm > 0 ? 1 : 0];
+    if (factor_q14 == ONE_Q14 || factor_q14 == 0) {
+        return torque_unm;
+    }
+    const int64_t inverse_q14 = ONE_Q14 * ONE_Q14 / factor_q14;
+    const int32_t by_model_unm =
+        fixed_saturate(taken_unm * inverse_q14 / (int32_t)ONE_Q14, &saturations);
+    return fixed_add(estimator->carried_unm, by_model_unm, &saturations);
+}
+
+static void follow_carried(estimator_t *estimator, int32_t model_unm) {
+    uint32_t saturations = 0; /* torques are far from the range */
+    const int32_t arrives_unm =
+        fixed_scale(model_unm, estimator->motor_per_load_torque, &saturations);
+    estimator->carried_unm += (arrives_unm - estimator->carried_unm) / CARRIED_TICKS;
+}
+
 void estimator_step(estimator_t *estimator, transmission_t *transmission,
                     const estimator_inputs_t *inputs) {
     uint32_t *saturations = &transmission->saturations;
@@ -80,7 +110,9 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
         estimator->last_gap_nm =
             fixed_subtract(inputs->motor_arc_nm, inputs->load_arc_nm, &ignored);
     }
-    transmission_step_torque(transmission, inputs->motor_torque_unm, inputs->load_arc_nm);
+    const int32_t torque_unm = torque_for_model(estimator, inputs);
+    const int32_t extra_unm = fixed_subtract(inputs->motor_torque_unm, torque_unm, &ignored);
+    transmission_step_torque(transmission, torque_unm, inputs->load_arc_nm);
     follow_direction(estimator, inputs->load_arc_nm);
     follow_gap(estimator, inputs);
     estimator->slip = slip_of(transmission);
@@ -89,7 +121,15 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
         estimator->slid[SLIP_STATE_POSITIVE] && estimator->slid[SLIP_STATE_NEGATIVE];
     estimator->innovation_nm =
         fixed_subtract(inputs->motor_arc_nm, transmission->motor.arc_nm, &ignored);
+    if (extra_unm != 0) {
+        estimator->innovation_nm = fixed_subtract(
+            estimator->innovation_nm,
+            fixed_scale(extra_unm, estimator->stretch_nm_per_unm, &ignored), &ignored);
+    }
     const int32_t model_unm = transmission_load_torque_unm(transmission);
+    if (inputs->friction_q14 != NULL) {
+        follow_carried(estimator, model_unm);
+    }
     const int32_t gap_nm =
         fixed_subtract(transmission->motor.arc_nm, transmission->load.arc_nm, &ignored);
     const int32_t off_nm = magnitude(estimator->innovation_nm) - magnitude(gap_nm) / SANE_PART;

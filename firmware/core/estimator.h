@@ -8,6 +8,11 @@
  * then checks the model: *innovation* is where the motor is, less where the model has it. The load
  * cell corrects the estimated load torque, slowly enough that the model's fast part stays.
  *
+ * Where friction is other than the model's by a factor phi (tables.h), of the motor torque f and
+ * the part g/rho that arrives, f - g/rho is what friction takes. The model is given g/rho + (f -
+ * g/rho) / phi, so that its friction takes as much as the true one does, whether the cables slide
+ * or turn over; its motor then stands back by the stretch of the difference.
+ *
  * A reversal at the load counts when it is larger than the encoder's dither (transmission.h,
  * load_dead_band_nm) and then counts in full. Direction and speed here are for the laws: direction
  * is 0 unless the load has just gone some counts one way.
@@ -28,6 +33,8 @@ typedef struct {
     int32_t motor_torque_unm; /* that pulls the cables: without what turns the motor's inertia */
     int32_t load_cell_unm;
     bool load_cell_valid;
+    const uint32_t
+        *friction_q14; /* [2], of the model's, by direction (tables.h); NULL: it is one */
 } estimator_inputs_t;
 
 typedef struct {
@@ -38,6 +45,9 @@ typedef struct {
     /* what a disagreement takes of the confidence: half of it at `tolerance_nm`, beyond a quarter
      * of the model's stretch, and at `tolerance_unm` */
     ratio_t doubt_per_nm, doubt_per_unm;
+    ratio_t motor_per_load_torque;
+    ratio_t
+        stretch_nm_per_unm; /* motor arc that a torque at the motor alone stretches the pair by */
     /* result */
     int32_t load_torque_unm; /* by the cables on the load */
     int32_t innovation_nm;
@@ -54,6 +64,7 @@ typedef struct {
     uint32_t mark_age;
     int32_t last_gap_nm;
     int32_t gap_speed_q8_nm;
+    int32_t carried_unm; /* what of the motor torque the model brings to the load, filtered */
     bool started;
     bool slid[3]; /* by slip_state_t: has been */
 } estimator_t;

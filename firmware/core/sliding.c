@@ -2,6 +2,8 @@
 #include "sliding.h"
 
 #define ONE_Q16 65536
+#define ONE_Q14 16384u
+#define NEAR_Q24 ((int32_t)FIXED_Q24_ONE / 16)
 
 /* Motor forces between which both cables keep the floor tension at their slackest ends: the
  * released one at the motor, T_b = (2 S - C_p f) / (C_p + C_r), the pulled one at the load. */
@@ -38,7 +40,16 @@ sliding_t sliding_of(const transmission_t *transmission, int32_t slack_floor_un)
         fixed_scale(twice_nm, ratio_multiply(pull->tension, per_alpha), &saturations);
     const ratio_t stiffness = ratio_add(pull->stiffness, release->stiffness);
     const ratio_t unm_per_nm = ratio_multiply(stiffness, transmission->motor_torque_per_force);
+    const sliding_factor_t one = {
+        .q14 = ONE_Q14,
+        .base_q14 = ONE_Q14,
+        .fall = pull->tension,
+        .rise = release->tension,
+        .fall_q24 = (int32_t)FIXED_Q24_ONE,
+        .rise_q24 = (int32_t)FIXED_Q24_ONE,
+    };
     sliding_t sliding = {
+        .factor = {one, one},
         .force_per_load_torque = ratio_reciprocal(transmission->load_torque_per_force),
         .motor_torque_per_force = transmission->motor_torque_per_force,
         .fall = pull->tension,
@@ -61,12 +72,56 @@ sliding_t sliding_of(const transmission_t *transmission, int32_t slack_floor_un)
     return sliding;
 }
 
+void sliding_set_factor(sliding_t *sliding, int32_t sign, uint32_t factor_q14) {
+    sliding_factor_t *factor = &sliding->factor[sign > 0 ? 1 : 0];
+    if (factor->q14 == factor_q14) {
+        return;
+    }
+    factor->q14 = factor_q14;
+    const int64_t away_q24 = (int64_t)sliding->wrap_q24 *
+                             ((int32_t)factor_q14 - (int32_t)factor->base_q14) / (int32_t)ONE_Q14;
+    if (away_q24 < NEAR_Q24 && away_q24 > -NEAR_Q24) { /* exp(x) = 1 + x + x^2/2, within 4e-5 */
+        const int32_t x = (int32_t)away_q24;
+        const int32_t half_square = (int32_t)((int64_t)x * x / (2 * (int64_t)FIXED_Q24_ONE));
+        factor->rise_q24 = (int32_t)FIXED_Q24_ONE + x + half_square;
+        factor->fall_q24 = (int32_t)FIXED_Q24_ONE - x + half_square;
+        return;
+    }
+    factor->base_q14 = factor_q14;
+    factor->rise_q24 = (int32_t)FIXED_Q24_ONE;
+    factor->fall_q24 = (int32_t)FIXED_Q24_ONE;
+    const uint32_t wrap_q24 = (uint32_t)((uint64_t)sliding->wrap_q24 * factor_q14 / ONE_Q14);
+    const uint32_t most_q24 = CABLE_WRAP_MAX_Q24;
+    factor->fall =
+        ratio_of(fixed_exp_minus(wrap_q24 < most_q24 ? wrap_q24 : most_q24), FIXED_Q31_ONE);
+    factor->rise = ratio_reciprocal(factor->fall);
+}
+
+/* Motor force of (S1) to (S3) with a factor on the friction. */
+static int32_t with_factor_un(const sliding_t *sliding, const sliding_factor_t *factor,
+                              int32_t load_un) {
+    uint32_t saturations = 0; /* the motor's limit is far below */
+    const int32_t friction_un =
+        fixed_saturate((int64_t)sliding->friction_un * factor->q14 / ONE_Q14, &saturations);
+    const int32_t taut_un = fixed_add(fixed_scale(load_un, sliding->inverse_alpha, &saturations),
+                                      friction_un, &saturations);
+    const bool rises = load_un > 0;
+    const int32_t base_un = fixed_scale(load_un, rises ? factor->rise : factor->fall, &saturations);
+    const int32_t slack_un = fixed_saturate(
+        (int64_t)base_un * (rises ? factor->rise_q24 : factor->fall_q24) / (int32_t)FIXED_Q24_ONE,
+        &saturations);
+    return taut_un > slack_un ? taut_un : slack_un;
+}
+
 int32_t sliding_motor_torque_unm(const sliding_t *sliding, int32_t load_torque_unm, int32_t sign) {
     uint32_t saturations = 0; /* the motor's limit is far below */
     const int32_t load_un =
         sign * fixed_scale(load_torque_unm, sliding->force_per_load_torque, &saturations);
+    const sliding_factor_t *factor = &sliding->factor[sign > 0 ? 1 : 0];
     int32_t motor_un;
-    if (load_un > sliding->slack_b_above_un) {
+    if (factor->q14 != ONE_Q14) {
+        motor_un = with_factor_un(sliding, factor, load_un);
+    } else if (load_un > sliding->slack_b_above_un) {
         motor_un = fixed_scale(load_un, sliding->rise, &saturations);
     } else if (load_un < sliding->slack_a_below_un) {
         motor_un = fixed_scale(load_un, sliding->fall, &saturations);

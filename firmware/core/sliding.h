@@ -13,6 +13,9 @@
  *   (S2)  b slack       f = exp(m) g      above g = exp(-m) 2 S / C_p
  *   (S3)  a slack       f = exp(-m) g     below g = -exp(m) 2 S / C_r
  *
+ * With a factor on the friction beta and m are multiplied by it. No slack points are needed then:
+ * f is the largest of the three, since (S2) is the steepest and (S3) the flattest line.
+ *
  * Motion for negative angles is the mirror image. Three segments of one broken line: no model step
  * is needed to invert it. Pure.
  */
@@ -25,7 +28,16 @@
 #include "fixed.h"
 #include "transmission.h"
 
+/* Friction that is other than the pair's by a factor, in one direction. */
 typedef struct {
+    uint32_t q14;               /* 16384: it is the pair's own */
+    uint32_t base_q14;          /* the factor near it that `fall` and `rise` are of */
+    ratio_t fall, rise;         /* exp(-m), exp(m) with that */
+    int32_t fall_q24, rise_q24; /* from there to this factor */
+} sliding_factor_t;
+
+typedef struct {
+    sliding_factor_t factor[2];    /* [1] towards positive angles */
     ratio_t force_per_load_torque; /* uN per uN m */
     ratio_t motor_torque_per_force;
     ratio_t fall, rise;        /* exp(-m), exp(m) */
@@ -46,6 +58,9 @@ sliding_t sliding_of(const transmission_t *transmission, int32_t slack_floor_un)
 /* The motor torque at which `load_torque_unm` arrives while the pair slides; `sign` 1 or -1: for
  * positive or negative angles. Odd: (-load, -sign) gives exactly minus. */
 int32_t sliding_motor_torque_unm(const sliding_t *sliding, int32_t load_torque_unm, int32_t sign);
+
+/* Sets the factor on the friction for one direction, 1 or -1; 16384 is one. */
+void sliding_set_factor(sliding_t *sliding, int32_t sign, uint32_t factor_q14);
 
 /* The same pair with other levels of friction and pretension, factors on the given ones' in Q16,
  * 1/2 .. 3/2; with both one it is the same to the bit. The slack floor stays where it is. */

@@ -1,6 +1,9 @@
 /* drive.c: see drive.h. */
 #include "drive.h"
 
+#include <stddef.h>
+
+#include "parameters_tables.h"
 #include "publish.h"
 #include "supervision/fault_log.h"
 
@@ -118,6 +121,17 @@ static void configure(drive_t *drive, const board_sensors_t *sensors) {
     }
     supervision_configure(&drive->supervision, dictionary, &settings.cable, drive->current_max_ua);
     rendering_configure(&drive->rendering, dictionary, &drive->transmission, drive->configured);
+    drive->tables.count = 0;
+    for (uint32_t i = 0; drive->configured && i < TABLES; i++) {
+        drive->tables.settings[i] = parameters_table(dictionary, i);
+    }
+    if (drive->configured) {
+        tables_configure(&drive->tables);
+        drive->corrected_start = (corrected_start_t){
+            .load_nm_per_urad = ratio_of(dictionary->load_pulley_radius_nm, 1000000),
+            .motor_nm_per_urad = ratio_of(dictionary->motor_pulley_radius_nm, 1000000),
+        };
+    }
     drive->motor_zero_counts = sensors->motor_encoder_counts;
     drive->load_zero_counts = sensors->load_encoder_counts;
 }
@@ -132,7 +146,9 @@ static bool follow_configuration(drive_t *drive, const board_sensors_t *sensors)
     if (revision != drive->seen_revision) {
         drive->seen_revision = revision;
         drive->settled_ticks = 0;
-        drive->dictionary.configuration_error = parameters_defect(&drive->dictionary);
+        table_defect_t table;
+        drive->dictionary.configuration_error = parameters_defect(&drive->dictionary, &table);
+        drive->dictionary.table_defect = (uint8_t)table;
     } else if (drive->settled_ticks < SETTLED_TICKS) {
         drive->settled_ticks++;
     }
@@ -214,16 +230,15 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late
 /* ---- torque command ---- */
 
 static int32_t tunnel_angle_urad(drive_t *drive) {
-    dictionary_t *dictionary = &drive->dictionary;
     switch (drive->parameters.tunnel_angle_source) {
     case TUNNEL_ANGLE_SOURCE_MOTOR:
-        return dictionary->motor_angle_urad;
+        return drive->corrected.motor_angle_urad;
     case TUNNEL_ANGLE_SOURCE_SCALED_MOTOR:
-        return fixed_scale(dictionary->motor_angle_urad, drive->parameters.load_per_motor_angle,
-                           &drive->saturations);
+        return fixed_scale(drive->corrected.motor_angle_urad,
+                           drive->parameters.load_per_motor_angle, &drive->saturations);
     case TUNNEL_ANGLE_SOURCE_LOAD:
     default:
-        return dictionary->load_angle_urad;
+        return drive->corrected.load_angle_urad;
     }
 }
 
@@ -264,6 +279,7 @@ static void step_command(drive_t *drive, int32_t wanted_unm) {
 static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
     const dictionary_t *dictionary = &drive->dictionary;
     const int32_t cell_unm = dictionary->load_torque_unm;
+    const corrected_t *corrected = &drive->corrected;
     return rendering_step(
         &drive->rendering, &drive->transmission,
         &(rendering_inputs_t){
@@ -273,14 +289,32 @@ static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
             .load_cell_saturated = cell_unm == PUBLISH_I24_MAX || cell_unm == -PUBLISH_I24_MAX,
             .load_cell_counts = sensors->load_cell_counts,
             .asked_unm = target_torque_unm(drive),
-            .motor_arc_nm = drive->motor_arc_nm,
-            .load_arc_nm = drive->load_arc_nm,
-            .motor_torque_unm = dictionary->motor_torque_unm,
-            .load_cell_unm = cell_unm,
+            .motor_arc_nm = corrected->motor_arc_nm,
+            .load_arc_nm = corrected->load_arc_nm,
+            .motor_torque_unm = corrected->motor_torque_unm,
+            .load_cell_unm = corrected->load_cell_unm,
+            .tables = drive->tables.count > 0 ? &drive->tables : NULL,
         });
 }
 
 /* ---- the tick ---- */
+
+static void correct_readings(drive_t *drive) {
+    const dictionary_t *dictionary = &drive->dictionary;
+    if (drive->tables.count == 0) {
+        drive->corrected =
+            corrected_by_nothing(dictionary, drive->load_arc_nm, drive->motor_arc_nm);
+        return;
+    }
+    const bool first = !drive->tables.started;
+    drive->corrected = corrected_step(&drive->tables, &drive->corrected_start, dictionary,
+                                      drive->load_arc_nm, drive->motor_arc_nm);
+    if (first) { /* the arcs begin at 0, whatever the tables say there */
+        drive->corrected_start.sums = drive->tables.now;
+        drive->corrected.load_arc_nm = drive->load_arc_nm;
+        drive->corrected.motor_arc_nm = drive->motor_arc_nm;
+    }
+}
 
 /* A host's "here" counts with the bridge off only: a zero that jumps would move the tunnel. */
 static void follow_reference(drive_t *drive, const board_sensors_t *sensors) {
@@ -307,6 +341,7 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     follow_reference(drive, sensors);
     drive->took_configuration = follow_configuration(drive, sensors);
     publish_sensors(drive, sensors);
+    correct_readings(drive);
     step_state(drive, sensors, late);
     step_command(drive, render(drive, sensors));
     publish_model(drive);

@@ -19,6 +19,7 @@
 #include "../canopen/node.h"
 #include "../core/transmission.h"
 #include "command.h"
+#include "corrected.h"
 #include "dictionary.h"
 #include "parameters.h"
 #include "reference.h"
@@ -52,6 +53,9 @@ typedef struct {
     uint32_t second_ticks, uptime_s; /* since the start */
     saving_t saving;
     reference_t reference; /* of the angles */
+    tables_t tables;
+    corrected_start_t corrected_start;
+    corrected_t corrected; /* this tick's readings, by the tables */
 } drive_t;
 
 /* Power-on: dictionary defaults or what was saved, the node in pre-operational with its boot-up

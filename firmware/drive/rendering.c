@@ -1,6 +1,8 @@
 /* rendering.c: see rendering.h. */
 #include "rendering.h"
 
+#include <stddef.h>
+
 #include "parameters.h"
 
 #define I24_MAX 8388607
@@ -89,6 +91,66 @@ static compensation_law_t law_on(compensation_rung_t rung, compensation_law_t co
     }
 }
 
+/* Of a sum by direction, that of the load's last motion; before any the mean. */
+static int32_t by_direction(const rendering_t *rendering, const int32_t sums[2]) {
+    if (rendering->direction == 0) {
+        return sums[0] / 2 + sums[1] / 2;
+    }
+    return sums[rendering->direction > 0 ? 1 : 0];
+}
+
+/* The inputs as the cables' ends feel them. */
+static rendering_inputs_t at_the_cables(rendering_t *rendering, const rendering_inputs_t *inputs,
+                                        int32_t motor_extra_unm) {
+    uint32_t saturations = 0; /* torques are far from the range */
+    rendering_inputs_t felt = *inputs;
+    felt.motor_torque_unm = fixed_add(inputs->motor_torque_unm, motor_extra_unm, &saturations);
+    felt.load_cell_unm =
+        fixed_subtract(inputs->load_cell_unm, rendering->load_extra_unm, &saturations);
+    return felt;
+}
+
+/* What the motor must be told, so that the cables feel `torque_unm`. */
+static int32_t told_to_motor_unm(const tables_t *tables, int32_t torque_unm,
+                                 int32_t motor_extra_unm) {
+    uint32_t saturations = 0; /* torques are far from the range */
+    const int32_t left_unm = fixed_subtract(torque_unm, motor_extra_unm, &saturations);
+    return fixed_saturate((int64_t)left_unm * tables->motor_inverse_q20 / TABLES_GAIN_ONE,
+                          &saturations);
+}
+
+static int32_t rendered_unm(rendering_t *rendering, transmission_t *transmission,
+                            const rendering_inputs_t *inputs) {
+    fallback_t *fallback = &rendering->fallback;
+    uint32_t saturations = 0; /* torques are far from the range */
+    const tables_t *tables = inputs->tables;
+    const bool changed = watch(rendering, transmission, inputs);
+    compensation_step(
+        &rendering->compensation, transmission,
+        &(compensation_inputs_t){
+            .law = law_on(fallback->rung, rendering->law),
+            .active = inputs->active,
+            .load_cell_valid = fallback->rung == COMPENSATION_RUNG_WITH_CELL,
+            .wanted_unm =
+                fixed_subtract(rendering->wanted_unm, rendering->load_extra_unm, &saturations),
+            .motor_arc_nm = inputs->motor_arc_nm,
+            .load_arc_nm = inputs->load_arc_nm,
+            .motor_torque_unm = inputs->motor_torque_unm,
+            .load_cell_unm = inputs->load_cell_unm,
+            .friction_q14 = tables != NULL && tables->has_friction ? tables->friction_q14 : NULL,
+        });
+    if (!inputs->active) {
+        fallback_rest(fallback);
+        return inputs->asked_unm;
+    }
+    const int32_t direction = rendering->compensation.estimator.load_direction;
+    rendering->direction = direction != 0 ? direction : rendering->direction;
+    const int32_t torque_unm = fallback->rung == COMPENSATION_RUNG_NONE
+                                   ? inputs->asked_unm
+                                   : rendering->compensation.outputs.motor_torque_unm;
+    return fallback_blend(fallback, torque_unm, changed);
+}
+
 int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
                        const rendering_inputs_t *inputs) {
     uint32_t saturations = 0; /* beyond the range of int32_t the motor's limit holds anyway */
@@ -102,27 +164,16 @@ int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
         transmission_step_torque(transmission, inputs->motor_torque_unm, inputs->load_arc_nm);
         return inputs->asked_unm;
     }
-    fallback_t *fallback = &rendering->fallback;
-    const bool changed = watch(rendering, transmission, inputs);
-    compensation_step(&rendering->compensation, transmission,
-                      &(compensation_inputs_t){
-                          .law = law_on(fallback->rung, rendering->law),
-                          .active = inputs->active,
-                          .load_cell_valid = fallback->rung == COMPENSATION_RUNG_WITH_CELL,
-                          .wanted_unm = rendering->wanted_unm,
-                          .motor_arc_nm = inputs->motor_arc_nm,
-                          .load_arc_nm = inputs->load_arc_nm,
-                          .motor_torque_unm = inputs->motor_torque_unm,
-                          .load_cell_unm = inputs->load_cell_unm,
-                      });
-    if (!inputs->active) {
-        fallback_rest(fallback);
-        return inputs->asked_unm;
+    const tables_t *tables = inputs->tables;
+    if (tables == NULL) {
+        return rendered_unm(rendering, transmission, inputs);
     }
-    const int32_t torque_unm = fallback->rung == COMPENSATION_RUNG_NONE
-                                   ? inputs->asked_unm
-                                   : rendering->compensation.outputs.motor_torque_unm;
-    return fallback_blend(fallback, torque_unm, changed);
+    rendering->load_extra_unm = by_direction(rendering, tables->now.load_torque_unm);
+    const int32_t motor_extra_unm = by_direction(rendering, tables->now.motor_torque_unm);
+    const rendering_inputs_t felt = at_the_cables(rendering, inputs, motor_extra_unm);
+    const int32_t torque_unm = rendered_unm(rendering, transmission, &felt);
+    const bool compensates = inputs->active && rendering->fallback.rung != COMPENSATION_RUNG_NONE;
+    return compensates ? told_to_motor_unm(tables, torque_unm, motor_extra_unm) : torque_unm;
 }
 
 bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
@@ -139,7 +190,7 @@ bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
     const compensation_outputs_t *outputs = &rendering->compensation.outputs;
     const fallback_t *fallback = &rendering->fallback;
     dictionary->estimated_load_torque_unm =
-        fixed_clamp(outputs->load_torque_unm, -I24_MAX, I24_MAX);
+        fixed_clamp(outputs->load_torque_unm + rendering->load_extra_unm, -I24_MAX, I24_MAX);
     dictionary->estimate_confidence = outputs->confidence;
     dictionary->slip_state = (uint8_t)outputs->slip;
     dictionary->compensation_flags = outputs->flags;

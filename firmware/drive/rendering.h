@@ -5,6 +5,10 @@
  * that times the transmission ratio. Without compensation (entry compensation_law 0) the motor gets
  * what is asked for, to the last bit, and the model only watches.
  *
+ * Tables (core/tables.h) stand between: torque that the load feels on top of the cables' is taken
+ * off what the cables are to give, torque that they feel on top of the motor's off what the motor
+ * is to give, and the model's friction is that of the tables.
+ *
  * Between drive.c, which knows states and limits of the motor, and core/compensation.h.
  */
 #ifndef BOWDEN_DRIVE_RENDERING_H
@@ -14,6 +18,7 @@
 #include <stdint.h>
 
 #include "../core/compensation.h"
+#include "../core/tables.h"
 #include "../core/transmission.h"
 #include "dictionary.h"
 #include "fallback.h"
@@ -27,6 +32,8 @@ typedef struct {
     int32_t wanted_unm;            /* at the load, in the last tick */
     bool active;                   /* in the last tick */
     uint32_t saturations_seen;     /* of the model, until the last tick */
+    int32_t direction;             /* of the load's last motion; 0: none yet */
+    int32_t load_extra_unm;        /* what tables add to the cables' torque on the load */
 } rendering_t;
 
 /* What a tick brings. */
@@ -40,6 +47,7 @@ typedef struct {
     int32_t load_arc_nm;
     int32_t motor_torque_unm; /* measured */
     int32_t load_cell_unm;
+    const tables_t *tables; /* NULL: none */
 } rendering_inputs_t;
 
 /* Takes the dictionary's configuration. `model_runs`: `transmission` could be configured from it;

@@ -8,7 +8,6 @@ typedef struct {
     uint32_t magic;
     uint32_t motor_counts, load_counts;
     uint32_t latch; /* counters then: motor, load << 16 */
-    uint32_t holds;
     uint32_t hangs; /* the reset to come is the watchdog's, and the counters are looked at */
     uint32_t check;
 } record_t;
@@ -16,8 +15,7 @@ typedef struct {
 __attribute__((section(".noinit"))) static record_t record;
 
 static uint32_t check(void) {
-    const uint32_t words[] = {record.motor_counts, record.load_counts, record.latch, record.holds,
-                              record.hangs};
+    const uint32_t words[] = {record.motor_counts, record.load_counts, record.latch, record.hangs};
     uint32_t sum = MAGIC;
     for (uint32_t i = 0; i < sizeof words / sizeof words[0]; i++) {
         sum = (sum << 5 | sum >> 27) ^ words[i];
@@ -26,7 +24,7 @@ static uint32_t check(void) {
 }
 
 board_reference_t kept_reference(reset_cause_t reset) {
-    const bool valid = record.magic == MAGIC && record.check == check() && record.holds != 0;
+    const bool valid = record.magic == MAGIC && record.check == check();
     const bool hung = reset == RESET_CAUSE_WATCHDOG || reset == RESET_CAUSE_WINDOW_WATCHDOG;
     const bool spares =
         hung ? record.hangs != 0 : reset == RESET_CAUSE_SOFTWARE || reset == RESET_CAUSE_RESET_PIN;
@@ -39,12 +37,21 @@ board_reference_t kept_reference(reset_cause_t reset) {
 }
 
 void keep_reference(board_reference_t reference, encoders_latch_t latch) {
+    const uint32_t counters = (uint32_t)latch.motor | (uint32_t)latch.load << 16;
+    if (!reference.holds) {
+        record.magic = 0;
+        return;
+    }
+    if (record.magic == MAGIC && record.latch == counters &&
+        record.load_counts == (uint32_t)reference.load_counts &&
+        record.motor_counts == (uint32_t)reference.motor_counts && record.hangs == 0) {
+        return; /* it stands there already */
+    }
     record = (record_t){
         .magic = MAGIC,
         .motor_counts = (uint32_t)reference.motor_counts,
         .load_counts = (uint32_t)reference.load_counts,
-        .latch = (uint32_t)latch.motor | (uint32_t)latch.load << 16,
-        .holds = reference.holds ? 1u : 0u,
+        .latch = counters,
     };
     record.check = check();
 }
@@ -56,8 +63,9 @@ static bool moved(uint16_t now, uint32_t then) {
 
 void watch_reference(encoders_latch_t latch, bool hangs) {
     if (moved(latch.motor, record.latch) || moved(latch.load, record.latch >> 16)) {
-        record.holds = 0;
+        record.magic = 0;
+    } else if (hangs && record.hangs == 0) {
+        record.hangs = 1u;
+        record.check = check();
     }
-    record.hangs = hangs ? 1u : 0u;
-    record.check = check();
 }

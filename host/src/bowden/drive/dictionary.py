@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0x03E72477
+HASH = 0x7435122C
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -112,7 +112,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x3e72477, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x7435122c, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -227,6 +227,38 @@ TABLE = Table(
         Entry(0x214C, 0, 'motor_inductance', 'u32', 'rw', 'calibration', 300000, low=50000, high=20000000, unit='H', scale=1e-09, persist=True),
         Entry(0x214D, 0, 'load_angle_min', 'i32', 'rw', 'config', -2147483647, low=-2147483647, high=2147483647, unit='rad', scale=1e-06, persist=True, doc='window of the load angle while the bridge is on; the default is none'),
         Entry(0x214E, 0, 'load_angle_max', 'i32', 'rw', 'config', 2147483647, low=-2147483647, high=2147483647, unit='rad', scale=1e-06, persist=True, doc='the other end of the window'),
+        Entry(0x2150, 0, 'table_version', 'u32', 'rw', 'config', 0, high=4294967295, persist=True, doc="the host's number for this set of tables; 0: none"),
+        Entry(0x2151, 0, 'table_place.count', 'u8', 'const', 'communication', 8, high=255, doc='highest sub-index'),
+        *array(8, Entry(0x2151, 1, 'table_place', 'u8', 'rw', 'config', 0, high=8, persist=True, meaning=meanings.TablePlace, doc='where each table adds its value; those of one place add up')),
+        Entry(0x2152, 0, 'table_argument.count', 'u8', 'const', 'communication', 8, high=255, doc='highest sub-index'),
+        *array(8, Entry(0x2152, 1, 'table_argument', 'u8', 'rw', 'config', 0, high=4, persist=True, meaning=meanings.TableArgument, doc='what each table goes over')),
+        Entry(0x2153, 0, 'table_direction.count', 'u8', 'const', 'communication', 8, high=255, doc='highest sub-index'),
+        *array(8, Entry(0x2153, 1, 'table_direction', 'u8', 'rw', 'config', 0, high=2, persist=True, meaning=meanings.TableDirection, doc="in which direction of the load's motion each table counts; at standstill in that of the last motion")),
+        Entry(0x2154, 0, 'table_repeats.count', 'u8', 'const', 'communication', 8, high=255, doc='highest sub-index'),
+        *array(8, Entry(0x2154, 1, 'table_repeats', 'u8', 'rw', 'config', 0, high=1, persist=True, doc='1: the table repeats with the period table_span; 0: it is flat beyond its ends')),
+        Entry(0x2155, 0, 'table_knots.count', 'u8', 'const', 'communication', 8, high=255, doc='highest sub-index'),
+        *array(8, Entry(0x2155, 1, 'table_knots', 'u8', 'rw', 'config', 0, high=33, persist=True, doc='evenly spaced; between them each table is linear')),
+        Entry(0x2156, 0, 'table_first.count', 'u8', 'const', 'communication', 8, high=255, doc='highest sub-index'),
+        *array(8, Entry(0x2156, 1, 'table_first', 'i32', 'rw', 'config', 0, low=-2147483647, high=2147483647, persist=True, doc="argument at the first knot, in the argument's unit")),
+        Entry(0x2157, 0, 'table_span.count', 'u8', 'const', 'communication', 8, high=255, doc='highest sub-index'),
+        *array(8, Entry(0x2157, 1, 'table_span', 'u32', 'rw', 'config', 0, high=2147483647, persist=True, doc='of the argument from the first knot to the last')),
+        Entry(0x2158, 0, 'table_1.count', 'u8', 'const', 'communication', 33, high=255, doc='highest sub-index'),
+        *array(33, Entry(0x2158, 1, 'table_1', 'i32', 'rw', 'config', 0, low=-8388607, high=8388607, persist=True, doc='values at the knots of table 1: ppm, uN m or urad, as its place says')),
+        Entry(0x2159, 0, 'table_2.count', 'u8', 'const', 'communication', 33, high=255, doc='highest sub-index'),
+        *array(33, Entry(0x2159, 1, 'table_2', 'i32', 'rw', 'config', 0, low=-8388607, high=8388607, persist=True, doc='values at the knots of table 2: ppm, uN m or urad, as its place says')),
+        Entry(0x215A, 0, 'table_3.count', 'u8', 'const', 'communication', 33, high=255, doc='highest sub-index'),
+        *array(33, Entry(0x215A, 1, 'table_3', 'i32', 'rw', 'config', 0, low=-8388607, high=8388607, persist=True, doc='values at the knots of table 3: ppm, uN m or urad, as its place says')),
+        Entry(0x215B, 0, 'table_4.count', 'u8', 'const', 'communication', 33, high=255, doc='highest sub-index'),
+        *array(33, Entry(0x215B, 1, 'table_4', 'i32', 'rw', 'config', 0, low=-8388607, high=8388607, persist=True, doc='values at the knots of table 4: ppm, uN m or urad, as its place says')),
+        Entry(0x215C, 0, 'table_5.count', 'u8', 'const', 'communication', 33, high=255, doc='highest sub-index'),
+        *array(33, Entry(0x215C, 1, 'table_5', 'i32', 'rw', 'config', 0, low=-8388607, high=8388607, persist=True, doc='values at the knots of table 5: ppm, uN m or urad, as its place says')),
+        Entry(0x215D, 0, 'table_6.count', 'u8', 'const', 'communication', 33, high=255, doc='highest sub-index'),
+        *array(33, Entry(0x215D, 1, 'table_6', 'i32', 'rw', 'config', 0, low=-8388607, high=8388607, persist=True, doc='values at the knots of table 6: ppm, uN m or urad, as its place says')),
+        Entry(0x215E, 0, 'table_7.count', 'u8', 'const', 'communication', 33, high=255, doc='highest sub-index'),
+        *array(33, Entry(0x215E, 1, 'table_7', 'i32', 'rw', 'config', 0, low=-8388607, high=8388607, persist=True, doc='values at the knots of table 7: ppm, uN m or urad, as its place says')),
+        Entry(0x215F, 0, 'table_8.count', 'u8', 'const', 'communication', 33, high=255, doc='highest sub-index'),
+        *array(33, Entry(0x215F, 1, 'table_8', 'i32', 'rw', 'config', 0, low=-8388607, high=8388607, persist=True, doc='values at the knots of table 8: ppm, uN m or urad, as its place says')),
+        Entry(0x2160, 0, 'table_defect', 'u8', 'ro', 'state', 0, high=255, meaning=meanings.TableDefect, doc='why the table that configuration_error names is refused'),
         Entry(0x603F, 0, 'error_code', 'u16', 'ro', 'state', 0, high=65535, pdo='tx'),
         Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx', meaning=meanings.Controlword, doc="CiA 402; the drive's state follows it. One that stops is obeyed also from an RPDO that is short, refused or waits for SYNC. Operation enabled takes a rising edge of bit 3 after NMT start"),
         Entry(0x6041, 0, 'statusword', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', meaning=meanings.Statusword, doc='CiA 402; bits 0 to 3, 5 and 6 are the state'),
