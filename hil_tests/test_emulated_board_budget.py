@@ -21,7 +21,7 @@ pytestmark = NEEDS_ELF
 CEILINGS = {
     "control tick (PendSV)": TICK_CYCLES / 2 / CYCLES_PER_INSTRUCTION,
     "current loop (ADC)": 400,
-    "supervision (SysTick)": 180,
+    "supervision (SysTick)": 280,
     "frame received (CAN1_RX0)": 220,
     "index pulse (EXTI9_5)": 40,
     "main loop": 40,

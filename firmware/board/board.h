@@ -43,7 +43,7 @@ enum {
 };
 
 /* Most words that a board keeps across power-off. */
-#define BOARD_STORE_WORDS 509
+#define BOARD_STORE_WORDS 2045
 
 /* How far the board is with what it was last given to keep. */
 typedef enum {

@@ -360,6 +360,7 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     if (saving_step(&drive->saving, &drive->node, sensors->store, actuators)) {
         node_error_clear(&drive->node, EMCY_CONFIGURATION_CHANGED);
     }
+    drive->took_configuration |= drive->saving.began;
     actuators->reset_requested = node_reset_requested(&drive->node) && !drive->saving.busy;
     drive->dictionary.storage_state = (uint8_t)drive->saving.state;
 }

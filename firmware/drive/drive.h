@@ -41,7 +41,7 @@ typedef struct {
     uint32_t configured_revision; /* of the configuration that runs */
     uint32_t seen_revision;
     uint32_t settled_ticks;    /* since the configuration last changed */
-    bool took_configuration;   /* in this tick, which is late by it */
+    bool took_configuration;   /* in this tick, or made an image of it: late by that */
     bool configured;           /* the model runs */
     int32_t motor_zero_counts; /* encoders where the model started */
     int32_t load_zero_counts;

@@ -31,6 +31,7 @@ static void begin(saving_t *saving, node_t *node, storage_request_t request) {
     const uint32_t words =
         storage_update(&node->od, request, saving->image, saving->words, BOARD_STORE_WORDS);
     saving->busy = words > 0;
+    saving->began = true;
     if (!saving->busy) {
         end(saving, node, STORAGE_STATE_FAILED, OD_ABORT_NO_ROOM);
         return;
@@ -57,6 +58,7 @@ static void begin_what_is_due(saving_t *saving, node_t *node) {
 bool saving_step(saving_t *saving, node_t *node, board_store_t board,
                  board_actuators_t *actuators) {
     const bool done = saving->busy && board == BOARD_STORE_DONE;
+    saving->began = false;
     if (done) {
         end(saving, node, STORAGE_STATE_DONE, OD_DONE);
     } else if (saving->busy && board == BOARD_STORE_FAILED) {

@@ -18,6 +18,7 @@
 typedef struct {
     storage_state_t state;
     bool busy;          /* the image is with the board */
+    bool began;         /* in this tick: making the image takes longer than a tick has */
     bool for_log;       /* for the log of faults, not for a host */
     bool log_has_grown; /* it is to be kept as soon as the board is free */
     uint32_t words;     /* of the image; 0: nothing was ever kept */

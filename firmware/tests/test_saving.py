@@ -204,4 +204,4 @@ def test_nothing_left_of_a_damaged_configuration_is_told() -> None:
 def test_every_persistent_entry_fits_into_one_image() -> None:
     entries = lib.DICTIONARY
     count = sum(entries[i].count for i in range(len(entries)) if entries[i].flags & PERSISTENT)
-    assert 3 + 2 * count <= 509
+    assert 3 + 2 * count <= 2045

@@ -45,7 +45,7 @@ DECLARED = """extern uint32_t memory[65536], worn_word; extern int budget, forgo
 void erase(uint32_t sector, uint32_t words);"""
 ffi, lib = load("store", FLASH, DECLARED)
 
-IMAGE_WORDS, SLOTS, SLOT_WORDS = 509, 128, 512
+IMAGE_WORDS, SLOTS, SLOT_WORDS = 2045, 32, 2048
 FOR_EVER, NO_WORD = -1, 0xFFFFFFFF
 
 
@@ -60,7 +60,7 @@ class Store:
 
     def __init__(self) -> None:
         self.raw = ffi.new("store_t *")
-        room = ffi.new("uint32_t[509]")
+        room = ffi.new("uint32_t[2045]")
         self.found = list(room[0 : lib.store_open(self.raw, room)])
 
     def save(self, image: list[int], is_log: bool = False) -> bool:

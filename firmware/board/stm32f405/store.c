@@ -3,8 +3,8 @@
 
 #include "flash.h"
 
-#define MARK 0xB0DE0000u
-#define MARK_LOG 0xB0DF0000u
+#define MARK 0xB0E00000u /* of slots of this size */
+#define MARK_LOG 0xB0E10000u
 #define MARK_BITS 0xFFFF0000u
 #define HEAD_WORDS 2u
 #define ALL_SLOTS (FLASH_SECTORS * STORE_SLOTS)

@@ -3,7 +3,7 @@
  * Two flash sectors of equal slots. Each save takes the next blank slot and ends with a check word;
  * the image with the highest sequence number whose check holds is the one that counts. So when the
  * power goes in mid-save the last whole image is still there. A sector holds STORE_SLOTS images:
- * with 10 000 erase cycles that is a million saves. Erasing takes seconds, so a start never does
+ * with 10 000 erase cycles that is 320 000 saves. Erasing takes seconds, so a start never does
  * it: a save that finds no blank slot names the sector to erase. Knows no image's meaning.
  */
 #ifndef BOWDEN_STM32F405_STORE_H
@@ -12,9 +12,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define STORE_SLOT_WORDS 512u
-#define STORE_SLOTS 64u        /* of one sector */
-#define STORE_IMAGE_WORDS 509u /* most words of an image: header, sequence and check go off */
+#define STORE_SLOT_WORDS 2048u
+#define STORE_SLOTS 16u         /* of one sector */
+#define STORE_IMAGE_WORDS 2045u /* most words of an image: header, sequence and check go off */
 
 typedef enum { STORE_IDLE, STORE_BUSY, STORE_DONE, STORE_FAILED } store_progress_t;
 

@@ -16,7 +16,7 @@ from bowden.errors import BadInput
 from bowden.model import format_model, parse_model, table_1
 from bowden_rig.virtual_bus import VirtualBus
 
-VISCOUS = "effects:\n- {name: viscous_friction, mu_v_s_per_m: 0.3}\n"
+LAG = "effects:\n- {name: frictional_lag, lag_s: 0.01}\n"
 
 
 def with_effects(model: Path, effects: str) -> None:
@@ -73,9 +73,10 @@ def test_a_known_inertia_of_the_motor_is_the_drives_too(model: Path) -> None:
 
 def test_what_is_left_out_does_not_change_the_rest(model: Path) -> None:
     plain = reduced_model(parse_model(model.read_text()))
-    with_effects(model, VISCOUS)
+    with_effects(model, LAG)
     reduced = reduced_model(parse_model(model.read_text()))
-    assert reduced.left_out == ("effects[0] viscous_friction",)
+    (left_out,) = reduced.left_out
+    assert left_out.startswith("effects[0] frictional_lag (")
     assert reduced.entries == plain.entries
 
 
@@ -161,16 +162,17 @@ def test_on_a_terminal_it_asks(
 def test_what_the_drive_cannot_run_is_refused_by_name_or_left_out_knowingly(
     bus: VirtualBus, model: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with_effects(model, VISCOUS)
+    with_effects(model, LAG)
     before = entries(bus)
     assert main(["apply", str(model), "--yes"]) == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1
-    for part in (str(model), "effects[0] viscous_friction", "wrap_angle_change", "--without-unsup"):
+    for part in (str(model), "effects[0] frictional_lag", "wrap_angle_change", "--without-unsup"):
         assert part in line
     assert entries(bus) == before
     assert main(["apply", str(model), "--yes", "--without-unsupported", "--json"]) == 0
-    assert document(capsys)["left_out"] == ["effects[0] viscous_friction"]
+    (left_out,) = document(capsys)["left_out"]
+    assert left_out.startswith("effects[0] frictional_lag (")
 
 
 @pytest.mark.usefixtures("bus")

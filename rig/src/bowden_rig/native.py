@@ -36,7 +36,7 @@ BUILD: Final = (
 )
 LIBRARY: Final = BUILD / "libbowden_native.so"
 DECLARATIONS: Final = BUILD / "native.cdef"
-STORE_WORDS: Final = 509  # BOARD_STORE_WORDS
+STORE_WORDS: Final = 2045  # BOARD_STORE_WORDS
 DRIVE_ALIGNMENT: Final = 16  # malloc's, which is any C type's
 
 

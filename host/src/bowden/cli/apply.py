@@ -1,15 +1,17 @@
 """Make the drive run a model: reduce the model file, show what changes, write it, read it back.
 
 Cables, path (resampled, with its wrap angle kept), friction, stiction length and pulleys go into
-the drive's entries; effects that only change those numbers are folded in. What the drive cannot
-run is refused, or left out knowingly with --without-unsupported. --compensation also chooses the
-law that works with the model.
+the drive's entries; effects are folded into those numbers or become tables. What the drive cannot
+run is refused, or left out knowingly with --without-unsupported. Shown is also how far the drive
+will be from the full model, and what its compensation should gain. --compensation also chooses
+the law that works with the model.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 from bowden.cli.changes import change_table, changes_document
@@ -18,6 +20,8 @@ from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.drive.configuration import Change, difference, store, write
+from bowden.drive.effect_ways import WAYS
+from bowden.drive.forecast import Forecast, forecast
 from bowden.drive.meanings import CompensationLaw
 from bowden.drive.reduced_model import (
     DEFAULT_SEGMENTS,
@@ -26,7 +30,6 @@ from bowden.drive.reduced_model import (
     reduced_model,
 )
 from bowden.errors import BadInput
-from bowden.model.effects import CATALOGUE
 
 EXAMPLES = """examples:
   bowden apply rig.yaml --dry-run
@@ -68,15 +71,18 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(
             "bowden apply", "nobody to ask", "--yes to write, or --dry-run to see what would be"
         )
-    reduced = reduced_model(read_model(args.model), args.segments)
+    model = read_model(args.model)
+    reduced = reduced_model(model, args.segments)
     if reduced.left_out and not args.without_unsupported:
         raise BadInput(str(args.model), ", ".join(reduced.left_out), _accepted())
     wanted = dict(reduced.entries)
+    expected = forecast(model, reduced.in_drive)
     if args.compensation is not None:
         wanted["compensation_law"] = CompensationLaw.named(args.compensation, "--compensation")
     with connect_drive(args) as drive:
         changes = difference(drive, wanted)
         _show(changes, len(wanted), reduced)
+        _tell(expected)
         written = not args.dry_run and (not changes or _agreed(args, len(changes)))
         if written:
             write(drive, changes)
@@ -92,6 +98,8 @@ def run(args: argparse.Namespace) -> int:
                 "written": written,
                 "stored": stored,
                 "folded": list(reduced.folded),
+                "tables": list(reduced.tabled),
+                "forecast": asdict(expected),
                 "left_out": list(reduced.left_out),
             }
         )
@@ -102,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _accepted() -> str:
-    effects = [name for name, effect in CATALOGUE.items() if effect.on_drive]
+    effects = [name for name, way in WAYS.items() if way.how != "not"]
     return (
         f"friction laws {', '.join(LAWS)} and effects {', '.join(effects)}; "
         "--without-unsupported leaves the others out"
@@ -116,6 +124,16 @@ def _agreed(args: argparse.Namespace, changed: int) -> bool:
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
+def _tell(expected: Forecast) -> None:
+    console().print(
+        f"on {expected.stroke}: the drive predicts the load torque within "
+        f"{expected.drive_error_nm:.3g} N m of the full model (RMS); friction takes "
+        f"{expected.friction_nm:.3g} N m, so a law that works with this model should leave "
+        f"{expected.left_share:.0%} of it",
+        soft_wrap=True,
+    )
+
+
 def _show(changes: list[Change], compared: int, reduced: ReducedModel) -> None:
     out = console()
     if changes:
@@ -123,5 +141,7 @@ def _show(changes: list[Change], compared: int, reduced: ReducedModel) -> None:
     out.print(f"{len(changes)} of {compared} entries differ")
     if reduced.folded:
         out.print(f"folded into them: {', '.join(reduced.folded)}")
+    if reduced.tabled:
+        out.print(f"in {len(reduced.tables)} tables: {', '.join(reduced.tabled)}")
     if reduced.left_out:
         out.print(f"left out: {', '.join(reduced.left_out)}")

@@ -1,21 +1,23 @@
 """The model that the drive runs: a model file reduced to entries of its object dictionary.
 
 The drive knows the pair of cables with Coulomb friction and stiction in at most 40 segments. The
-path is resampled into segments of equal length that keep its wrap angle; effects that the drive has
-numbers for (`Effect.on_drive`) are folded into them; what is left over is named. `configure`,
-`apply` and the experiments write the result.
+path is resampled into segments of equal length that keep its wrap angle. Effects are folded into
+such numbers or become tables (`effect_ways`); what is left over is named. `configure`, `apply` and
+the experiments write the result.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from bowden.drive.dictionary import lookup
+from bowden.drive.effect_ways import WAYS, folded
+from bowden.drive.tables import TABLES, DriveTable, table_entries
 from bowden.errors import BadInput
 from bowden.model import Model
-from bowden.model.effects import CATALOGUE
 
 DEFAULT_SEGMENTS = 20
 
@@ -33,13 +35,22 @@ class ReducedModel:
         Entry name to value in the entry's unit.
     folded : tuple of str
         Effects that are in those numbers.
+    tabled : tuple of str
+        Effects that are in tables.
+    tables : tuple of DriveTable
+        Those tables; they are in `entries`, too.
     left_out : tuple of str
-        What the drive cannot run, with its place in the model file.
+        What the drive cannot run: its place in the model file, and why.
+    in_drive : Model
+        The model without what is left out: what the drive believes, but for its segments.
     """
 
     entries: dict[str, float]
     folded: tuple[str, ...]
+    tabled: tuple[str, ...]
+    tables: tuple[DriveTable, ...]
     left_out: tuple[str, ...]
+    in_drive: Model
 
 
 def reduced_model(model: Model, segments: int = DEFAULT_SEGMENTS) -> ReducedModel:
@@ -60,21 +71,41 @@ def reduced_model(model: Model, segments: int = DEFAULT_SEGMENTS) -> ReducedMode
     entry = lookup("cable_segments")
     if not entry.low <= segments <= entry.high:
         raise BadInput("--segments", str(segments), f"{entry.low} .. {entry.high}")
-    folded, left_out, kept = [], [], []
-    for number, effect in enumerate(model.document.effects):
-        name = str(effect["name"])
-        if CATALOGUE[name].on_drive:
-            folded.append(name)
-            kept.append(effect)
+    in_numbers, in_tables, left_out = [], [], []
+    kept_numbers, kept = [], []
+    tables: tuple[DriveTable, ...] = ()
+    for written, effect in zip(model.document.effects, model.effects, strict=True):
+        name = effect.effect.name
+        way = WAYS[name]
+        made = way.tables(effect.values, effect.variant, model.transmission) if way.tables else ()
+        if way.how == "folded":
+            in_numbers.append(name)
+            kept_numbers.append(written)
+        elif made and len(tables) + len(made) <= TABLES:
+            in_tables.append(name)
+            tables += made
         else:
-            left_out.append(f"effects[{number}] {name}")
+            full = f"no room: the drive has {TABLES} tables" if made else way.why
+            left_out.append(f"{effect.where} {name} ({full})")
+            continue
+        kept.append(written)
     law = model.document.friction.law
     if law not in LAWS:
         left_out.append(f"friction.law {law}")
-    document = model.document.model_copy(update={"effects": kept})
+    entries = _entries(folded(_with(model, kept_numbers)), segments)
     return ReducedModel(
-        _entries(replace(model, document=document), segments), tuple(folded), tuple(left_out)
+        entries=entries | table_entries(tables),
+        folded=tuple(in_numbers),
+        tabled=tuple(in_tables),
+        tables=tables,
+        left_out=tuple(left_out),
+        in_drive=folded(_with(model, kept)),
     )
+
+
+def _with(model: Model, effects: list[dict[str, Any]]) -> Model:
+    document = model.document.model_copy(update={"effects": tuple(effects)})
+    return replace(model, document=document)
 
 
 def _entries(model: Model, segments: int) -> dict[str, float]:

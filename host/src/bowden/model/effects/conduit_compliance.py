@@ -73,5 +73,4 @@ EFFECT = Effect(
     signature="extra motion in proportion to tension, at the ends' angles; wider backlash",
     excited_by=("reversal", "load_range"),
     confused_with=("viscoelastic_cable", "cable_stiffening", "presliding_compliance"),
-    on_drive=True,
 )

@@ -220,8 +220,6 @@ class Effect:
         What a recording must hold to show it; all of them.
     confused_with : tuple of str
         Names of effects that look alike on many recordings.
-    on_drive : bool
-        Whether `bowden apply` can send it to the drive's reduced model.
     counts_from_anywhere : bool
         Whether the encoder's zero is lost with it: counted from where the rig stood.
     leeway : float
@@ -241,7 +239,6 @@ class Effect:
     signature: str
     excited_by: tuple[Excitation, ...]
     confused_with: tuple[str, ...]
-    on_drive: bool = False
     counts_from_anywhere: bool = False
     leeway: float = EXACT
     known_to: float = SOLVED

@@ -86,7 +86,6 @@ MOTOR = Effect(
     signature="torque in proportion to acceleration, growing with frequency squared",
     excited_by=("acceleration",),
     confused_with=("load_inertia", "viscous_friction", "amplifier_lag", "time_delay"),
-    on_drive=True,
     leeway=ONE_OF_SEVERAL,  # how soon it stops ringing is one law of several
     known_to=TO_A_TENTH,
 )

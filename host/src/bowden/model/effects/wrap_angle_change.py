@@ -42,5 +42,4 @@ EFFECT = Effect(
     signature="gain and width of the loop change together, at every speed and tension",
     excited_by=("reversal",),
     confused_with=("thermal_friction", "wear", "pretension_loss"),
-    on_drive=True,
 )
