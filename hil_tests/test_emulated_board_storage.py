@@ -19,7 +19,7 @@ ORIGIN = 0x200B
 PRETENSION, DEFAULT_UN, SET_UN = 0x2111, 10_000_000, 7_000_000
 STORE, SAVE, STATE, DONE = 0x1010, 0x65766173, 0x2009, 2
 ERASE_S = 1.1  # the emulated chip takes the typical second for a sector, silicon at most two
-AREA, SECTOR, SLOT = 0x080C_0000, 128 * 1024, 2048
+AREA, SECTOR, SLOT = 0x080C_0000, 128 * 1024, 8192
 
 
 def pretension_un(board: Board) -> int:

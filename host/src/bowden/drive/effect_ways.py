@@ -10,14 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from bowden.drive.meanings import TableArgument, TableDirection, TablePlace
 from bowden.drive.tables import KNOTS, DriveTable
 from bowden.model import Model
+from bowden.model.effects import LEARNED, Table, table_in
 from bowden.model.effects.effect import Values, Variant
+from bowden.model.model_effects import InForce
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
 
@@ -225,6 +227,57 @@ WAYS: Mapping[str, Way] = {
     "time_delay": _no("what has not been measured yet cannot be corrected"),
     "amplifier_lag": _no("the current loop's own gains are what makes it faster"),
 }
+
+
+_OTHERS = Way("not", "the drive has no law for it")
+
+_PLACES = {
+    "friction_factor": TablePlace.FRICTION_FACTOR,
+    "load_torque_nm": TablePlace.LOAD_TORQUE,
+    "motor_torque_nm": TablePlace.MOTOR_TORQUE,
+}
+_ARGUMENTS = {
+    "load_angle_rad": TableArgument.LOAD_ANGLE,
+    "motor_angle_rad": TableArgument.MOTOR_ANGLE,
+    "load_speed_rad_per_s": TableArgument.LOAD_SPEED,
+    "motor_speed_rad_per_s": TableArgument.MOTOR_SPEED,
+    "conduit_temperature_c": TableArgument.CONDUIT_TEMPERATURE,
+}
+
+
+def way_of(effect: InForce, written: Mapping[str, Any]) -> Way:
+    """Return how an effect of a model file goes to the drive; `written` is its entry there."""
+    if effect.effect.name != LEARNED:
+        return WAYS.get(effect.effect.name, _OTHERS)
+    law, _ = table_in(written)
+    assert law is not None  # else the model could not have been read
+    if law.argument not in _ARGUMENTS:
+        return _no(f"the drive's tables do not go over {law.argument}")
+
+    def make(p: Values, variant: Variant, pair: Transmission) -> tuple[DriveTable, ...]:
+        del variant, pair
+        return _learned(law, p)
+
+    return _table(f"{law.place} over {law.argument}", make)
+
+
+def _learned(law: Table, p: Values) -> tuple[DriveTable, ...]:
+    """Make a law's tables, at even knots between its first and its last."""
+    y = np.array([p[name] for name in law.names])
+    even = np.linspace(law.x[0], law.x[-1], len(law.x))
+    if not np.allclose(even, law.x, rtol=0.0, atol=1e-6 * (law.x[-1] - law.x[0])):
+        even = np.linspace(law.x[0], law.x[-1], KNOTS)
+    values = np.interp(even, law.x, y)
+    place = _PLACES[law.place]
+    if place is TablePlace.FRICTION_FACTOR:
+        values = np.clip(values, _LEAST_FACTOR, _MOST_FACTOR)
+    both = DriveTable(
+        place, values, _ARGUMENTS[law.argument], float(even[0]), float(even[-1] - even[0])
+    )
+    if not law.by_direction:
+        return (both,)
+    back = replace(both, values=-values, direction=TableDirection.NEGATIVE)
+    return (replace(both, direction=TableDirection.POSITIVE), back)
 
 
 def folded(model: Model) -> Model:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from bowden.drive.dictionary import lookup
-from bowden.drive.effect_ways import WAYS, folded
+from bowden.drive.effect_ways import folded, way_of
 from bowden.drive.tables import TABLES, DriveTable, table_entries
 from bowden.errors import BadInput
 from bowden.model import Model
@@ -76,7 +76,7 @@ def reduced_model(model: Model, segments: int = DEFAULT_SEGMENTS) -> ReducedMode
     tables: tuple[DriveTable, ...] = ()
     for written, effect in zip(model.document.effects, model.effects, strict=True):
         name = effect.effect.name
-        way = WAYS[name]
+        way = way_of(effect, written)
         made = way.tables(effect.values, effect.variant, model.transmission) if way.tables else ()
         if way.how == "folded":
             in_numbers.append(name)
