@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from bowden.model import parse_model, table_1
+from bowden.model.description import TABLE_1_COULOMB
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
 
@@ -20,7 +21,12 @@ def test_table_1_is_the_built_in_one() -> None:
     assert parse_model(text).transmission == table_1().transmission
 
 
-def test_the_coulomb_example_differs_in_friction_at_rest_only() -> None:
+def test_the_demo_writes_the_coulomb_example() -> None:
+    text = (EXAMPLES / "table_1_coulomb.yaml").read_text(encoding="utf-8")
+    assert parse_model(TABLE_1_COULOMB).document == parse_model(text).document
+
+
+def test_the_coulomb_example_differs_in_friction_at_standstill_only() -> None:
     text = (EXAMPLES / "table_1_coulomb.yaml").read_text(encoding="utf-8")
     coulomb, printed = parse_model(text).transmission, table_1().transmission
     assert not coulomb.friction.has_stiction

@@ -24,6 +24,7 @@ from bowden.drive.reduced_model import reduced_model
 from bowden.drive.simulated_rig import own_rig
 from bowden.errors import BadInput
 from bowden.model import Mode, format_model, parse_model, table_1
+from bowden.model.description import TABLE_1_COULOMB
 
 EXAMPLES = """examples:
   bowden demo
@@ -66,6 +67,8 @@ def run(args: argparse.Namespace) -> int:
     model_path, run_path = directory / "table_1.yaml", directory / "run.blf"
     report_path = directory / "report.html"
     model_path.write_text(format_model(table_1()), encoding="utf-8")
+    coulomb_path = directory / "table_1_coulomb.yaml"
+    coulomb_path.write_text(TABLE_1_COULOMB, encoding="utf-8")
 
     capture = _record(args, model_path, run_path)
     say(f"comparing with the offline model ({model_path})")
@@ -89,10 +92,10 @@ def run(args: argparse.Namespace) -> int:
         f"[bold]target[/]       {args.target}: {_RUNS_ON[args.target]}\n"
         "[bold]next[/]         look at the report. Table I has extra friction at standstill, "
         "the simulated rig has not:\n"
-        f"             bowden compare docs/examples/table_1_coulomb.yaml {run_path} "
-        "--report coulomb.html\n"
-        f"             bowden calibrate docs/examples/table_1_coulomb.yaml {run_path} "
-        "--write-model fitted.yaml",
+        f"             bowden compare {coulomb_path} {run_path} "
+        f"--report {directory / 'coulomb.html'}\n"
+        f"             bowden calibrate {coulomb_path} {run_path} "
+        f"--write-model {directory / 'fitted.yaml'}",
         soft_wrap=True,
     )
     return 0

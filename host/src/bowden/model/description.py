@@ -49,6 +49,11 @@ friction: {law: stiction, mu_d: 0.21, mu_s: 0.63, stiction_length_m: 0.1}
 effects: []
 numerics: {segments: 100}
 """
+#: The same without the extra friction at standstill, solved without a mesh.
+TABLE_1_COULOMB = TABLE_1.replace(
+    "friction: {law: stiction, mu_d: 0.21, mu_s: 0.63, stiction_length_m: 0.1}",
+    "friction: {law: coulomb, mu_d: {value: 0.21, tolerance: 10 %}}",
+).replace("numerics: {segments: 100}", "numerics: {solver: mesh_free}")
 
 
 @dataclass(frozen=True)
