@@ -25,7 +25,7 @@ def reference(board: Board) -> AngleReference:
 
 
 def wound_up() -> Board:
-    """At rest, with the motor where friction holds it: not where it was at power-on."""
+    """At standstill, with the motor where friction holds it: not where it was at power-on."""
     board = Board()
     board.run(0.02)
     board.enable(0.4)

@@ -64,7 +64,7 @@ class Miswired:
 
 
 class HeldBench(Bench):
-    """A bench whose hand goes where it is told: a sine that swells and dies away smoothly."""
+    """A bench whose operator follows a given path: a sine that grows and decays smoothly."""
 
     amplitude_rad = 0.7
     period_s = 2.0

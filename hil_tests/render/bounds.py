@@ -18,7 +18,7 @@ from hil_tests.render.tasks import Task
 def wave_bound_nm(rig: RenderRig, task: Task) -> float:
     """Return the RMS error that torque steps have because a change runs along a cable as a wave.
 
-    For L/c after each step of A the load feels the old torque, c = sqrt(EA / lambda). 0 where the
+    For L/c after each step of A the old torque acts on the load, c = sqrt(EA / lambda). 0 where the
     wanted torque follows from where the load is.
     """
     target = task.target_nm(rig)

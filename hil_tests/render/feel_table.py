@@ -79,12 +79,12 @@ def trial_ratios(outcomes: Sequence[Outcome], law: str) -> list[tuple[Outcome, f
 
 
 def is_worse(rms_nm: float, naive_nm: float) -> bool:
-    """Tell whether a trial is worse than the naive law by more than can be felt."""
+    """Return whether a trial is worse than the naive law by more than can be felt."""
     return rms_nm > WORSE_BY * naive_nm and rms_nm > naive_nm + FELT_NM
 
 
 def is_active(o: Outcome) -> bool:
-    """Tell whether a closed path gave the operator energy beyond the bound."""
+    """Return whether a closed path gave the operator energy beyond the bound."""
     return (not math.isnan(o.net_energy) and o.net_energy > ACTIVE_ABOVE) or (
         o.turn_energy > ACTIVE_ABOVE
     )

@@ -55,7 +55,7 @@ def pass_period(  # noqa: PLR0917
     bridge_on: bool,
     row: NDArray[np.float64],
 ) -> None:
-    """Let one control period pass. `row`: of a course; see `conditions`."""
+    """Advance one control period. `row`: of a course; see `conditions`."""
     n: Any = numbers[0]
     nodes, tension, limit, guess, work, bent = cables
     target = min(max(current_a, -n.current_limit_a), n.current_limit_a)
@@ -187,7 +187,7 @@ class ImplicitPlant:
         return Sensors(*self.board.out.tolist())
 
     def step(self, actuators: Actuators, operator: tuple[float, float] | None = None) -> Sensors:
-        """Let one control period pass with the operator's usual hold; what the board reads."""
+        """Advance one control period with the operator's usual hold; what the board reads."""
         row = STILL.copy()
         row[:2] = operator or (0.0, 0.0)
         current_a = 1e-6 * actuators.motor_current_ua

@@ -107,7 +107,7 @@ def test_a_page_that_is_lost_stops_the_motor(rig: MakeRig, live: Make) -> None:
         session.turn()  # nobody says alive
     assert bus.time_s - lost_s < ALIVE_WITHIN_S + 0.2
     session.turn()
-    assert "nobody was watching" in session.snapshot().message
+    assert "the page was not watched" in session.snapshot().message
 
 
 def test_the_drive_of_another_program_is_watched_not_taken_and_can_be_stopped(

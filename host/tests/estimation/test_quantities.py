@@ -166,7 +166,7 @@ def test_what_a_run_does_not_tell_is_said() -> None:
     one = of(found, "mu_d")
     assert not one.identifiable
     assert one.low is None
-    assert any("tell nothing" in caveat for caveat in found.caveats)
+    assert any("not identifiable here" in caveat for caveat in found.caveats)
 
 
 def _still() -> Recording:

@@ -69,7 +69,9 @@ def run(args: argparse.Namespace) -> int:
     """Reduce, compare, ask, write, read back, and report."""
     if not (args.dry_run or args.yes or sys.stdin.isatty()):
         raise BadInput(
-            "bowden apply", "nobody to ask", "--yes to write, or --dry-run to see what would be"
+            "bowden apply",
+            "no terminal to confirm on",
+            "--yes to write, or --dry-run to see what would be",
         )
     model = read_model(args.model)
     reduced = reduced_model(model, args.segments)

@@ -36,7 +36,7 @@ class Operator(Protocol):
         """
 
     def mend(self, fault: str, todo: str) -> None:
-        """Say what is wrong with the rig and wait until it is mended; or `Declined`."""
+        """Return what is wrong with the rig and wait until it is mended; or `Declined`."""
 
     def tell(self, finding: StepFinding) -> None:
         """Show what was found."""

@@ -148,7 +148,7 @@ def cell_scale(
 
 
 def motor_direction(recording: Recording) -> int:
-    """Tell whether the motor follows a torque that ramps both ways: +1, -1, or 0 without motion."""
+    """Return which way the motor follows a ramp of torque: +1, -1, or 0 without motion."""
     torque = recording.motor_torque_nm - recording.motor_torque_nm.mean()
     return int(np.sign(torque @ (recording.motor_angle_rad - recording.motor_angle_rad.mean())))
 
@@ -162,7 +162,8 @@ def torque_scale(recording: Recording, ratio: float) -> Measured:
     Parameters
     ----------
     recording : Recording
-        The load moved to and fro, under a constant motor torque of first one sign, then the other.
+        The load moved back and forth, under a constant motor torque of first one sign, then the
+        other.
     ratio : float
         Load pulley's radius over the motor's.
 

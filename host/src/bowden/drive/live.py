@@ -249,7 +249,7 @@ class LiveSession:
         if self._motor is None or self._clock() - self._alive_at <= ALIVE_WITHIN_S:
             return
         try:
-            self._stop("stopped: nobody was watching")
+            self._stop("stopped: the page was not watched")
         except DriveFailed as failure:
             self._message = str(failure)
 

@@ -42,7 +42,7 @@ class ReducedModel:
     left_out : tuple of str
         What the drive cannot run: its place in the model file, and why.
     in_drive : Model
-        The model without what is left out: what the drive believes, but for its segments.
+        The model without what is left out: what the drive assumes, but for its segments.
     """
 
     entries: dict[str, float]

@@ -73,7 +73,7 @@ class Calibration:
                 )
         for one in self.estimates:
             if not one.identifiable:
-                found.append(f"{one.path}: these recordings tell nothing beyond its tolerance.")
+                found.append(f"{one.path}: not identifiable here; its tolerance stands.")
             if one.at_bound:
                 found.append(f"{one.path}: the fit ended at a bound, {one.value:.4g}.")
         return tuple(found)

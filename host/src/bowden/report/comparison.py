@@ -79,7 +79,7 @@ def _overview(comparison: Comparison) -> Section:
         "mean",
         "first cycle",
         "later",
-        "sensor noise",
+        "noise floor",
         NAMES[comparison.other_quantity],
     ]
     rows = [
@@ -97,8 +97,8 @@ def _overview(comparison: Comparison) -> Section:
         [
             table(header, rows),
             paragraph(
-                f"Gap: measured minus simulated {NAMES[comparison.quantity]}. Friction remembers "
-                "how the rig was left, so the first cycle stands apart. Sensor noise is estimated "
+                f"Gap: measured minus simulated {NAMES[comparison.quantity]}. Friction depends "
+                "on the earlier motion, so the first cycle is apart. The noise floor is estimated "
                 "from the recording; no model can come below it. The last column is the gap in the "
                 "other predicted quantity."
             ),

@@ -174,7 +174,7 @@ def _follower(experiment: Experiment, level: int) -> list[Section]:
             "Who overcomes the friction",
             [
                 paragraph(
-                    "An ideal follower moves one half of the cable and the hand the other: the "
+                    "An ideal follower moves one half of the cable and the operator the other: the "
                     "same torque, of opposite sign. A real one lags: the operator moves more."
                 ),
                 figure(plots.sharing(experiment.cases, 4.0), "sharing"),

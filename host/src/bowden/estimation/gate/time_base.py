@@ -61,6 +61,6 @@ def check_time_base(one: Recording, name: str) -> Iterator[Finding]:
             f"{name}, time_s",
             f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, {missing:.3g} s in all, longest "
             f"{max(length for _, length in gaps):.3g} s",
-            "none: what friction remembers across a gap is a guess",
+            "none: the state of the friction after a gap is not known",
             "stop" if missing > GAP_SHARE * duration else "warn",
         )

@@ -96,7 +96,7 @@ class Table:
 
     @property
     def by_direction(self) -> bool:
-        """Whether its value changes sign with the load's motion."""
+        """Return whether its value changes sign with the load's motion."""
         return DIRECTION in self.arguments
 
     @property
