@@ -184,3 +184,28 @@ def test_a_reader_that_dies_is_told_at_every_later_call() -> None:
         for _ in range(2):
             with pytest.raises(DriveFailed, match="unplugged"):
                 connection.receive(10)
+
+
+def test_what_the_reading_thread_has_is_handled_at_one_go() -> None:
+    near, far = can.Bus("u", interface="virtual"), can.Bus("u", interface="virtual")
+    done = threading.Event()
+    seen: list[bytes] = []
+
+    def tap(message: can.Message) -> None:
+        if message.data[0] == 199:
+            done.set()
+
+    with Connection(near) as connection:
+        connection.set_tap(tap)
+        connection.observers.append(lambda message: seen.append(bytes(message.data)))
+        for n in range(200):
+            far.send(frame(0x190, bytes([n])))
+        assert done.wait(10)
+        connection.receive(10)  # the last one is in the queue by then, or the next to come
+        for _ in range(100):
+            if len(seen) == 200:
+                break
+            connection.handle_for(1e-3)
+        connection.set_tap(None)
+    far.shutdown()
+    assert seen == [bytes([n]) for n in range(200)]

@@ -149,9 +149,7 @@ class LiveSession:
         DriveFailed
             The adapter failed. `close` still has to be called.
         """
-        end = self._clock() + longest_s
-        while (left := end - self._clock()) > 0:
-            self.drive.connection.receive(max(left, 1e-3))
+        self.drive.connection.handle_for(longest_s)
         self._stop_unwatched()
         self._check_motor()
         while not self._commands.empty():
