@@ -12,6 +12,7 @@ import bowden
 import numpy as np
 import pytest
 from bowden.cli.main import COMMANDS, build_parser
+from bowden.model.effects import CATALOGUE
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGES = sorted(
@@ -68,6 +69,7 @@ def test_every_command_is_one_that_the_program_takes(
     page: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    shipped = dict(CATALOGUE)
     words = shlex.split(line, comments=True)
     words = words[1 : words.index(">") if ">" in words else None]
     words = [word for word in words if word != "&"]
@@ -77,7 +79,11 @@ def test_every_command_is_one_that_the_program_takes(
             text = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
             block = next(body for kind, _, body in FENCE.findall(text) if kind == "python")
             Path(word).write_text(f"{block}\nEFFECTS = (EFFECT,)\n", encoding="utf-8")
-    build_parser([words[0]]).parse_args(words)
+    try:
+        build_parser([words[0]]).parse_args(words)
+    finally:  # --effects lists its effects in the catalogue of this process
+        CATALOGUE.clear()
+        CATALOGUE.update(shipped)
 
 
 def test_make_targets_that_pages_name_exist() -> None:
