@@ -48,7 +48,7 @@ typedef struct {
     int32_t taut_most_unm;     /* motor torque that leaves b the floor tension */
     int32_t taut_least_unm;    /* motor torque that leaves a the floor tension */
     uint32_t wrap_q24;         /* m */
-    int32_t motor_unm_per_rad; /* stiffness that the motor feels, load at standstill */
+    int32_t motor_unm_per_rad; /* stiffness that acts on the motor, load at standstill */
 } sliding_t;
 
 /* Constants of a configured transmission. `slack_floor_un`: tension below which no cable is brought

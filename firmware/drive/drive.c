@@ -166,7 +166,7 @@ static bool follow_configuration(drive_t *drive, const board_sensors_t *sensors)
 /* `running`: current flows or is about to. `late`: the last tick took a configuration. That takes
  * longer than a period, so the overrun that the board reports is none; the bridge is off, and a
  * step up waits for a tick that is on time. While a compensation is configured, a broken load cell
- * and a refused model are not faults: the ladder (fallback.h) has a rung without them. */
+ * and a refused model are not faults: the fallback (fallback.h) has a level without them. */
 static supervision_inputs_t watched(drive_t *drive, const board_sensors_t *sensors, bool up,
                                     bool late) {
     const dictionary_t *dictionary = &drive->dictionary;

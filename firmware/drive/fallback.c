@@ -76,7 +76,7 @@ static void keep(fallback_t *fallback, uint16_t causes) {
     }
 }
 
-static compensation_rung_t rung_for(const fallback_t *fallback) {
+static compensation_rung_t level_for(const fallback_t *fallback) {
     if (fallback->settings.model_refused) {
         return COMPENSATION_RUNG_NONE;
     }
@@ -93,7 +93,7 @@ void fallback_start(fallback_t *fallback, const fallback_settings_t *settings) {
         .settings = *settings,
         .causes = settings->model_refused ? COMPENSATION_FALLBACK_MODEL_REFUSED : 0,
     };
-    fallback->rung = rung_for(fallback);
+    fallback->level = level_for(fallback);
 }
 
 bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
@@ -116,9 +116,9 @@ bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
         causes |= COMPENSATION_FALLBACK_ENCODER_SLIPPED;
     }
     keep(fallback, causes);
-    const compensation_rung_t before = fallback->rung;
-    fallback->rung = rung_for(fallback);
-    return fallback->rung != before;
+    const compensation_rung_t before = fallback->level;
+    fallback->level = level_for(fallback);
+    return fallback->level != before;
 }
 
 int32_t fallback_blend(fallback_t *fallback, int32_t torque_unm, bool changed) {

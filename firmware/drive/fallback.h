@@ -1,7 +1,7 @@
 /* fallback.h: which compensation runs: the law that is configured, or a lesser one while something
  * that it needs is wrong; and how the torque goes over from one to the other without a jump.
  *
- *   rung                    what runs                                  left because
+ *   level                   what runs                                  left because
  *   COMPENSATION_RUNG_WITH_CELL      the configured law, the load cell in it    the cell cannot be
  * trusted COMPENSATION_RUNG_WITHOUT_CELL   the configured law, on the model alone     the model
  * cannot: an encoder slipped, a number saturated COMPENSATION_RUNG_COULOMB        Coulomb
@@ -11,7 +11,7 @@
  * A cause counts from the tick that finds it until it has been absent for the clean time. The
  * estimate that the cell is held against must not itself be corrected by the cell.
  *
- * Pure: what was found in a tick in, the rung out. drive.c runs the laws.
+ * Pure: what was found in a tick in, the level out. drive.c runs the laws.
  */
 #ifndef BOWDEN_DRIVE_FALLBACK_H
 #define BOWDEN_DRIVE_FALLBACK_H
@@ -33,7 +33,7 @@ enum {
 typedef struct {
     bool use_load_cell;
     bool model_refused;
-    int32_t step_unm;      /* > 0; a change of the rung moves the torque by no more in a tick */
+    int32_t step_unm;      /* > 0; a change of the level moves the torque by no more in a tick */
     uint32_t clean_ticks;  /* > 0 */
     int32_t tolerance_unm; /* > 0; between cell and model, beyond the margin of the model */
     int32_t slip_limit_nm; /* > 0; of the innovation, beyond its margin */
@@ -54,7 +54,7 @@ typedef struct {
 
 typedef struct {
     fallback_settings_t settings;
-    compensation_rung_t rung;
+    compensation_rung_t level;
     uint16_t causes; /* COMPENSATION_FALLBACK_* that count */
     uint32_t absent_ticks[COMPENSATION_FALLBACK_BITS];
     int32_t quiet_counts, quiet_model_unm; /* cell and estimate when the cell last moved */
@@ -63,14 +63,14 @@ typedef struct {
     int32_t given_unm, offset_unm; /* of the blend */
 } fallback_t;
 
-/* Starts on the best rung that the settings allow. */
+/* Starts on the best level that the settings allow. */
 void fallback_start(fallback_t *fallback, const fallback_settings_t *settings);
 
-/* Looks at one tick; true when the rung has changed. */
+/* Looks at one tick; true when the level has changed. */
 bool fallback_step(fallback_t *fallback, const fallback_found_t *found);
 
-/* From the torque of the law on the rung to the one to give: the same, but for a difference that
- * starts at a change of the rung (`changed`) with what is missing to the torque given last, and
+/* From the torque of the law on the level to the one to give: the same, but for a difference that
+ * starts at a change of the level (`changed`) with what is missing to the torque given last, and
  * decays by step_unm a tick. */
 int32_t fallback_blend(fallback_t *fallback, int32_t torque_unm, bool changed);
 

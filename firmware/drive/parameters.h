@@ -45,7 +45,7 @@ transmission_settings_t parameters_transmission(const dictionary_t *dictionary);
 /* The compensation's settings; its law is not among them. */
 compensation_settings_t parameters_compensation(const dictionary_t *dictionary);
 
-/* The ladder's. `model_refused`: the transmission could not be configured. */
+/* Settings of the fallback. `model_refused`: the transmission could not be configured. */
 fallback_settings_t parameters_fallback(const dictionary_t *dictionary, bool model_refused);
 
 /* 0: the configuration can run; else the culprit, and of a table why. */

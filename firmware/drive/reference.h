@@ -4,7 +4,7 @@
  * until a host says "here". Over another reset the zero goes on only where that can be proved: the
  * memory has kept the last angles, both encoders stood still before the reset (the board sees to
  * that, board_reference_t) and stand still for REFERENCE_PROOF_TICKS after it. A load that starts
- * from rest, and comes to rest again, in the T = 6 ms for which nobody counts moves by at most
+ * from standstill and stops again in the T = 6 ms without counting moves by at most
  * a T^2/4: 2 mrad at 200 rad/s^2. Else the reference is lost, and the tunnel, which lies around the
  * zero, is refused until a host says "here".
  *

@@ -55,7 +55,7 @@ static int32_t arc_margin_nm(const transmission_t *transmission, int32_t motor_t
                      fixed_scale(force_un, compliance, &saturations) / 2, &saturations);
 }
 
-/* What the ladder is to look at: this tick's measurements against what the model made of the last
+/* What the fallback checks: this tick's measurements against what the model made of the last
  * one's, in which the load cell has no part. */
 static bool watch(rendering_t *rendering, transmission_t *transmission,
                   const rendering_inputs_t *inputs) {
@@ -78,8 +78,8 @@ static bool watch(rendering_t *rendering, transmission_t *transmission,
         });
 }
 
-static compensation_law_t law_on(compensation_rung_t rung, compensation_law_t configured) {
-    switch (rung) {
+static compensation_law_t law_on(compensation_rung_t level, compensation_law_t configured) {
+    switch (level) {
     case COMPENSATION_RUNG_WITH_CELL:
     case COMPENSATION_RUNG_WITHOUT_CELL:
         return configured;
@@ -128,9 +128,9 @@ static int32_t rendered_unm(rendering_t *rendering, transmission_t *transmission
     compensation_step(
         &rendering->compensation, transmission,
         &(compensation_inputs_t){
-            .law = law_on(fallback->rung, rendering->law),
+            .law = law_on(fallback->level, rendering->law),
             .active = inputs->active,
-            .load_cell_valid = fallback->rung == COMPENSATION_RUNG_WITH_CELL,
+            .load_cell_valid = fallback->level == COMPENSATION_RUNG_WITH_CELL,
             .wanted_unm =
                 fixed_subtract(rendering->wanted_unm, rendering->load_extra_unm, &saturations),
             .motor_arc_nm = inputs->motor_arc_nm,
@@ -145,7 +145,7 @@ static int32_t rendered_unm(rendering_t *rendering, transmission_t *transmission
     }
     const int32_t direction = rendering->compensation.estimator.load_direction;
     rendering->direction = direction != 0 ? direction : rendering->direction;
-    const int32_t torque_unm = fallback->rung == COMPENSATION_RUNG_NONE
+    const int32_t torque_unm = fallback->level == COMPENSATION_RUNG_NONE
                                    ? inputs->asked_unm
                                    : rendering->compensation.outputs.motor_torque_unm;
     return fallback_blend(fallback, torque_unm, changed);
@@ -172,7 +172,7 @@ int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
     const int32_t motor_extra_unm = by_direction(rendering, tables->now.motor_torque_unm);
     const rendering_inputs_t felt = at_the_cables(rendering, inputs, motor_extra_unm);
     const int32_t torque_unm = rendered_unm(rendering, transmission, &felt);
-    const bool compensates = inputs->active && rendering->fallback.rung != COMPENSATION_RUNG_NONE;
+    const bool compensates = inputs->active && rendering->fallback.level != COMPENSATION_RUNG_NONE;
     return compensates ? told_to_motor_unm(tables, torque_unm, motor_extra_unm) : torque_unm;
 }
 
@@ -202,8 +202,8 @@ bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
         dictionary->adapted_friction_factor_ppm = outputs->friction_factor_ppm;
         dictionary->adapted_pretension_factor_ppm = outputs->pretension_factor_ppm;
     }
-    dictionary->compensation_active_law = (uint8_t)law_on(fallback->rung, rendering->law);
-    dictionary->compensation_rung = (uint8_t)fallback->rung;
+    dictionary->compensation_active_law = (uint8_t)law_on(fallback->level, rendering->law);
+    dictionary->compensation_rung = (uint8_t)fallback->level;
     const bool news = dictionary->compensation_fallback != fallback->causes;
     dictionary->compensation_fallback = fallback->causes;
     return news;

@@ -1,5 +1,6 @@
 /* rendering.h: how the torque that is asked for comes to the operator: the model of the cables is
- * stepped, the compensation law runs on it, and the ladder (fallback.h) decides which law that is.
+ * stepped, the compensation law runs on it, and the fallback (fallback.h) decides which law that
+ * is.
  *
  * What is asked for is a motor torque, the tunnel's or the host's; what is to arrive at the load is
  * that times the transmission ratio. Without compensation (entry compensation_law 0) the motor gets

@@ -1,4 +1,4 @@
-"""The ladder of the compensation: which law runs while something that it needs is wrong, what the
+"""The fallback levels: which law runs while something that the configured one needs fails, what the
 bus hears of it, and that the torque never jumps. Time is counted in ticks.
 """
 
@@ -25,8 +25,8 @@ TICKS_PER_S = 4000
 STEP_UNM, CLEAN_TICKS, TOLERANCE_UNM, SLIP_NM = 500, 4000, 1_500_000, 4_000_000
 
 
-def ladder(**settings: Any) -> Any:
-    """A ladder on its best rung, with the dictionary's default settings."""
+def fallback_with(**settings: Any) -> Any:
+    """A fallback on its best level, with the dictionary's default settings."""
     fallback = ffi.new("fallback_t *")
     defaults = {
         "use_load_cell": True,
@@ -65,7 +65,7 @@ def run(fallback: Any, ticks: int, cell: Cell, **found: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("found", "ticks", "cause", "rung"),
+    ("found", "ticks", "cause", "level"),
     [
         ({"cell_torque_unm": TOLERANCE_UNM + 8, "model_margin_unm": 7}, 200, IMPLAUSIBLE, 1),
         ({"innovation_nm": SLIP_NM + 8, "innovation_margin_nm": 7}, 200, SLIPPED, COULOMB),
@@ -78,40 +78,40 @@ def run(fallback: Any, ticks: int, cell: Cell, **found: Any) -> None:
     ],
 )
 def test_each_cause_leads_to_its_rung_in_its_time_and_back_after_the_clean_time(
-    found: dict[str, Any], ticks: int, cause: int, rung: int
+    found: dict[str, Any], ticks: int, cause: int, level: int
 ) -> None:
-    fallback, cell = ladder(), Cell()
+    fallback, cell = fallback_with(), Cell()
     run(fallback, ticks - 1, cell, **found)
-    assert (fallback.rung, fallback.causes) == (WITH_CELL, 0)
+    assert (fallback.level, fallback.causes) == (WITH_CELL, 0)
     run(fallback, 1, cell, **found)
-    assert (fallback.rung, fallback.causes) == (rung, cause)
+    assert (fallback.level, fallback.causes) == (level, cause)
     run(fallback, CLEAN_TICKS - 1, cell)
-    assert fallback.rung == rung
+    assert fallback.level == level
     run(fallback, 1, cell)
-    assert (fallback.rung, fallback.causes) == (WITH_CELL, 0)
+    assert (fallback.level, fallback.causes) == (WITH_CELL, 0)
 
 
 def test_a_cause_that_returns_starts_the_clean_time_anew() -> None:
-    fallback, cell = ladder(), Cell()
+    fallback, cell = fallback_with(), Cell()
     run(fallback, 1, cell, cell_broken=True)
     run(fallback, CLEAN_TICKS - 1, cell)
     run(fallback, 1, cell, cell_broken=True)
     run(fallback, CLEAN_TICKS - 1, cell)
-    assert fallback.rung == WITHOUT_CELL
+    assert fallback.level == WITHOUT_CELL
     run(fallback, 1, cell)
-    assert fallback.rung == WITH_CELL
+    assert fallback.level == WITH_CELL
 
 
 def test_the_worst_of_several_causes_decides_and_the_way_up_has_steps() -> None:
-    fallback, cell = ladder(), Cell()
+    fallback, cell = fallback_with(), Cell()
     run(fallback, 1, cell, cell_broken=True, model_saturates=True)
-    assert (fallback.rung, fallback.causes) == (COULOMB, BROKEN | SATURATES)
+    assert (fallback.level, fallback.causes) == (COULOMB, BROKEN | SATURATES)
     run(fallback, CLEAN_TICKS, cell, cell_broken=True)
-    assert (fallback.rung, fallback.causes) == (WITHOUT_CELL, BROKEN)
+    assert (fallback.level, fallback.causes) == (WITHOUT_CELL, BROKEN)
 
 
 def test_a_cell_that_stands_still_while_the_estimate_moves_is_stuck() -> None:
-    fallback, cell = ladder(), Cell()
+    fallback, cell = fallback_with(), Cell()
     run(fallback, 10, cell)
     stuck = {"cell_counts": 0, "cell_torque_unm": 0}
     moved = TOLERANCE_UNM // 4
@@ -119,11 +119,11 @@ def test_a_cell_that_stands_still_while_the_estimate_moves_is_stuck() -> None:
     run(fallback, 1, cell, **stuck, model_torque_unm=moved)
     assert fallback.causes == 0
     run(fallback, 1, cell, **stuck, model_torque_unm=moved + 1)
-    assert (fallback.rung, fallback.causes) == (WITHOUT_CELL, STUCK)
+    assert (fallback.level, fallback.causes) == (WITHOUT_CELL, STUCK)
 
 
 def test_a_quiet_cell_may_read_the_same_for_a_moment() -> None:
-    fallback, cell = ladder(), Cell()
+    fallback, cell = fallback_with(), Cell()
     run(fallback, 10, cell)
     stuck = {"cell_counts": 7, "cell_torque_unm": 0}
     run(fallback, 1, cell, **stuck)  # the cell's last move
@@ -137,25 +137,25 @@ def test_a_quiet_cell_may_read_the_same_for_a_moment() -> None:
 def test_a_motor_that_swings_on_its_cables_is_no_slip() -> None:
     """12 Hz, twice as far as the limit: a light motor that takes up a slack cable. The model has no
     masses; a slip would stay."""
-    fallback, cell = ladder(), Cell()
+    fallback, cell = fallback_with(), Cell()
     for tick in range(4000):
         innovation_nm = round(2 * SLIP_NM * math.sin(2 * math.pi * 12 * tick / TICKS_PER_S))
         lib.fallback_step(fallback, cell(0, innovation_nm=innovation_nm))
-        assert fallback.rung == WITH_CELL
+        assert fallback.level == WITH_CELL
 
 
 def test_a_cell_that_is_not_used_cannot_be_wrong() -> None:
-    fallback, cell = ladder(use_load_cell=False), Cell()
-    assert fallback.rung == WITHOUT_CELL
+    fallback, cell = fallback_with(use_load_cell=False), Cell()
+    assert fallback.level == WITHOUT_CELL
     run(fallback, 400, cell, cell_broken=True, cell_torque_unm=5_000_000)
-    assert (fallback.rung, fallback.causes) == (WITHOUT_CELL, 0)
+    assert (fallback.level, fallback.causes) == (WITHOUT_CELL, 0)
 
 
 def test_without_a_model_nothing_is_compensated_for_ever() -> None:
-    fallback, cell = ladder(model_refused=True), Cell()
-    assert (fallback.rung, fallback.causes) == (NONE, REFUSED)
+    fallback, cell = fallback_with(model_refused=True), Cell()
+    assert (fallback.level, fallback.causes) == (NONE, REFUSED)
     run(fallback, 2 * CLEAN_TICKS, cell)
-    assert (fallback.rung, fallback.causes) == (NONE, REFUSED)
+    assert (fallback.level, fallback.causes) == (NONE, REFUSED)
 
 
 torques = st.integers(-8_000_000, 8_000_000)
@@ -169,7 +169,7 @@ def test_a_change_of_the_rung_moves_the_torque_by_no_more_than_the_step(
     laws: list[tuple[int, int, bool]], step: int
 ) -> None:
     """Each tick brings the torques of two laws; which of them runs changes at any time."""
-    fallback = ladder(step_unm=step)
+    fallback = fallback_with(step_unm=step)
     second, before, given_before = False, laws[0], 0
     lib.fallback_rest(fallback)
     given_before = lib.fallback_blend(fallback, laws[0][0], False)
@@ -188,7 +188,7 @@ def test_a_change_of_the_rung_moves_the_torque_by_no_more_than_the_step(
 def test_the_blend_ends_at_the_law_in_the_time_that_the_step_allows(
     start: int, end: int, step: int
 ) -> None:
-    fallback = ladder(step_unm=step)
+    fallback = fallback_with(step_unm=step)
     lib.fallback_blend(fallback, start, False)
     ticks = math.ceil(abs(end - start) / step)
     given = lib.fallback_blend(fallback, end, True)

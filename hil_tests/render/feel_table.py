@@ -151,7 +151,7 @@ def _laws(outcomes: Sequence[Outcome], laws: Sequence[str]) -> str:
             put(f"{task}, worst", f"{max(ratios, default=math.nan):.2f}")
         put("trials worse than naive", _share([is_worse(o.rms_nm, n) for o, _, n in trials]))
         rest = [o.limit_cycle for o in own if o.task.startswith("rest")]
-        put("limit cycles at rest", _share(rest))
+        put("limit cycles at standstill", _share(rest))
         free = [o.redriven > REDRIVEN_ABOVE for o in own if not math.isnan(o.redriven)]
         put("free handles driven again by over 5 %", _share(free))
         put("trials with an active path", _share([is_active(o) for o in own]))

@@ -211,10 +211,10 @@ void supervision_reset(supervision_t *supervision, node_t *node, bool taken) {
     }
 }
 
-void supervision_tell_fallback(node_t *node, uint16_t causes, uint8_t rung) {
+void supervision_tell_fallback(node_t *node, uint16_t causes, uint8_t level) {
     node_error_clear(node, EMCY_COMPENSATION_FALLBACK);
     if (causes != 0) {
         node_error_set(node, EMCY_COMPENSATION_FALLBACK, EMCY_COMPENSATION_FALLBACK_REGISTER,
-                       (uint32_t)rung << 16 | causes);
+                       (uint32_t)level << 16 | causes);
     }
 }

@@ -83,7 +83,7 @@ uint16_t supervision_code(uint32_t checks);
 void supervision_reset(supervision_t *supervision, node_t *node, bool taken);
 
 /* Warns of a lesser compensation, which is no fault: the drive goes on. Detail: the causes (entry
- * compensation_fallback) in the low word, the rung in the high word. No causes: it is over. */
-void supervision_tell_fallback(node_t *node, uint16_t causes, uint8_t rung);
+ * compensation_fallback) in the low word, the level in the high word. No causes: it is over. */
+void supervision_tell_fallback(node_t *node, uint16_t causes, uint8_t level);
 
 #endif
