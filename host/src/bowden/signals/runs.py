@@ -22,6 +22,8 @@ REST_SAMPLES = 20
 DRIFTS = 4.0  # standard deviations of a sample's noise
 PARTS = 12  # of a rest, whose means tell whether the torque comes back
 BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
+PARABOLA = 2.0  # an even acceleration
+POWERS = (1.0, 3.0)  # of time, with which motions begin and end: at once (1), with even jerk (3)
 BRAKING = (0.5, 3.0)  # as far as draws go: operators start and stop more or less gently
 
 
@@ -44,7 +46,14 @@ class Standstill:
     drifts: bool = False
     returns: bool = False
 
-    def stand(self, path: _Floats, offset: float, arrival: float, leaving: float) -> _Floats:
+    def stand(
+        self,
+        path: _Floats,
+        offset: float,
+        arrival: float,
+        leaving: float,
+        powers: tuple[float, float] = (PARABOLA, PARABOLA),
+    ) -> _Floats:
         """Let a path (changed in place) stop at an offset from the count's middle.
 
         Parameters
@@ -56,6 +65,9 @@ class Standstill:
         arrival, leaving : float
             How long braking and starting take, against even acceleration between the place of rest
             and the edge.
+        powers : (float, float)
+            Of time, with which it arrives and leaves: 2 for an even acceleration, 3 for an even
+            jerk.
 
         Returns
         -------
@@ -63,9 +75,9 @@ class Standstill:
             How far the path has come to the place of rest, 0..1.
         """
         place = self.count + offset
-        coming = self._within(arrival, path[self.first] - place, self.before)
-        going = self._within(leaving, path[self.last] - place, self.after)
-        return self._settle(path, place, coming, going)
+        coming = self._within(arrival, path[self.first] - place, self.before, powers[0])
+        going = self._within(leaving, path[self.last] - place, self.after, powers[1])
+        return self._settle(path, place, (coming, going), powers)
 
     def draw(self, path: _Floats, generator: np.random.Generator) -> None:
         """Let a path (changed in place) stop somewhere, as gently as operators may."""
@@ -73,16 +85,18 @@ class Standstill:
         place = self.count + offset
         low, high = np.log(BRAKING)
         arrival, leaving = np.exp(generator.uniform(float(low), float(high), 2))
+        powers = (float(generator.uniform(*POWERS)), float(generator.uniform(*POWERS)))
         both = (self.before > 0.0) == (self.after > 0.0)  # seen from both sides, or a locked load
         if both and not (self.drifts and self.before > 0.0):
-            self.stand(path, offset, float(arrival), float(leaving))
+            self.stand(path, offset, float(arrival), float(leaving), powers)
         else:
             # It may move at any time, or all the time.
             going = min(float(generator.uniform(0.0, 2.0)), 1.0) * self._size
-            coming = self._within(float(arrival), path[self.first] - place, self.before)
+            way = path[self.first] - place
+            coming = self._within(float(arrival), way, self.before, powers[0])
             if self.after == 0.0:
                 path[self.last] = self.count + generator.uniform(-0.5, 0.5)
-            self._settle(path, place, coming, going)
+            self._settle(path, place, (coming, going), powers)
         if self.returns:
             here = slice(self.first, self.last + 1)
             away = path[here] + generator.uniform(-0.5, 0.5) * _excursion(self._size, generator)
@@ -92,28 +106,34 @@ class Standstill:
     def _size(self) -> int:
         return self.last - self.first + 1
 
-    def _within(self, gently: float, way: float, count: float) -> float:
+    def _within(self, gently: float, way: float, count: float, power: float) -> float:
         """Return the samples that braking takes over so much of a count; 0 where none is seen.
 
         `gently` is against even acceleration, `count` the samples of the count beside.
         """
-        return min(2.0 * gently * abs(float(way)) * count, BRAKING_SHARE * self._size)
+        return min(power * gently * abs(float(way)) * count, BRAKING_SHARE * self._size)
 
-    def _settle(self, path: _Floats, place: float, coming: float, going: float) -> _Floats:
+    def _settle(
+        self,
+        path: _Floats,
+        place: float,
+        within: tuple[float, float],
+        powers: tuple[float, float],
+    ) -> _Floats:
         """Come to a place in so many samples, leave it in so many; 0: stands from the beginning."""
         start, end = float(path[self.first]), float(path[self.last])
-        come = (start - place) * _braking(self._size, coming)
-        gone = (end - place) * _braking(self._size, going)[::-1]
+        come = (start - place) * _braking(self._size, within[0], powers[0])
+        gone = (end - place) * _braking(self._size, within[1], powers[1])[::-1]
         path[self.first : self.last + 1] = place + come + gone
         reach = max(abs(start - place), abs(end - place))
         return np.asarray(1.0 - (np.abs(come) + np.abs(gone)) / max(reach, 1e-9))
 
 
-def _braking(size: int, within: float) -> _Floats:
-    """Return 1 falling to 0 along a parabola, within so many samples; all 0 where that is 0."""
+def _braking(size: int, within: float, power: float) -> _Floats:
+    """Return 1 falling to 0 with a power of time, within so many samples; all 0 where that is 0."""
     if within == 0.0:
         return np.zeros(size)
-    return np.asarray((1.0 - np.minimum(np.arange(size) / within, 1.0)) ** 2)
+    return np.asarray((1.0 - np.minimum(np.arange(size) / within, 1.0)) ** power)
 
 
 def _excursion(size: int, generator: np.random.Generator) -> _Floats:

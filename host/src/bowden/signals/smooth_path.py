@@ -24,7 +24,8 @@ from bowden.model.compiled import compiled
 
 _Floats = NDArray[np.float64]
 
-ROUNDS = 30  # of boxes and intensities; the error of a sine falls by 1 % a round at the end
+ROUNDS = 300  # of boxes and intensities at most: expectation maximisation is slow, but sure
+SETTLED = 1e-4  # counts: a round that moves no node further is the last
 DAMPING = 0.7
 POOLED = 1  # neighbours on either side whose accelerations are taken together
 HEAVINESS = 0.5  # how many typical accelerations each local estimate is mixed with
@@ -135,8 +136,12 @@ def _fitted(
     members = np.convolve(np.ones(size - 1), kernel, "same")
     # An acceleration that is worth a tenth of a count over a usual step between nodes.
     intensity = 1e-2 * liveliness / float(np.mean(step)) ** 2
+    before = np.full(size, np.inf)
     for _ in range(ROUNDS):
         _smooth(step, intensity, precision, pull, position, velocity, variance, liveness)
+        if float(np.max(np.abs(position - before))) < SETTLED:
+            break
+        before = position.copy()
         if boxes:
             _match_boxes(*boxes, position, variance, precision, pull)
         pooled = np.convolve(np.maximum(liveness, 0.0) / liveliness, kernel, "same")
