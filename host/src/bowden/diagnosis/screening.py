@@ -191,27 +191,37 @@ class Screen:
         look = Look(
             candidate, nothing, 0.0, still, visible, nothing, tuple(probes), tuple(responses)
         )
-        promised = self.again(look)
+        promised = self._from_probes(look)
         if promised.gain <= 0.0:
             return look
         # Once more from there: the secant to where the effect would be, not to where it is usual.
-        values = dict(promised.values)
-        change = self._change(candidate, values, off)
+        change = self._change(candidate, promised.values, off)
         if change is None:
             return None
-        share, gain = self._project(self._whiten(change)[:, None], np.zeros(1), OVERSHOOT)
-        for one in candidate.strengths:
-            values[one.name] = value_of(one, float(share[0]) * strength_of(one, values[one.name]))
-        return replace(
-            look, values=values, gain=gain, change=tuple(share[0] * one for one in change)
-        )
+        return self._along(replace(look, values=promised.values, change=tuple(change)))
 
     def again(self, look: Look) -> Look:
-        """Return what a look from another hypothesis promises here, without simulating it again."""
+        """Return what a look from another hypothesis promises here, without simulating it again.
+
+        In proportion to what it does at its own values; to its probes where it promised nothing.
+        """
         if not look.probes:
             column = self._whiten(look.change)[:, None]
             _, gain = self._project(column, np.array([1.0 - 1e-6]), 1.0)
             return replace(look, gain=gain)
+        return self._along(look) if look.gain > 0.0 else self._from_probes(look)
+
+    def _along(self, look: Look) -> Look:
+        """Return a look with the share of what it does at its values that suits best."""
+        share, gain = self._project(self._whiten(look.change)[:, None], np.zeros(1), OVERSHOOT)
+        values = dict(look.values)
+        for one in look.candidate.strengths:
+            values[one.name] = value_of(one, float(share[0]) * strength_of(one, values[one.name]))
+        change = tuple(share[0] * one for one in look.change)
+        return replace(look, values=values, gain=gain, change=change)
+
+    def _from_probes(self, look: Look) -> Look:
+        """Return a look at the amounts of its probes that suit best."""
         sizes = np.array([one.size for one in look.probes])
         columns = np.stack([self._whiten(one) for one in look.responses], axis=1) / sizes
         amounts, gain = self._project(columns, _lowest(look.probes), np.inf)

@@ -103,7 +103,7 @@ def search(
     looks = [*_looks(material, base, every)]
     if is_strained(base):
         tell("looking once more, without calibration", 0.2)
-        looks += [replace(one, start={}) for one in _looks(material, filed, every)]
+        looks += _looks_as_filed(material, filed, every)
     done: dict[frozenset[tuple[str, str]], Hypothesis] = {base.key: base}
     frontier = [base]
     in_time = True
@@ -140,6 +140,16 @@ def search(
 def _looks(material: Material, parent: Hypothesis, every: Sequence[Candidate]) -> list[Look]:
     screen = Screen(parent)
     return [look for found in material.pool.map(screen.look, every) for look in found]
+
+
+def _looks_as_filed(
+    material: Material, filed: Hypothesis, every: Sequence[Candidate]
+) -> list[Look]:
+    """Look from the file's values; what a look promises is what a fit from there would gain."""
+    looks = sorted(_looks(material, filed, every), key=lambda one: -one.gain)
+    best, screen = _best_of_each(looks)[: 3 * FITTED], Screen(filed)
+    gains = material.pool.map(screen.annealed, best)
+    return [replace(one, start={}, gain=gain) for one, gain in zip(best, gains, strict=True)]
 
 
 def price(look: Look) -> float:
