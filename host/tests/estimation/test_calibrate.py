@@ -183,7 +183,8 @@ def test_a_rig_without_a_load_cell_is_fitted_by_its_motor_angle() -> None:
     run = measured(13, pretension_n=11.0).without_channels(["load_torque_nm"])
     # The motor's angle tells the stretch, so what friction and pretension do to it.
     calibration = calibrate(MODEL, [run])
-    assert any("load_torque_nm: no held-out gap: not recorded" in one for one in calibration.caveats)
+    said = "load_torque_nm: no held-out gap: not recorded"
+    assert any(said in one for one in calibration.caveats)
     friction, tight = of(calibration, FRICTION), of(calibration, PRETENSION)
     assert friction.value * tight.value == pytest.approx(11.0 * 0.21, rel=0.01)
 
