@@ -115,3 +115,24 @@ def test_the_diff_is_shown_before_it_is_written(page: Page, studio: Studio) -> N
     page.click("text=write to the drive")
     expect(page.locator("#message")).to_contain_text("changed and read back")
     assert studio.bench.session.snapshot().tunnel["tunnel_half_width"] == pytest.approx(0.1)
+
+
+def test_the_verdict_s_next_command_is_a_button(page: Page, studio: Studio) -> None:
+    told = {
+        "verdict": "ambiguous",
+        "next_experiment": "Slow strokes would tell them apart.",
+        "next_command": "bowden record slow.blf --duration 1.5 --enable torque --torque 0.05",
+    }
+    (studio.folder / "none.html").write_text("<p>a report</p>")
+    studio.bench.note_job(
+        {"do": "diagnose", "state": "done", "report": "none.html"} | {"result": told}
+    )
+    expect(page.locator("#advice")).to_contain_text("Slow strokes")
+    page.click("#next")
+    expect(page.locator("#recordings label")).to_have_text(" slow.blf")
+    expect(page.locator("#state")).to_contain_text("switch on disabled")
+    assert not studio.motor_is_on
+    recording = read_recording(studio.folder / "slow.blf")
+    assert recording.metadata["target_torque_nm"] == "0.05"
+    # It ends by the drive's clock, some pictures of the page after its time.
+    assert recording.time_s[-1] - recording.time_s[0] > 1.4

@@ -124,6 +124,11 @@ class StudioBench:
         with self._job_lock:
             return dict(self._job)
 
+    def note_job(self, job: dict[str, Any]) -> None:
+        """Take a job that has run elsewhere as the last one."""
+        with self._job_lock:
+            self._job = dict(job)
+
     def recordings(self) -> list[str]:
         """Return the names of the folder's recordings, newest first."""
         found = [path for path in self.folder.iterdir() if path.suffix in RECORDINGS]

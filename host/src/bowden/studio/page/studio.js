@@ -107,6 +107,7 @@ function showState() {
   showTensions();
   showRecordings();
   showJob();
+  watchNext();
   for (const input of at("configure").querySelectorAll("input"))
     if (!input.value && input.name in now.tunnel) input.value = Number(now.tunnel[input.name].toPrecision(6));
   at("changes").replaceChildren(...now.changes.map((change) => {
@@ -164,13 +165,43 @@ function showJob() {
   if (job.state === "none") return;
   const verdict = job.result && job.result.verdict ? `: ${job.result.verdict} ${(job.result.effects || []).map((one) => one.name).join(", ")}` : "";
   at("job").textContent = `${job.do} ${job.state}${verdict}${job.why ? `: ${job.why}` : ""}`;
-  at("apply").hidden = !(job.do === "diagnose" && job.state === "done" && job.result.model);
+  const diagnosed = job.do === "diagnose" && job.state === "done";
+  at("apply").hidden = at("applydiff").hidden = !(diagnosed && job.result.model);
+  at("advice").textContent = (diagnosed && job.result.next_experiment) || "";
+  const next = diagnosed ? nextRun(job.result.next_command || "") : null;
+  at("next").hidden = next === null;
+  if (next) at("next").textContent = `next: run and record ${next.name}, ${next.seconds} s, ${next.mode}`;
   if (job.state === "done" && job.report !== shownReport) {
     shownReport = job.report;
     at("report").hidden = false;
     at("report").querySelector("iframe").src = `/report/${job.report}?${Date.now()}`;
   }
   if (job.state === "running") shownReport = "";
+}
+
+// What a verdict's `bowden record NAME.blf --duration S --enable MODE [--torque NM]` asks for; null for any other.
+function nextRun(command) {
+  const words = /^bowden record (\w[\w.-]*)\.blf --duration ([\d.]+) --enable (tunnel|torque)(?: --torque (-?[\d.e-]+))?$/.exec(command);
+  if (!words) return null;
+  return { name: words[1], seconds: Number(words[2]), mode: words[3], torque_nm: words[4] === undefined ? null : Number(words[4]) };
+}
+
+// Runs until its time is over by the drive's clock, or until the motor is stopped.
+let running = null;
+function beginNext() {
+  const next = nextRun(now.job.result.next_command);
+  order({ do: "start", mode: next.mode, torque_nm: next.torque_nm });
+  order({ do: "record", name: next.name });
+  running = { seconds: next.seconds, began: false };
+}
+function watchNext() {
+  if (!running || !now) return;
+  running.began = running.began || Boolean(now.recording && now.is_ours);
+  if (running.began && (!now.is_ours || now.recorded_s >= running.seconds)) {
+    running = null;
+    if (now.recording) order({ do: "end_recording" });
+    order({ do: "stop" });
+  }
 }
 
 function wire() {
@@ -202,6 +233,8 @@ function wire() {
     if (recordings.length) order({ do: event.submitter.value, recordings });
     else at("message").textContent = "choose a recording first";
   };
+  at("next").onclick = beginNext;
+  at("applydiff").onclick = () => order({ do: "apply_model", dry_run: true });
   at("apply").onclick = () => order({ do: "apply_model", dry_run: false });
   setInterval(() => { if (!document.hidden) order({ do: "alive" }); }, ALIVE_EVERY_MS);
 }
