@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bowden.model import Inputs, Mode, ModelError, format_model, parse_model, simulate
-from bowden.model.effects import Table
+from bowden.model.effects import LawTable
 from bowden.model.effects.learned import argument_of, direction_of
 from hypothesis import given as drawn
 from hypothesis import settings
@@ -17,7 +17,7 @@ from .effects_rig import given, plain
 from .rigs import FloatArray
 
 TP, PT = Mode.TORQUE_POSITION, Mode.POSITION_TORQUE
-TENT = Table("load_torque_nm", ("load_angle_rad",), (-0.1, 0.0, 0.1))
+TENT = LawTable("load_torque_nm", ("load_angle_rad",), (-0.1, 0.0, 0.1))
 
 
 def same(found: FloatArray, expected: FloatArray, share: float = 1e-9) -> None:
@@ -25,7 +25,7 @@ def same(found: FloatArray, expected: FloatArray, share: float = 1e-9) -> None:
 
 
 def test_a_level_factor_on_friction_is_another_coefficient_of_friction() -> None:
-    level = Table("friction_factor", ("load_angle_rad",), (-1.0, 1.0))
+    level = LawTable("friction_factor", ("load_angle_rad",), (-1.0, 1.0))
     found = simulate(plain().with_law(level, (0.2, 0.2)), TP, given(TP))
     mu = plain().value("friction.mu_d")
     other = simulate(plain().with_values({"friction.mu_d": 1.2 * mu}), TP, given(TP))
@@ -43,7 +43,7 @@ def test_a_torque_at_the_load_is_read_by_the_cell_and_nothing_else_changes() -> 
 
 
 def test_a_torque_at_the_motor_is_added_to_the_recorded_one() -> None:
-    table = Table("motor_torque_nm", ("time_s",), (0.0, 2.0))
+    table = LawTable("motor_torque_nm", ("time_s",), (0.0, 2.0))
     found = simulate(plain().with_law(table, (0.01, 0.03)), TP, given(TP))
     time_s = given(TP).time_s
     motor = given(TP).motor_torque_nm
@@ -54,7 +54,7 @@ def test_a_torque_at_the_motor_is_added_to_the_recorded_one() -> None:
 
 
 def test_a_law_of_a_torque_that_is_predicted_holds_for_what_came_out() -> None:
-    table = Table("load_torque_nm", ("load_torque_nm",), (-1.0, 0.0, 1.0))
+    table = LawTable("load_torque_nm", ("load_torque_nm",), (-1.0, 0.0, 1.0))
     law = (0.1, 0.0, 0.1)  # |torque| / 10
     true = simulate(plain(), TP, given(TP))
     found = simulate(plain().with_law(table, law), TP, given(TP))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate
 from bowden.model import Model
-from bowden.model.effects import Table, law_of
+from bowden.model.effects import LawTable, law_of
 from bowden.model.effects.learned import ARGUMENTS, DIRECTION, PLACES, argument_of
 from bowden.recording.recording import Recording
 
@@ -30,16 +30,16 @@ class LawCandidate(Candidate):
 
     Parameters
     ----------
-    table : Table
+    table : LawTable
     bend : float
         Prior standard deviation of a second difference of its values, in their unit.
     """
 
-    table: Table
+    table: LawTable
     bend: float
 
     @classmethod
-    def of(cls, table: Table, bend: float) -> LawCandidate:
+    def of(cls, table: LawTable, bend: float) -> LawCandidate:
         """Return the candidate of a table."""
         effect = law_of(table)
         return cls(effect, effect.variants[0], table, bend)
@@ -64,7 +64,7 @@ def learned_among(effects: Sequence[Candidate]) -> LawCandidate | None:
     return next((one for one in effects if isinstance(one, LawCandidate)), None)
 
 
-def smooth_precision(table: Table, bend: float) -> _Floats:
+def smooth_precision(table: LawTable, bend: float) -> _Floats:
     """Return the precision of a prior: second differences of size `bend`, level within reason."""
     knots = len(table.x)
     second = np.diff(np.eye(knots), 2, axis=0)
@@ -93,7 +93,7 @@ def laws_over(recordings: Sequence[Recording], knots: int = SCREENED) -> list[La
         x = tuple(np.linspace(*visited, knots).tolist())
         for place, known in PLACES.items():
             for arguments in ((argument,), (argument, DIRECTION)):
-                found.append(LawCandidate.of(Table(place, arguments, x), known.usual))
+                found.append(LawCandidate.of(LawTable(place, arguments, x), known.usual))
     return found
 
 
@@ -107,7 +107,7 @@ def visited_by(
     return (low, high) if high - low > 1e-9 * max(abs(low), abs(high), 1.0) else None
 
 
-def visits(table: Table, recordings: Sequence[Recording]) -> _Floats:
+def visits(table: LawTable, recordings: Sequence[Recording]) -> _Floats:
     """Return the share of the samples that lie nearest to each knot, shape (knots,)."""
     middles = 0.5 * (np.array(table.x[1:]) + np.array(table.x[:-1]))
     nearest = np.searchsorted(middles, _seen(table.argument, recordings))
@@ -122,7 +122,7 @@ def _seen(argument: str, recordings: Sequence[Recording]) -> _Floats:
 def finer(one: LawCandidate, values: Mapping[str, float]) -> tuple[LawCandidate, dict[str, float]]:
     """Return a law with more knots over the same range, and the same curve on them."""
     x = np.linspace(one.table.x[0], one.table.x[-1], FITTED)
-    table = Table(one.table.place, one.table.arguments, tuple(x.tolist()))
+    table = LawTable(one.table.place, one.table.arguments, tuple(x.tolist()))
     curve = np.interp(x, one.table.x, [values[name] for name in one.table.names])
     spread = max(float(np.ptp(curve)), float(np.max(np.abs(curve))), 1e-9)
     found = LawCandidate.of(table, spread / FITTED)

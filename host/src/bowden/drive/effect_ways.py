@@ -17,7 +17,7 @@ import numpy as np
 from bowden.drive.meanings import TableArgument, TableDirection, TablePlace
 from bowden.drive.tables import KNOTS, DriveTable
 from bowden.model import Model
-from bowden.model.effects import LEARNED, Table, table_in
+from bowden.model.effects import LEARNED, LawTable, table_in
 from bowden.model.effects.effect import Values, Variant
 from bowden.model.model_effects import InForce
 from bowden.model.trajectory import FloatArray
@@ -261,7 +261,7 @@ def way_of(effect: InForce, written: Mapping[str, Any]) -> Way:
     return _table(f"{law.place} over {law.argument}", make)
 
 
-def _learned(law: Table, p: Values) -> tuple[DriveTable, ...]:
+def _learned(law: LawTable, p: Values) -> tuple[DriveTable, ...]:
     """Make a law's tables, at even knots between its first and its last."""
     y = np.array([p[name] for name in law.names])
     even = np.linspace(law.x[0], law.x[-1], len(law.x))

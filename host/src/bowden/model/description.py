@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from bowden.model.effects import LEARNED, Table
+from bowden.model.effects import LEARNED, LawTable
 from bowden.model.errors import ModelError
 from bowden.model.lumped import Lumped
 from bowden.model.model_changes import DoubtfulChange, steps_of, with_numbers
@@ -199,12 +199,12 @@ class Model:
         """
         return self._with_entry({"name": name, **{k: float(v) for k, v in values.items()}})
 
-    def with_law(self, table: Table, values: Sequence[float]) -> Model:
+    def with_law(self, table: LawTable, values: Sequence[float]) -> Model:
         """Return the model with a learned law, last in its list of effects.
 
         Parameters
         ----------
-        table : Table
+        table : LawTable
         values : sequence of float
             One a knot; afterwards at ``effects[i].values[k]``.
 

@@ -32,7 +32,7 @@ from bowden.model.effects import (
     wrap_angle_change,
 )
 from bowden.model.effects.effect import Channel, Effect, Parameter, Variant
-from bowden.model.effects.learned import LEARNED, Table, law_of, table_in
+from bowden.model.effects.learned import LEARNED, LawTable, law_of, table_in
 from bowden.model.effects.own import GROUP, add_to, installed
 
 CATALOGUE: dict[str, Effect] = {
@@ -80,8 +80,8 @@ __all__ = [
     "LEARNED",
     "Channel",
     "Effect",
+    "LawTable",
     "Parameter",
-    "Table",
     "Variant",
     "law_of",
     "table_in",

@@ -34,7 +34,7 @@ ROUNDS = 20  # of a fixed point that shrinks by the slope of the law
 
 
 @dataclass(frozen=True)
-class Place:
+class LawPlace:
     """Where a law may act.
 
     Parameters
@@ -53,9 +53,9 @@ class Place:
 
 
 PLACES = {
-    "load_torque_nm": Place("N m", 0.05, 5.0, "reading of the load cell = torque + f"),
-    "motor_torque_nm": Place("N m", 0.01, 1.0, "torque at the motor's pulley = recorded + f"),
-    "friction_factor": Place("", 0.3, 5.0, "mu (1 + f)"),
+    "load_torque_nm": LawPlace("N m", 0.05, 5.0, "reading of the load cell = torque + f"),
+    "motor_torque_nm": LawPlace("N m", 0.01, 1.0, "torque at the motor's pulley = recorded + f"),
+    "friction_factor": LawPlace("", 0.3, 5.0, "mu (1 + f)"),
 }
 ARGUMENTS: dict[str, str] = {
     "load_angle_rad": "load_angle_rad",
@@ -72,7 +72,7 @@ ARGUMENTS: dict[str, str] = {
 
 
 @dataclass(frozen=True)
-class Table:
+class LawTable:
     """A learned law but for its values.
 
     Parameters
@@ -171,7 +171,7 @@ def _since_change(time_s: FloatArray, way: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=512)
-def law_of(table: Table) -> Effect:
+def law_of(table: LawTable) -> Effect:
     """Return the effect of a table; its parameters are the values at the knots."""
     place = PLACES[table.place]
     low = LEAST_FACTOR if table.place == "friction_factor" else -place.most
@@ -209,7 +209,7 @@ def law_of(table: Table) -> Effect:
     )
 
 
-def _friction(table: Table) -> Any:  # noqa: ANN401  (a hook of `Variant`)
+def _friction(table: LawTable) -> Any:  # noqa: ANN401  (a hook of `Variant`)
     def histories(inside: Signals, pair: Transmission, p: Values) -> Histories:
         del pair
         return Histories(friction_factor=1.0 + np.maximum(table.at(inside, p), LEAST_FACTOR))
@@ -217,7 +217,7 @@ def _friction(table: Table) -> Any:  # noqa: ANN401  (a hook of `Variant`)
     return histories
 
 
-def _torque(table: Table) -> Channel:
+def _torque(table: LawTable) -> Channel:
     """Return the channel: recorded = true + f at the load, true = recorded + f at the motor.
 
     f is of what is recorded, but for the place's own torque: there it is of what is true.
@@ -237,7 +237,7 @@ def _torque(table: Table) -> Channel:
     return Channel(name, undone, applied, tuple(one for one in table.sees if one != name))
 
 
-def table_in(entry: Mapping[str, Any]) -> tuple[Table | None, list[str]]:
+def table_in(entry: Mapping[str, Any]) -> tuple[LawTable | None, list[str]]:
     """Read place, arguments and knots of an entry of a model file; else what is wrong with it.
 
     Parameters
@@ -264,7 +264,7 @@ def table_in(entry: Mapping[str, Any]) -> tuple[Table | None, list[str]]:
         wrong.append(f"values: found {values!r}, accepted: {len(x)} finite numbers, one a knot")
     if wrong:
         return None, wrong
-    return Table(place, tuple(arguments), tuple(float(one) for one in x)), []
+    return LawTable(place, tuple(arguments), tuple(float(one) for one in x)), []
 
 
 def _numbers(found: object) -> bool:
