@@ -1,8 +1,7 @@
 """Odd recordings through every command that judges them: a result or a named reason.
 
 Never a traceback, a number that is not finite, or an interval of no width. Small recordings of a
-rig that has 5 % more pretension than its file says; ten minutes at 1 kHz are measured by hand
-(docs/testing.md).
+rig that has 5 % more pretension than its file says. Ten minutes at 1 kHz are not among them.
 """
 
 from __future__ import annotations
