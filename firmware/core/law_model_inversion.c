@@ -349,9 +349,9 @@ static void learn(law_model_inversion_t *law, int32_t error_unm, int32_t motion,
     const int32_t towards = law->direction > 0 ? error_unm : -error_unm;
     const bool turned = law->turn_ticks > law->turned_ticks;
     const bool useful = motion == law->direction || towards > 0;
-    if (law->integral_ticks == 0 || law->declined || !turned || !useful || law->resting ||
-        (limited && towards > 0)) {
-        return;
+    if (law->integral_ticks == 0 || law->direction == 0 || law->declined || !turned || !useful ||
+        law->resting || (limited && towards > 0)) {
+        return; /* there is a shift for either direction, and none for an unknown one */
     }
     int32_t *shift = &law->shift_q8_unm[law->direction > 0 ? 1 : 0];
     const int32_t most_q8 = fixed_clamp(law->friction_unm, 0, 1 << 22) * 256;

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
@@ -162,6 +162,7 @@ def test_without_a_cell_a_wrong_model_does_not_push(factor: float) -> None:
     st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-0.6, 0.6)), min_size=1, max_size=5),
     st.booleans(),
 )
+@example(law=5, legs=[(0.0, 0.0), (0.0, 0.125)], cell=True)  # rests before it first moves
 def test_the_mirror_image_is_exact_and_the_limit_holds(
     law: int, legs: list[tuple[float, float]], cell: bool
 ) -> None:
