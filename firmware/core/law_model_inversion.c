@@ -346,17 +346,22 @@ static void notice_late_friction(law_model_inversion_t *law, const law_inputs_t 
 
 /* Takes the load cell's error up into the shift of this direction. */
 static void learn(law_model_inversion_t *law, int32_t error_unm, int32_t motion, bool limited) {
-    const int32_t towards = law->direction > 0 ? error_unm : -error_unm;
+    const int32_t known = law->direction > 0 ? error_unm : -error_unm;
+    const int32_t towards = law->direction == 0 ? magnitude(error_unm) : known;
     const bool turned = law->turn_ticks > law->turned_ticks;
     const bool useful = motion == law->direction || towards > 0;
-    if (law->integral_ticks == 0 || law->direction == 0 || law->declined || !turned || !useful ||
-        law->resting || (limited && towards > 0)) {
-        return; /* there is a shift for either direction, and none for an unknown one */
+    if (law->integral_ticks == 0 || law->declined || !turned || !useful || law->resting ||
+        (limited && towards > 0)) {
+        return;
     }
-    int32_t *shift = &law->shift_q8_unm[law->direction > 0 ? 1 : 0];
     const int32_t most_q8 = fixed_clamp(law->friction_unm, 0, 1 << 22) * 256;
     const int32_t step_q8 = fixed_clamp(error_unm, -(1 << 22), 1 << 22) * 256 / law->integral_ticks;
-    *shift = fixed_clamp(*shift + step_q8, -most_q8, most_q8);
+    for (int32_t sign = -1; sign <= 1; sign += 2) {
+        if (law->direction == 0 || law->direction == sign) { /* unknown: it may be either */
+            int32_t *shift = &law->shift_q8_unm[sign > 0 ? 1 : 0];
+            *shift = fixed_clamp(*shift + step_q8, -most_q8, most_q8);
+        }
+    }
 }
 
 /* The motor torque at which the pair holds `extra_unm` more than the plain one: at once by a move
