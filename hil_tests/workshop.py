@@ -77,7 +77,7 @@ class HeldBench(Bench):
         self._angle = 0.0
 
     def step(self, told: tuple[float, float] | None = None) -> None:  # noqa: ARG002
-        """Let a control period pass with the hand on its way."""
+        """Let a control period pass with the operator on the way."""
         step = TICK_S / self.swell_s
         self._swell = min(max(self._swell + (step if self.moving else -step), 0.0), 1.0)
         size = self._swell**2 * (3.0 - 2.0 * self._swell)

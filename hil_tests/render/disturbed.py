@@ -61,7 +61,7 @@ def _grasp(time_s: Array, _rig: RenderRig) -> Conditions:
 
 
 def _reach_through(time_s: Array, _rig: RenderRig) -> Array:
-    """Move a hand that is on its way when it grasps."""
+    """Move an operator who is on the way at the grasp."""
     return 0.4 * np.sin(2.0 * math.pi * np.maximum(time_s - GRASP_S, 0.0))
 
 

@@ -18,7 +18,7 @@ SUBSTEPS: Final = 8  # implicit steps in a control period
 PERIOD_S: Final = 250e-6
 REFERENCE_C: Final = 20.0  # at which the conduit's friction is stated
 GRIP_TO_ARM: Final = 4.0  # stiffness of the grip over that of the arm behind it
-GRIP_DAMPING: Final = 0.3  # of critical, with the inertia of the hand
+GRIP_DAMPING: Final = 0.3  # of critical, with the inertia of the operator
 HAND_INERTIA_KG_M2: Final = 3.0e-3  # 0.3 kg at the radius of the handle, 0.1 m
 
 #: Effects of the catalogue that this plant has no law for: hidden in a rig, they are absent here.
