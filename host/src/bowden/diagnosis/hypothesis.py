@@ -20,7 +20,7 @@ from bowden.diagnosis.probes import off_value
 from bowden.estimation.covariance import DOUBTED, Covariance
 from bowden.estimation.descend import descend, jacobians, principal_axes
 from bowden.estimation.parameters import Parameters, parameters_of
-from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate
+from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate, covariance_of
 from bowden.estimation.problem import Optimum, Problem
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model, ModelError
@@ -70,6 +70,12 @@ class Hypothesis:
     def own(self) -> int:
         """How many effects of the model stood in the file already."""
         return len(self.problem.parameters.model.effects) - len(self.effects)
+
+    def rows(self, index: int) -> list[int]:
+        """Return which numbers that move are those of its effect number `index`."""
+        place = f"effects[{self.own + index}]."
+        each = self.problem.parameters.each
+        return [row for row, number in enumerate(each) if number.path.startswith(place)]
 
     def values(self, index: int) -> dict[str, float]:
         """Return the values of its effect number `index`."""
@@ -204,9 +210,11 @@ def with_posterior(one: Hypothesis) -> Model:
     if not size or max(one.best.scales.discrepancy) > EXCEEDS:
         return one.model
     slopes = parameters.slopes(one.best.x[:size])
-    covariance = np.linalg.pinv(one.best.hessian)[:size, :size] * np.outer(slopes, slopes)
-    known = [_known_to(one, number.path) for number in parameters.each]
-    covariance += np.diag((np.array(known) * parameters.values(one.best.x[:size])) ** 2)
+    covariance = covariance_of(one.best.hessian)[:size, :size] * np.outer(slopes, slopes)
+    known = np.zeros(size)
+    for index, effect in enumerate(one.effects):
+        known[one.rows(index)] = effect.effect.known_to
+    covariance += np.diag((known * parameters.values(one.best.x[:size])) ** 2)
     section = PosteriorSection(
         paths=tuple(number.path for number in parameters.each),
         covariance=tuple(tuple(float(v) for v in row) for row in 0.5 * (covariance + covariance.T)),
@@ -215,17 +223,9 @@ def with_posterior(one: Hypothesis) -> Model:
     return one.model.with_posterior(section)
 
 
-def _known_to(one: Hypothesis, path: str) -> float:
-    """Return the relative error that no number of an effect is known better than; else 0."""
-    for index, effect in enumerate(one.effects):
-        if path.startswith(f"effects[{one.own + index}]."):
-            return effect.effect.known_to
-    return 0.0
-
-
 def estimates_of(one: Hypothesis) -> tuple[Estimate, ...]:
     """Return the numbers of the file that moved, with their 95 % intervals."""
-    covariance = np.linalg.pinv(one.best.hessian)
+    covariance = covariance_of(one.best.hessian)
     found = []
     for i, number in enumerate(one.problem.parameters.each):
         if number.path.startswith(

@@ -29,6 +29,7 @@ from bowden.diagnosis.predict import WIDEST, predict_unseen
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Look, Screen
 from bowden.diagnosis.search import Found, matters
+from bowden.estimation.posterior import covariance_of
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model
 from bowden.recording.recording import Recording
@@ -139,9 +140,7 @@ def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothe
 
 def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:
     """Return the bend under which the data are most likely, the law linear about its fit."""
-    paths = [number.path for number in one.problem.parameters.each]
-    place = f"effects[{one.own + len(one.effects) - 1}]."
-    mine = [i for i, path in enumerate(paths) if path.startswith(place)]
+    mine = one.rows(len(one.effects) - 1)
     at = one.best.x[mine]
     inner = np.ix_(mine, mine)
     own = law.precision
@@ -173,22 +172,18 @@ def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
     """Return the law of a hypothesis that has one, with its 95 % band and where it was visited."""
     law = learned_among(one.effects)
     assert law is not None
-    index = one.effects.index(law)
-    place = f"effects[{one.own + index}]."
-    mine = [
-        i for i, number in enumerate(one.problem.parameters.each) if number.path.startswith(place)
-    ]
+    mine = one.rows(one.effects.index(law))
     value = one.best.x[mine]
-    variance = np.maximum(np.diag(np.linalg.pinv(one.best.hessian))[mine], 0.0)
+    variance = np.maximum(np.diag(covariance_of(one.best.hessian))[mine], 0.0)
     variance = variance + (law.effect.known_to * value) ** 2
     if law.scales_friction:  # mu (1 + f) is known, mu to its tolerance only
-        variance = variance + (_known_to(one.model, FRICTION[0]) * (1.0 + value)) ** 2
+        variance = variance + (_tolerance_of(one.model, FRICTION[0]) * (1.0 + value)) ** 2
     reach = INTERVAL * np.sqrt(variance)
     curve = np.stack([np.array(law.table.x), value, value - reach, value + reach], axis=1)
     return Learned(law.table.place, law.table.arguments, curve, visits(law.table, recordings))
 
 
-def _known_to(model: Model, path: str) -> float:
+def _tolerance_of(model: Model, path: str) -> float:
     """Return the relative tolerance of a number; 0 without one."""
     for found, value, sigma in model.free_parameters():
         if found == path:

@@ -144,7 +144,7 @@ class Posterior:
 def posterior(problem: Problem, best: Optimum) -> Posterior:
     """Read the posterior off an optimum."""
     size = problem.size
-    every = _inverse(best.hessian)
+    every = covariance_of(best.hessian)
     slopes = problem.parameters.slopes(best.x[:size])
     covariance = every[:size, :size] * np.outer(slopes, slopes)
     holds = max(best.scales.discrepancy) <= EXCEEDS
@@ -174,7 +174,7 @@ def posterior(problem: Problem, best: Optimum) -> Posterior:
     )
 
 
-def _inverse(hessian: _Floats) -> _Floats:
+def covariance_of(hessian: _Floats) -> _Floats:
     """Return the covariance of a Hessian, whose numbers have units from N m to N.
 
     Each is scaled to a curvature of 1 first, or the precisest one would set the limit below which
