@@ -125,7 +125,8 @@ static void wind_motor(transmission_t *transmission, int32_t force, int32_t sign
     for (uint32_t pieces = 0; pieces < most; pieces++) {
         const int32_t limit_a_nm = -piece_a.limit_nm;
         const int32_t limit_b_nm = piece_b.limit_nm;
-        const bool a_first = sign > 0 ? limit_a_nm < limit_b_nm : limit_a_nm > limit_b_nm;
+        /* Of two limits at one place the pulling cable's comes first, whichever cable pulls. */
+        const bool a_first = sign > 0 ? limit_a_nm <= limit_b_nm : limit_a_nm > limit_b_nm;
         end_nm = a_first ? limit_a_nm : limit_b_nm;
         if (sign > 0 ? end_nm < arc_nm : end_nm > arc_nm) { /* passed already */
             end_nm = arc_nm;

@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from firmware.tests.native import Drive, lib
@@ -30,7 +30,8 @@ configurations = st.fixed_dictionaries(
         "adaptation_enabled": st.integers(0, 1),
         "adapted_friction_factor_ppm": st.integers(500_000, 1_500_000),
         "adapted_pretension_factor_ppm": st.integers(500_000, 1_500_000),
-        "cable_pretension_un": st.integers(0, 40_000_000),
+        # A few micronewton stretch no cable by a nanometre: the pair is slack from the start.
+        "cable_pretension_un": st.integers(0, 10) | st.integers(0, 40_000_000),
         "friction_dynamic_ppm": st.integers(0, 600_000),
         "motor_torque_limit_unm": st.integers(0, 8_000_000),
         "motor_torque_slew_unm_per_s": st.integers(1000, 1_000_000_000),
@@ -89,7 +90,19 @@ def test_limit_and_slew_hold_whatever_is_configured_and_read(
         assert values.compensation_active_law in (0, 1, values.compensation_law)
 
 
+# The pair is slack at the start: both cables become taut at the very same place.
+SLACK_PAIR = {
+    "compensation_law": 0,
+    "cable_pretension_un": 4,
+    "friction_dynamic_ppm": 0,
+    "adapted_friction_factor_ppm": 500_000,
+    "adapted_pretension_factor_ppm": 500_000,
+}
+NUDGE_THEN_MOVE = [*[(0, 0, 0, 0, 0)] * 14, (0, 0, 9, 0, 0), (0, 1, 0, 0, 0)]
+
+
 @given(configuration=configurations, series=readings)
+@example(configuration=SLACK_PAIR, series=NUDGE_THEN_MOVE)
 @settings(max_examples=60, deadline=None)
 def test_a_mirrored_motion_gives_the_mirrored_torque_to_the_last_bit(
     configuration: dict[str, int], series: list[tuple[int, int, int, int, int]]
