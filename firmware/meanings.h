@@ -105,7 +105,8 @@ enum {
     SUPERVISION_NODE_ID_TAKEN = 1 << 26, /* another node on the bus has this drive's node id */
     SUPERVISION_REFERENCE = 1 << 27, /* the zero of the angles is unknown since the last reset, and
                                         a tunnel was asked for */
-    SUPERVISION_BITS = 28,           /* from the lowest to the highest */
+    SUPERVISION_RPDO_LATE = 1 << 28, /* an RPDO did not come again within its event timer */
+    SUPERVISION_BITS = 29,           /* from the lowest to the highest */
 };
 
 /* the limit that cuts the torque in this tick; no fault */

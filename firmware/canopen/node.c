@@ -185,8 +185,9 @@ static void set_or_clear(node_t *node, bool present, uint16_t code, const can_fr
 }
 
 static void receive_process_data(node_t *node, const can_frame_t *frame) {
-    const bool news = frame->cob_id == SYNC_COB_ID ? pdo_sync(&node->pdo, &node->od)
-                                                   : pdo_receive(&node->pdo, &node->od, frame);
+    const bool news = frame->cob_id == SYNC_COB_ID
+                          ? pdo_sync(&node->pdo, &node->od)
+                          : pdo_receive(&node->pdo, &node->od, frame, node->now_us);
     if (!news) {
         return;
     }
@@ -279,6 +280,10 @@ uint8_t node_state(const node_t *node) {
 
 bool node_reset_requested(const node_t *node) {
     return node->nmt.state == NMT_INITIALISING;
+}
+
+uint8_t node_rpdo_late(const node_t *node) {
+    return node->nmt.state == NMT_OPERATIONAL ? node->pdo.late : 0;
 }
 
 bool node_host_lost(const node_t *node) {

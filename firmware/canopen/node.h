@@ -89,6 +89,9 @@ bool node_reset_requested(const node_t *node);
  * back. */
 bool node_host_lost(const node_t *node);
 
+/* The number, from 1, of the first RPDO that is beyond its deadline (pdo.h); 0: none. */
+uint8_t node_rpdo_late(const node_t *node);
+
 /* Has the host of 0x1016 started anew since the last node_tick()? */
 bool node_host_restarted(const node_t *node);
 

@@ -141,7 +141,11 @@ static pdo_map_t read_map(const od_t *od, uint16_t index, bool receives) {
 
 void pdo_configure(pdo_t *pdo, const od_t *od) {
     for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
-        pdo->rpdo[i] = (rpdo_t){.map = read_map(od, (uint16_t)(RPDO_COMMUNICATION + i), true)};
+        const uint16_t index = (uint16_t)(RPDO_COMMUNICATION + i);
+        pdo->rpdo[i] = (rpdo_t){
+            .map = read_map(od, index, true),
+            .deadline_us = od_value(od, index, EVENT) * US_PER_MS,
+        };
     }
     for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
         const uint16_t index = (uint16_t)(TPDO_COMMUNICATION + i);
@@ -165,7 +169,9 @@ void pdo_configure(pdo_t *pdo, const od_t *od) {
 void pdo_start(pdo_t *pdo) {
     for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
         pdo->rpdo[i].waiting = false;
+        pdo->rpdo[i].heard = false;
     }
+    pdo->late = 0;
     for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
         tpdo_t *tpdo = &pdo->tpdo[i];
         tpdo->syncs = 0;
@@ -219,7 +225,14 @@ bool pdo_take_withheld(pdo_t *pdo, uint16_t *value) {
     return has;
 }
 
-bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame) {
+static void accept(pdo_t *pdo, rpdo_t *rpdo, uint32_t now_us) {
+    pdo->accepted = true;
+    rpdo->heard = true;
+    rpdo->late = false;
+    rpdo->heard_us = now_us;
+}
+
+bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame, uint32_t now_us) {
     bool taken = false;
     for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
         rpdo_t *rpdo = &pdo->rpdo[i];
@@ -235,10 +248,10 @@ bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame) {
             if (rpdo->refused) {
                 withhold(pdo, &rpdo->map, frame);
             } else {
-                pdo->accepted = true;
+                accept(pdo, rpdo, now_us);
             }
         } else {
-            pdo->accepted = true;
+            accept(pdo, rpdo, now_us);
             withhold(pdo, &rpdo->map, frame);
             rpdo->frame = *frame;
             rpdo->waiting = true;
@@ -305,7 +318,20 @@ static void send(const tpdo_t *tpdo, const od_t *od, frame_queue_t *tx) {
     frame_queue_push(tx, &frame);
 }
 
+/* Only hearing it again takes `late` back: the wrap of the clock must not. */
+static void look_who_is_late(pdo_t *pdo, uint32_t now_us) {
+    pdo->late = 0;
+    for (uint32_t i = PDO_RX_MAX; i > 0; i--) {
+        rpdo_t *rpdo = &pdo->rpdo[i - 1];
+        if (rpdo->deadline_us != 0 && rpdo->heard) {
+            rpdo->late = rpdo->late || now_us - rpdo->heard_us > rpdo->deadline_us;
+            pdo->late = rpdo->late ? (uint8_t)i : pdo->late;
+        }
+    }
+}
+
 void pdo_tick(pdo_t *pdo, const od_t *od, uint32_t now_us, frame_queue_t *tx) {
+    look_who_is_late(pdo, now_us);
     for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
         tpdo_t *tpdo = &pdo->tpdo[i];
         if (tpdo->sent && now_us - tpdo->sent_us >= tpdo->inhibit_us) {

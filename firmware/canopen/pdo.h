@@ -11,6 +11,8 @@
  * An RPDO is taken whole or not at all: not when it is too short or carries a value that the
  * dictionary refuses, and not yet when it waits for SYNC. The value of an urgent entry (OD_URGENT)
  * in such a frame is withheld: the drive takes it with pdo_take_withheld() and decides itself.
+ * An RPDO with an event timer has a deadline (CiA 301, 7.5.2.35): once one was accepted after NMT
+ * start, the next must be within it. Whether the host comes at all is not watched here.
  * PDOs without entries are not sent. Remote frames, type 0, 252, 253 and the SYNC start value do
  * not exist.
  */
@@ -43,6 +45,10 @@ typedef struct {
     bool waiting; /* a frame that waits for SYNC */
     bool too_short;
     bool refused; /* the last frame had a value that the dictionary refuses */
+    bool heard;   /* one was accepted since NMT start: its deadline runs */
+    bool late;
+    uint32_t deadline_us; /* 0: none */
+    uint32_t heard_us;
     can_frame_t frame;
 } rpdo_t;
 
@@ -60,6 +66,7 @@ typedef struct {
 typedef struct {
     bool accepted; /* an RPDO was taken, or waits for SYNC, since pdo_take_accepted() */
     bool by_sync;  /* any PDO follows SYNC */
+    uint8_t late;  /* number, from 1, of the first RPDO that is late; 0: none */
     bool has_withheld;
     uint16_t withheld; /* value of the urgent entry in the last frame that was not taken */
     rpdo_t rpdo[PDO_RX_MAX];
@@ -78,7 +85,7 @@ void pdo_configure(pdo_t *pdo, const od_t *od);
 void pdo_start(pdo_t *pdo);
 
 /* Handles a frame that may be an RPDO. Returns true if it is one. */
-bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame);
+bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame, uint32_t now_us);
 
 /* Handles a SYNC: applies waiting RPDOs, marks the TPDOs whose turn it is. False: no PDO follows
  * SYNC, and nothing has changed. */
@@ -87,7 +94,7 @@ bool pdo_sync(pdo_t *pdo, const od_t *od);
 /* Will pdo_tick() send anything? */
 bool pdo_due(const pdo_t *pdo, uint32_t now_us);
 
-/* Sends every TPDO that is due. */
+/* Sends every TPDO that is due and looks which RPDO is late. */
 void pdo_tick(pdo_t *pdo, const od_t *od, uint32_t now_us, frame_queue_t *tx);
 
 /* Has an RPDO been accepted since the last call? */

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x7435122C)
+#define DICTIONARY_HASH UINT32_C(0x4742D577)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 251
+#define DICTIONARY_COUNT 252
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -29,6 +29,7 @@ typedef struct {
     uint32_t identity_serial_number;                   /* 0x1018 */
     uint32_t rpdo1_communication_cob_id;               /* 0x1400 */
     uint8_t rpdo1_communication_transmission_type;     /* 0x1400 */
+    uint16_t rpdo1_communication_event_timer_ms;       /* 0x1400 */
     uint8_t rpdo1_mapping_count;                       /* 0x1600 */
     uint32_t rpdo1_mapping_object_1;                   /* 0x1600 */
     uint32_t rpdo1_mapping_object_2;                   /* 0x1600 */
@@ -291,6 +292,8 @@ enum {
     EMCY_PROTOCOL_ERROR_REGISTER = 0x11,
     EMCY_PDO_LENGTH = 0x8210, /* RPDO shorter than its mapping */
     EMCY_PDO_LENGTH_REGISTER = 0x11,
+    EMCY_RPDO_LATE = 0x8250, /* an RPDO did not come again within its event timer */
+    EMCY_RPDO_LATE_REGISTER = 0x11,
     EMCY_CURRENT_ERROR = 0x8331, /* the motor current does not follow its command */
     EMCY_CURRENT_ERROR_REGISTER = 0x03,
     EMCY_MOTOR_SPEED =

@@ -185,6 +185,7 @@ static supervision_inputs_t watched(drive_t *drive, const board_sensors_t *senso
         .host_commanded = node_take_commanded(&drive->node),
         .heartbeat_lost = node_host_lost(&drive->node),
         .host_restarted = node_host_restarted(&drive->node),
+        .rpdo_late = node_rpdo_late(&drive->node),
         .namesake = node_take_namesake(&drive->node),
         .motor_counts = sensors->motor_encoder_counts,
         .load_counts = sensors->load_encoder_counts,

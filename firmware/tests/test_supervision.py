@@ -291,6 +291,70 @@ def test_who_opts_out_is_told_in_the_statusword() -> None:
     assert free.values.statusword & Statusword.NO_DEADLINE
 
 
+DEADLINE_MS = 20
+
+
+def with_rpdo_deadline() -> Drive:
+    """A drive that runs, whose RPDO 1 must come again within DEADLINE_MS."""
+    drive = Drive(guarded=True, current_max_ua=12_000_000)
+    drive.tick()
+    drive.write(0x1016, 1, HOST_ID << 16 | 1000, 4)
+    assert drive.write(0x1400, 5, DEADLINE_MS, 2)[0] == 0x60
+    drive.nmt(NMT_START)
+    for word in (0x06, 0x07, 0x0F):
+        found = drive.control(word, 2)  # one takes the configuration
+    assert found.bridge_enabled
+    drive.frames()
+    return drive
+
+
+def test_an_rpdo_that_stops_coming_is_noticed_though_the_host_is_alive() -> None:
+    drive = with_rpdo_deadline()
+    speak(drive)
+    for _ in range(DEADLINE_MS * TICKS_PER_MS):
+        drive.send(0x700 + HOST_ID, b"\x05")
+        assert drive.tick().bridge_enabled
+    drive.send(0x700 + HOST_ID, b"\x05")
+    drive.tick()
+    assert not drive.tick().bridge_enabled
+    assert latched(drive) == Supervision.RPDO_LATE
+    assert emergencies(drive) == [0x8250]
+
+
+def test_an_rpdo_deadline_waits_for_the_first_one_after_nmt_start() -> None:
+    drive = with_rpdo_deadline()
+    for _ in range(10):
+        by_sdo(drive)
+        drive.tick(DEADLINE_MS * TICKS_PER_MS)
+    assert drive.state == OPERATION_ENABLED
+
+
+def test_a_stream_of_rpdos_keeps_their_deadline_and_refused_ones_do_not() -> None:
+    drive = with_rpdo_deadline()
+    for _ in range(20):
+        speak(drive)
+        drive.tick(DEADLINE_MS * TICKS_PER_MS)
+        assert drive.state == OPERATION_ENABLED
+    for _ in range(2 * DEADLINE_MS):
+        refused_rpdo(drive)
+        drive.tick(TICKS_PER_MS)
+    assert latched(drive) == Supervision.RPDO_LATE
+
+
+def test_a_late_rpdo_stays_a_fault_until_it_comes_again() -> None:
+    drive = with_rpdo_deadline()
+    speak(drive)
+    drive.tick(2 * DEADLINE_MS * TICKS_PER_MS)
+    for word in (0x00, 0x80):
+        drive.write(0x6040, 0, word, 2)
+        drive.tick()
+    assert drive.values.fault_reset_refused == Supervision.RPDO_LATE
+    for word in (0x00, 0x80):
+        drive.send(RPDO1, rpdo(word))
+        drive.tick()
+    assert drive.state != FAULT
+
+
 def test_a_watched_host_that_was_never_heard_is_lost() -> None:
     drive = Drive(guarded=True)
     drive.write(0x1016, 1, HOST_ID << 16 | 100, 4)

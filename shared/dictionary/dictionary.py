@@ -286,15 +286,16 @@ def _pdo_communication(name: str, base: int, pdo: Pdo) -> Object:
     flags = (0 if receives else NO_RTR) | (0 if pdo.enabled else PDO_DOES_NOT_EXIST)
     cob_id = _plain(1, "cob_id", "u32", pdo.cob_id | flags)
     variables = [
-        _sub0(2 if receives else 5),
+        _sub0(5),
         replace(cob_id, node_id_added=True, doc="bit 31 set: the PDO does not exist"),
         _plain(2, "transmission_type", "u8", pdo.type, "1..240 every n-th SYNC, 254, 255 event"),
     ]
     if not receives:
         inhibit = _plain(3, "inhibit_time", "u16", 0, "least time between two frames")
-        event = _plain(5, "event_timer", "u16", pdo.event_ms, "period; 0 is off")
         variables.append(replace(inhibit, unit="s", raw_unit="100us", scale=1e-4))
-        variables.append(replace(event, unit="s", raw_unit="ms", scale=1e-3))
+    meaning = "most time between two frames; 0 is no deadline" if receives else "period; 0 is off"
+    event = _plain(5, "event_timer", "u16", pdo.event_ms, meaning)
+    variables.append(replace(event, unit="s", raw_unit="ms", scale=1e-3))
     return Object(
         base + pdo.number - 1,
         f"{name}_communication",

@@ -103,6 +103,7 @@ static uint32_t look_around(const supervision_t *supervision, const supervision_
            when(inputs->heartbeat_lost, SUPERVISION_HEARTBEAT) |
            when(inputs->host_restarted, SUPERVISION_HOST_RESTARTED) |
            when(late, SUPERVISION_COMMAND_LATE) |
+           when(inputs->rpdo_late != 0, SUPERVISION_RPDO_LATE) |
            when(inputs->namesake, SUPERVISION_NODE_ID_TAKEN) |
            when(inputs->reference_lost, SUPERVISION_REFERENCE) |
            when(inputs->configuration_refused, SUPERVISION_CONFIGURATION);
@@ -170,6 +171,8 @@ static uint32_t detail(uint32_t check, const supervision_t *supervision,
         return (uint32_t)inputs->conduit_mdegc;
     case SUPERVISION_COMMAND_LATE:
         return supervision->silent_ticks / TICKS_PER_MS;
+    case SUPERVISION_RPDO_LATE:
+        return inputs->rpdo_late;
     default:
         return inputs->board_faults;
     }

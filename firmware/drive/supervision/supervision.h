@@ -40,6 +40,7 @@ typedef struct {
     bool configuration_refused; /* by the next step up */
     bool host_commanded;        /* a sign of life since the last tick */
     bool heartbeat_lost, host_restarted, namesake;
+    uint8_t rpdo_late; /* number of one that is, 0: none */
     int32_t motor_counts, load_counts;
     int32_t apart_nm; /* arc of the motor pulley less that of the load pulley */
     int32_t load_angle_urad;

@@ -37,4 +37,5 @@ const supervision_row_t SUPERVISION[SUPERVISION_BITS] = {
     [25] = {EMCY_CONFIGURATION_REFUSED, EMCY_CONFIGURATION_REFUSED_REGISTER, 1}, /* configuration */
     [26] = {EMCY_NODE_ID_TAKEN, EMCY_NODE_ID_TAKEN_REGISTER, 1},                 /* node_id_taken */
     [27] = {EMCY_REFERENCE_LOST, EMCY_REFERENCE_LOST_REGISTER, 1},               /* reference */
+    [28] = {EMCY_RPDO_LATE, EMCY_RPDO_LATE_REGISTER, 1},                         /* rpdo_late */
 };

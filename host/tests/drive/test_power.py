@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from bowden.drive.client import Drive
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run, power_state, powered, safe_stop
+from bowden.drive.torque_profile import TorqueProfile, torque_sender
 from bowden.errors import DriveFailed
 from bowden_rig.virtual_bus import VirtualBus
 
@@ -15,6 +17,8 @@ MakeRig = Callable[..., tuple[Drive, VirtualBus]]
 
 
 TUNNEL = Run(ModeOfOperation.TUNNEL)
+_ONCE = TorqueProfile(np.array([0.0, 1.0]), np.zeros(2), "none")
+PROFILE = Run(ModeOfOperation.TORQUE, profile=_ONCE)
 
 
 def test_the_bridge_is_on_inside_the_block_and_off_after_it(rig: MakeRig) -> None:
@@ -60,6 +64,18 @@ def test_a_host_that_dies_stops_the_drive(rig: MakeRig) -> None:
         drive.connection.listen(0.1)
         assert drive.emergencies == [0x8131]
         raise DriveFailed("the test is over")
+
+
+def test_torques_that_stop_coming_stop_a_drive_whose_host_still_beats(rig: MakeRig) -> None:
+    drive, bus = rig(motion="locked")
+    with powered(drive, PROFILE):
+        torque_sender(drive)(0.05)
+        drive.connection.listen(0.24)  # rpdo1_communication.event_timer is 250 ms then
+        assert bus.bench.actuators.bridge_enabled
+        drive.connection.listen(0.02)
+        assert not bus.bench.actuators.bridge_enabled
+    assert drive.emergencies == [0x8250]
+    assert drive.read_raw("rpdo1_communication.event_timer") == 0  # as it was
 
 
 def test_a_host_that_lives_keeps_the_drive_running(rig: MakeRig) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0x7435122C
+HASH = 0x4742D577
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -44,9 +44,10 @@ TABLE = Table(
         Entry(0x1200, 0, 'sdo_server.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
         Entry(0x1200, 1, 'sdo_server.rx_cob_id', 'u32', 'const', 'communication', 0x600, high=4294967295, node_id_added=True),
         Entry(0x1200, 2, 'sdo_server.tx_cob_id', 'u32', 'const', 'communication', 0x580, high=4294967295, node_id_added=True),
-        Entry(0x1400, 0, 'rpdo1_communication.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
+        Entry(0x1400, 0, 'rpdo1_communication.count', 'u8', 'const', 'communication', 5, high=255, doc='highest sub-index'),
         Entry(0x1400, 1, 'rpdo1_communication.cob_id', 'u32', 'rw', 'communication', 0x200, high=4294967295, persist=True, node_id_added=True, doc='bit 31 set: the PDO does not exist'),
         Entry(0x1400, 2, 'rpdo1_communication.transmission_type', 'u8', 'rw', 'communication', 255, high=255, persist=True, doc='1..240 every n-th SYNC, 254, 255 event'),
+        Entry(0x1400, 5, 'rpdo1_communication.event_timer', 'u16', 'rw', 'communication', 0, high=65535, unit='s', scale=0.001, persist=True, doc='most time between two frames; 0 is no deadline'),
         Entry(0x1600, 0, 'rpdo1_mapping.count', 'u8', 'rw', 'communication', 3, high=8, persist=True, doc='entries in use'),
         Entry(0x1600, 1, 'rpdo1_mapping.object_1', 'u32', 'rw', 'communication', 0x60400010, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1600, 2, 'rpdo1_mapping.object_2', 'u32', 'rw', 'communication', 0x60600008, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
@@ -112,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x7435122c, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x4742d577, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -312,6 +313,7 @@ EMERGENCIES = (
     Emergency(0x8140, 'bus_off_recovered', 16, 'recovered from bus-off', 'check termination and bit rate'),
     Emergency(0x8200, 'protocol_error', 16, 'RPDO carries a value out of range; the whole frame was ignored', 'check the sender against the ranges of the dictionary'),
     Emergency(0x8210, 'pdo_length', 16, 'RPDO shorter than its mapping', "check the sender's mapping"),
+    Emergency(0x8250, 'rpdo_late', 16, 'an RPDO did not come again within its event timer', 'restart the host tool, or have the host send its RPDO more often than rpdo1_communication.event_timer'),
     Emergency(0x8331, 'current_error', 2, 'the motor current does not follow its command', 'check motor wiring, supply and current sensor'),
     Emergency(0x8480, 'motor_speed', 128, 'the motor is faster than motor_speed_limit, or its encoder jumped', 'check the motor encoder and whether a cable is off its pulley'),
     Emergency(0x8481, 'load_speed', 128, 'the load is faster than load_speed_limit, or its encoder jumped', 'check the load encoder'),
@@ -349,6 +351,7 @@ SUPERVISION = (
     Check(25, 'configuration', 'a configuration that cannot run', '', 'configuration_refused'),
     Check(26, 'node_id_taken', 'heartbeats and boot-up messages of other nodes with the same node id', '', 'node_id_taken'),
     Check(27, 'reference', 'the zero of the angles, when a tunnel is asked for: angle_reference', '', 'reference_lost'),
+    Check(28, 'rpdo_late', 'time since an RPDO with an event timer was last accepted, from the first one after NMT start on', 'rpdo1_communication.event_timer', 'rpdo_late'),
 )
 
 ENTRIES = TABLE.entries

@@ -1,13 +1,13 @@
 """Enabling and disabling the drive: the CiA 402 sequence, with every step checked.
 
 `powered` is the only way in that users need: whatever happens inside its block, the bridge is off
-at the end. While the bridge is on, the drive watches the host's heartbeat and stops by itself when
-the host dies or hangs.
+at the end. While the bridge is on, the drive watches the host's heartbeat, and the RPDO where
+torques go through it, and stops by itself when the host dies or hangs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -23,9 +23,13 @@ if TYPE_CHECKING:
     from bowden.drive.torque_profile import TorqueProfile
 
 HEARTBEAT_TIMEOUT_MS = 1000
+# Half of the default command_deadline: the heartbeat comes from another thread and says nothing of
+# the one that sends torques. They are sent 25 times as often.
+RPDO_DEADLINE_MS = 250
 _ANSWERS_OUT_S = 0.02
 _SILENT_S = 0.3
 _FAULT_BIT = 0x0008
+_WATCHED = ("consumer_heartbeat.1", "rpdo1_communication.event_timer")
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,11 @@ class Run:
     torque_nm: float = 0.0
     profile: TorqueProfile | None = None
     follow: FollowLoad | None = None
+
+    @property
+    def uses_rpdo(self) -> bool:
+        """Whether torques go through RPDO 1 while it is recorded."""
+        return self.profile is not None or self.follow is not None
 
 
 #: CiA 402 states: mask and value of the statusword.
@@ -115,19 +124,24 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
         run, or a step not taken.
     """
     require_unused(drive)
-    heartbeat_before = drive.read_raw("consumer_heartbeat.1")
+    before = {name: drive.read_raw(name) for name in _WATCHED}
     try:
         enable(drive, run)
         yield
     except BaseException:
         # The first failure is the one to tell; without our heartbeat the drive stops itself.
         with suppress(DriveFailed):
-            safe_stop(drive)
-            drive.write_raw("consumer_heartbeat.1", heartbeat_before)
+            _stop_and_restore(drive, before)
         drive.connection.stop_heartbeat()
         raise
-    safe_stop(drive)
-    drive.write_raw("consumer_heartbeat.1", heartbeat_before)
+    _stop_and_restore(drive, before)
+
+
+def _stop_and_restore(drive: Drive, before: Mapping[str, int]) -> None:
+    safe_stop(drive)  # ends in pre-operational, where both may be written
+    for name, raw in before.items():
+        if drive.read_raw(name) != raw:
+            drive.write_raw(name, raw)
 
 
 def enable(drive: Drive, run: Run) -> None:
@@ -140,6 +154,9 @@ def enable(drive: Drive, run: Run) -> None:
     drive.write_raw("target_torque", 0)
     drive.write_raw("consumer_heartbeat.1", HOST_NODE_ID << 16 | HEARTBEAT_TIMEOUT_MS)
     drive.connection.start_heartbeat()
+    if run.uses_rpdo:
+        drive.nmt("PRE-OPERATIONAL")
+        drive.write_raw("rpdo1_communication.event_timer", RPDO_DEADLINE_MS)
     drive.nmt("OPERATIONAL")
     if is_fault(drive.read_raw("statusword")):
         _reset_fault(drive)

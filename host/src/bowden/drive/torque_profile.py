@@ -2,7 +2,8 @@
 
 Times are the drive's, from the recording's first sample. Between two points the torque goes along a
 straight line, the drive's slew rate smooths the steps; after the last point it stays. Should this
-program stop sending, the drive holds the last torque until it misses the host's heartbeat.
+program stop sending, the drive switches off after `RPDO_DEADLINE_MS` (power.py), though the host's
+heartbeat goes on.
 """
 
 from __future__ import annotations
