@@ -106,7 +106,8 @@ enum {
     SUPERVISION_REFERENCE = 1 << 27, /* the zero of the angles is unknown since the last reset, and
                                         a tunnel was asked for */
     SUPERVISION_RPDO_LATE = 1 << 28, /* an RPDO did not come again within its event timer */
-    SUPERVISION_BITS = 29,           /* from the lowest to the highest */
+    SUPERVISION_IMAGE = 1 << 29,     /* the program in the flash is not the one that was built */
+    SUPERVISION_BITS = 30,           /* from the lowest to the highest */
 };
 
 /* the limit that cuts the torque in this tick; no fault */

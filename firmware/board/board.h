@@ -40,6 +40,7 @@ enum {
     BOARD_FAULT_CAN_PASSIVE = 1 << 9,  /* error-passive while the bridge is on */
     BOARD_FAULT_CURRENT_MODEL = 1 << 10, /* current does not follow from voltage and speed */
     BOARD_FAULT_CURRENT_ZERO = 1 << 11, /* current without a bridge, when it is to be switched on */
+    BOARD_FAULT_IMAGE = 1 << 29,        /* the program in the flash is not the one that was built */
 };
 
 /* Most words that a board keeps across power-off. */

@@ -197,7 +197,7 @@ const od_entry_t DICTIONARY[DICTIONARY_COUNT] = {
     {0x1A03, 8, 1, OD_U32, OD_COMMUNICATION, OD_READ | OD_WRITE | OD_PERSIST,
      offsetof(dictionary_t, tpdo4_mapping_object_8), 0x0u, 0xFFFFFFFFu, 0x0u, NULL},
     {0x2000, 0, 1, OD_U32, OD_IDENTITY, OD_READ,
-     OD_NO_STORAGE, 0x0u, 0xFFFFFFFFu, 0x4742D577u, NULL},
+     OD_NO_STORAGE, 0x0u, 0xFFFFFFFFu, 0x14D2A161u, NULL},
     {0x2001, 0, 1, OD_U32, OD_STATE, OD_READ | OD_MAP_TX,
      offsetof(dictionary_t, device_time_us), 0x0u, 0xFFFFFFFFu, 0x0u, NULL},
     {0x2002, 0, 1, OD_U16, OD_STATE, OD_READ | OD_MAP_TX,

@@ -12,7 +12,7 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x4742D577)
+#define DICTIONARY_HASH UINT32_C(0x14D2A161)
 
 /* Rows of DICTIONARY. */
 #define DICTIONARY_COUNT 252
@@ -252,6 +252,8 @@ enum {
     EMCY_CONVERTER_FAULT_REGISTER = 0x81,
     EMCY_CLOCK_FAULT = 0x5300, /* crystal failed */
     EMCY_CLOCK_FAULT_REGISTER = 0x81,
+    EMCY_IMAGE_DAMAGED = 0x5520, /* the program in the flash is not the one that was built */
+    EMCY_IMAGE_DAMAGED_REGISTER = 0x81,
     EMCY_RESTARTED = 0x6010, /* the firmware crashed or hung and was started anew */
     EMCY_RESTARTED_REGISTER = 0x81,
     EMCY_TICK_OVERRUN = 0x6100, /* a control tick was not finished in its period */

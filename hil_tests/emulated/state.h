@@ -126,6 +126,11 @@ typedef struct {
 } flash_t;
 
 typedef struct {
+    uint32_t dr;
+    uint8_t idr;
+} crc_t;
+
+typedef struct {
     uint32_t cr, csr, supply_mv;
     bool held; /* in reset: the supply is below the brown-out level */
     uint8_t backup[4096];
@@ -273,6 +278,7 @@ struct machine {
     accounts_t accounts;
     rcc_t rcc;
     flash_t flash;
+    crc_t crc;
     pwr_t pwr;
     iwdg_t iwdg;
     debug_t debug;

@@ -16,6 +16,7 @@
 #include "current_loop.h"
 #include "encoders.h"
 #include "handlers.h"
+#include "image.h"
 #include "keep_reference.h"
 #include "pins.h"
 #include "protection.h"
@@ -61,6 +62,11 @@ int main(void) {
     }
     protection_start_supply();
     watchdog_start();
+    uint32_t standing_faults = source == CLOCK_INTERNAL ? (uint32_t)BOARD_FAULT_CLOCK : 0u;
+    if (!image_is_whole()) { /* what it would do with the bridge is anybody's guess */
+        pwm_lock();
+        standing_faults |= BOARD_FAULT_IMAGE;
+    }
     control_recall();
     pins_start();
     encoders_start();
@@ -73,8 +79,7 @@ int main(void) {
         .crash = crash_report(),
         .reference = kept_reference(reset),
     };
-    control_start(&identity, source == CLOCK_INTERNAL ? (uint32_t)BOARD_FAULT_CLOCK : 0u,
-                  ended_badly ? (uint32_t)BOARD_FAULT_RESTARTED : 0u);
+    control_start(&identity, standing_faults, ended_badly ? (uint32_t)BOARD_FAULT_RESTARTED : 0u);
     can_start(control_node_id(), control_bit_rate_kbit());
     set_priorities();
     pwm_start();

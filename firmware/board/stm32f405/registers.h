@@ -11,6 +11,13 @@
 
 #define REGISTERS(type, address) ((volatile type *)(address))
 
+/* ---- CRC calculation unit, RM0090 chapter 4 ---- */
+typedef struct {
+    uint32_t DR, IDR, CR;
+} crc_registers_t;
+#define CRC REGISTERS(crc_registers_t, 0x40023000u)
+#define CRC_CR_RESET (1u << 0)
+
 /* ---- RCC, RM0090 chapter 7 ---- */
 typedef struct {
     uint32_t CR, PLLCFGR, CFGR, CIR, AHB1RSTR, AHB2RSTR, AHB3RSTR, reserved0, APB1RSTR, APB2RSTR;
@@ -36,6 +43,7 @@ typedef struct {
 #define RCC_AHB1ENR_GPIOAEN (1u << 0)
 #define RCC_AHB1ENR_GPIOBEN (1u << 1)
 #define RCC_AHB1ENR_GPIOCEN (1u << 2)
+#define RCC_AHB1ENR_CRCEN (1u << 12)
 #define RCC_APB1ENR_TIM3EN (1u << 1)
 #define RCC_APB1ENR_TIM4EN (1u << 2)
 #define RCC_APB1ENR_CAN1EN (1u << 25)
@@ -276,6 +284,13 @@ static inline void core_mask(void) {
 
 static inline void core_unmask(void) {
     __asm volatile("cpsie i" ::: "memory");
+}
+
+/* The 32 bits in the opposite order. */
+static inline uint32_t core_reversed(uint32_t word) {
+    uint32_t reversed;
+    __asm("rbit %0, %1" : "=r"(reversed) : "r"(word));
+    return reversed;
 }
 
 static inline void core_sleep(void) {

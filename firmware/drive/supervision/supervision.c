@@ -24,8 +24,9 @@ _Static_assert((int)SUPERVISION_OVERCURRENT == (int)BOARD_FAULT_OVERCURRENT &&
                    (int)SUPERVISION_RESTARTED == (int)BOARD_FAULT_RESTARTED &&
                    (int)SUPERVISION_CAN_PASSIVE == (int)BOARD_FAULT_CAN_PASSIVE &&
                    (int)SUPERVISION_CURRENT_MODEL == (int)BOARD_FAULT_CURRENT_MODEL &&
-                   (int)SUPERVISION_CURRENT_ZERO == (int)BOARD_FAULT_CURRENT_ZERO,
-               "the board's faults are the first bits of the table");
+                   (int)SUPERVISION_CURRENT_ZERO == (int)BOARD_FAULT_CURRENT_ZERO &&
+                   (int)SUPERVISION_IMAGE == (int)BOARD_FAULT_IMAGE,
+               "the board's faults are bits of the table");
 
 /* One count more for where within a count it was, one for the rounding. */
 static int32_t counts_a_tick(uint32_t speed_mrad_per_s, uint32_t counts_per_turn) {

@@ -38,4 +38,5 @@ const supervision_row_t SUPERVISION[SUPERVISION_BITS] = {
     [26] = {EMCY_NODE_ID_TAKEN, EMCY_NODE_ID_TAKEN_REGISTER, 1},                 /* node_id_taken */
     [27] = {EMCY_REFERENCE_LOST, EMCY_REFERENCE_LOST_REGISTER, 1},               /* reference */
     [28] = {EMCY_RPDO_LATE, EMCY_RPDO_LATE_REGISTER, 1},                         /* rpdo_late */
+    [29] = {EMCY_IMAGE_DAMAGED, EMCY_IMAGE_DAMAGED_REGISTER, 1},                 /* image */
 };

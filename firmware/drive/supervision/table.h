@@ -19,7 +19,7 @@ typedef struct {
 extern const supervision_row_t SUPERVISION[SUPERVISION_BITS];
 
 /* When checks count: in every state; switched on or further; while current may flow. */
-#define SUPERVISION_ALWAYS UINT32_C(0x040007FF)
+#define SUPERVISION_ALWAYS UINT32_C(0x240007FF)
 #define SUPERVISION_POWERED UINT32_C(0x02030800)
 #define SUPERVISION_RUNNING UINT32_C(0x19FCF000)
 

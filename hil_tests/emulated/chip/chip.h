@@ -31,6 +31,11 @@ uint32_t can_filter_word(const wire_frame_t *f);                         /* as R
 void can_filter_write(machine_t *m, uint32_t offset, uint32_t value);
 uint32_t can_filter_read(const bxcan_t *c, uint32_t offset);
 
+/* ---- crc.c ---- */
+uint32_t crc_read(const machine_t *m, uint32_t offset);
+void crc_write(machine_t *m, uint32_t offset, uint32_t value);
+void crc_reset(machine_t *m);
+
 /* ---- debug.c ---- */
 uint32_t debug_read(const machine_t *m, uint32_t offset);
 void debug_write(machine_t *m, uint32_t offset, uint32_t value);

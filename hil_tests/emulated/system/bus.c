@@ -10,7 +10,7 @@
 #include <string.h>
 
 enum { AHB1, AHB2, AHB3, APB1, APB2, ALWAYS };
-enum { NOTHING, TIM, ADC, CAN, GPIO, RCC, FLASH, PWR, IWDG, EXTI, SYSCFG, BACKUP, UNMODELLED };
+enum { NOTHING, TIM, ADC, CAN, GPIO, RCC, FLASH, PWR, IWDG, EXTI, SYSCFG, BACKUP, CRC, UNMODELLED };
 
 typedef struct {
     uint32_t base;
@@ -66,7 +66,7 @@ static const block_t BLOCKS[] = {
     {0x40021800, GPIO, 6, AHB1, 6, "GPIOG"},
     {0x40021C00, GPIO, 7, AHB1, 7, "GPIOH"},
     {0x40022000, GPIO, 8, AHB1, 8, "GPIOI"},
-    {0x40023000, UNMODELLED, 0, AHB1, 12, "CRC"},
+    {0x40023000, CRC, 0, AHB1, 12, "CRC"},
     {0x40023800, RCC, 0, ALWAYS, 0, "RCC"},
     {0x40023C00, FLASH, 0, ALWAYS, 0, "FLASH"},
     {0x40024000, BACKUP, 0, AHB1, 18, "BKPSRAM"},
@@ -137,6 +137,8 @@ static uint32_t read_block(machine_t *m, const block_t *block, uint32_t offset) 
         return exti_read(m, offset);
     case SYSCFG:
         return syscfg_read(m, offset);
+    case CRC:
+        return crc_read(m, offset);
     case BACKUP:
         memcpy(&value, m->pwr.backup + (offset & 0xFFCu), 4);
         return value;
@@ -177,6 +179,9 @@ static void write_block(machine_t *m, const block_t *block, uint32_t offset, uin
         break;
     case SYSCFG:
         syscfg_write(m, offset, value);
+        break;
+    case CRC:
+        crc_write(m, offset, value);
         break;
     case BACKUP:
         if (m->pwr.cr & 1u << 8) { /* DBP */

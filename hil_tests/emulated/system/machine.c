@@ -71,6 +71,7 @@ void perform_reset(machine_t *m) {
     }
     flash_reset(m);
     rcc_reset(m, cause);
+    crc_reset(m);
     pwr_reset(m);
     for (int n = 1; n < TIMERS; n++) {
         tim_reset(m, n);

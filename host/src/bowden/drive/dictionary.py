@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0x4742D577
+HASH = 0x14D2A161
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -113,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x4742d577, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x14d2a161, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -295,6 +295,7 @@ EMERGENCIES = (
     Emergency(0x4310, 'bridge_heat', 8, 'the bridge carries more than its continuous current although it is limited (I2t)', 'let it cool; check bridge_current_continuous and the current sensor'),
     Emergency(0x5210, 'converter_fault', 128, 'no new samples of current, load cell, bus voltage', 'power-cycle; replace the board if it returns'),
     Emergency(0x5300, 'clock_fault', 128, 'crystal failed', 'power-cycle; replace the board if it returns'),
+    Emergency(0x5520, 'image_damaged', 128, 'the program in the flash is not the one that was built', 'flash the firmware again; replace the board if it returns'),
     Emergency(0x6010, 'restarted', 128, 'the firmware crashed or hung and was started anew', 'report it with the crash record (docs/hardware.md)'),
     Emergency(0x6100, 'tick_overrun', 128, 'a control tick was not finished in its period', 'use fewer segments'),
     Emergency(0x6310, 'configuration_changed', 128, 'a warning: the configuration of this start is not what was saved', 'read configuration_origin, check the configuration and save it again'),
@@ -352,6 +353,7 @@ SUPERVISION = (
     Check(26, 'node_id_taken', 'heartbeats and boot-up messages of other nodes with the same node id', '', 'node_id_taken'),
     Check(27, 'reference', 'the zero of the angles, when a tunnel is asked for: angle_reference', '', 'reference_lost'),
     Check(28, 'rpdo_late', 'time since an RPDO with an event timer was last accepted, from the first one after NMT start on', 'rpdo1_communication.event_timer', 'rpdo_late'),
+    Check(29, 'image', 'CRC-32 of the program in the flash, at start, by the board', '', 'image_damaged'),
 )
 
 ENTRIES = TABLE.entries

@@ -100,6 +100,7 @@ class Supervision(NamedBits):
     NODE_ID_TAKEN = 1 << 26, "another node on the bus has this drive's node id"
     REFERENCE = 1 << 27, 'the zero of the angles is unknown since the last reset, and a tunnel was asked for'
     RPDO_LATE = 1 << 28, 'an RPDO did not come again within its event timer'
+    IMAGE = 1 << 29, 'the program in the flash is not the one that was built'
 
 
 class LimitsActive(NamedBits):

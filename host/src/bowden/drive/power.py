@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from bowden.drive.torque_profile import TorqueProfile
 
 HEARTBEAT_TIMEOUT_MS = 1000
-# Half of the default command_deadline: the heartbeat comes from another thread and says nothing of
-# the one that sends torques. They are sent 25 times as often.
+# Half of the default command_deadline; torques are sent 25 times as often. The heartbeat goes on
+# wherever this program listens, whether it sends torques or not.
 RPDO_DEADLINE_MS = 250
 _ANSWERS_OUT_S = 0.02
 _SILENT_S = 0.3
