@@ -25,6 +25,7 @@ static void configure_parts(node_t *node) {
 static void boot_up(node_t *node) {
     configure_parts(node);
     node->sdo.transfer = SDO_IDLE;
+    node->lss = (lss_t){0};
     node->nmt.state = NMT_PRE_OPERATIONAL;
     heartbeat_send(node->od.node_id, NMT_INITIALISING, &node->tx);
     node->announced = false;
@@ -50,7 +51,11 @@ storage_report_t node_take_image(node_t *node, const uint32_t *image, uint32_t w
 }
 
 void node_storage_done(node_t *node, od_abort_t abort) {
-    if (node->sdo.transfer == SDO_WAITING) { /* else a reset communication has ended it */
+    if (node->lss.storing && !node->storage.asked) {
+        const can_frame_t answer =
+            lss_stored(&node->lss, abort == OD_DONE ? LSS_FINE : LSS_STORE_FAILED);
+        frame_queue_push(&node->tx, &answer);
+    } else if (node->sdo.transfer == SDO_WAITING) { /* else a reset communication has ended it */
         node->sdo.transfer = SDO_IDLE;
         sdo_answer_write(&node->sdo, abort, node->od.node_id, &node->tx);
     }
@@ -130,7 +135,7 @@ static od_abort_t write_object(node_t *node) {
         const uint32_t value = od_decode(entry, sdo->buffer);
         const storage_request_t request = storage_request(sdo->index, sdo->sub);
         if (request.asked) { /* the signature is no value: a read stays what it is */
-            abort = storage_check(&node->od, sdo->index, value);
+            abort = node->lss.storing ? OD_ABORT_BUSY : storage_check(&node->od, sdo->index, value);
             if (abort == OD_DONE) {
                 node->storage = request;
                 sdo->transfer = SDO_WAITING;
@@ -175,6 +180,27 @@ static void receive_sdo(node_t *node, const can_frame_t *frame) {
     }
 }
 
+static void receive_lss(node_t *node, const can_frame_t *frame) {
+    can_frame_t answer;
+    const bool busy = node->sdo.transfer == SDO_WAITING; /* an SDO client stores */
+    switch (lss_receive(&node->lss, &node->od, frame, &answer)) {
+    case LSS_STORE:
+        if (!busy) {
+            node->storage = (storage_request_t){.asked = true, .sub = STORAGE_LINK};
+            break;
+        }
+        answer = lss_stored(&node->lss, LSS_STORE_FAILED);
+        frame_queue_push(&node->tx, &answer);
+        break;
+    case LSS_ANSWER:
+        frame_queue_push(&node->tx, &answer);
+        break;
+    case LSS_NOTHING:
+    default:
+        break;
+    }
+}
+
 static void set_or_clear(node_t *node, bool present, uint16_t code, const can_frame_t *frame) {
     if (present) {
         const uint32_t detail = (uint32_t)frame->cob_id | (uint32_t)frame->length << 16;
@@ -206,8 +232,12 @@ void node_receive(node_t *node, const can_frame_t *frame) {
         if (state != NMT_STOPPED) {
             receive_sdo(node, frame);
         }
+    } else if (frame->cob_id == LSS_RX_COB_ID) {
+        receive_lss(node, frame);
     } else if (frame->cob_id > HEARTBEAT_COB_ID) {
-        node->namesake |= frame->cob_id == HEARTBEAT_COB_ID + node->od.node_id;
+        const bool namesake = frame->cob_id == HEARTBEAT_COB_ID + node->od.node_id;
+        node->namesake |= namesake;
+        node->lss.disputed |= namesake;
         node->commanded |= heartbeat_receive(&node->heartbeat, frame, node->now_us);
     } else if (state == NMT_OPERATIONAL) {
         receive_process_data(node, frame);

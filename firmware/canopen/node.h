@@ -1,9 +1,9 @@
 /* node.h: the CANopen node: everything of CiA 301 that the drive has, behind six calls.
  *
- * The node owns its parts (NMT, heartbeat, SDO server, PDO, SYNC, EMCY, transmit queue) and knows
- * nothing of the drive: it sees the table of the object dictionary and the struct of its values.
- * Frames come in by node_receive(), go out by node_transmit(); time comes with node_tick() in
- * microseconds and may wrap. No globals, no allocation, no waiting; every loop is bounded.
+ * The node owns its parts (NMT, heartbeat, LSS, SDO server, PDO, SYNC, EMCY, transmit queue) and
+ * knows nothing of the drive: it sees the table of the object dictionary and the struct of its
+ * values. Frames come in by node_receive(), go out by node_transmit(); time comes with node_tick()
+ * in microseconds and may wrap. No globals, no allocation, no waiting; every loop is bounded.
  *
  * Not re-entrant: all calls on one node come from one context, the control tick. A board that
  * receives in an interrupt queues the frames and passes them over in the tick.
@@ -19,6 +19,7 @@
 #include "emcy.h"
 #include "frame_queue.h"
 #include "heartbeat.h"
+#include "lss.h"
 #include "nmt.h"
 #include "od.h"
 #include "pdo.h"
@@ -29,6 +30,7 @@ typedef struct {
     od_t od; /* the drive may set od.config_locked and read od.config_revision */
     nmt_t nmt;
     heartbeat_t heartbeat;
+    lss_t lss;
     sdo_t sdo;
     pdo_t pdo;
     emcy_t emcy;
@@ -54,7 +56,7 @@ void node_init(node_t *node, const od_entry_t *entries, uint16_t count, void *va
  * communication come from it again at each reset communication. */
 storage_report_t node_take_image(node_t *node, const uint32_t *image, uint32_t words);
 
-/* Answers the write to 0x1010 or 0x1011 that node_t.storage came from. */
+/* Answers the write to 0x1010 or 0x1011, or the LSS frame, that node_t.storage came from. */
 void node_storage_done(node_t *node, od_abort_t abort);
 
 /* Handles one received frame at once; unknown frames are ignored. Answers go into the queue. */

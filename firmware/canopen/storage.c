@@ -3,6 +3,8 @@
 
 #include <stddef.h>
 
+#include "lss.h"
+
 #define FORMAT 2u
 #define HEAD_WORDS 3u /* format, schema hash, revision */
 #define DICTIONARY_HASH_INDEX 0x2000u
@@ -46,6 +48,9 @@ static uint8_t sub_of(uint32_t name) {
 }
 
 static uint8_t group_of(const od_entry_t *entry) {
+    if (entry->index == LSS_NODE_ID_INDEX || entry->index == LSS_BIT_RATE_INDEX) {
+        return STORAGE_LINK;
+    }
     if (entry->role == OD_CALIBRATION) {
         return STORAGE_CALIBRATION;
     }
@@ -56,8 +61,10 @@ static uint8_t group_of(const od_entry_t *entry) {
 }
 
 static bool concerns(storage_request_t request, uint8_t group) {
-    const bool outlives = group == STORAGE_CALIBRATION || group == STORAGE_LOG;
-    return request.sub == group || (request.sub == STORAGE_ALL && !(request.restore && outlives));
+    const bool calibration = group == STORAGE_CALIBRATION || group == STORAGE_LINK;
+    const bool outlives = calibration || group == STORAGE_LOG;
+    return request.sub == group || (request.sub == STORAGE_CALIBRATION && calibration) ||
+           (request.sub == STORAGE_ALL && !(request.restore && outlives));
 }
 
 /* The persistent entry of that name, NULL when there is none. */

@@ -28,7 +28,8 @@ enum {
     STORAGE_COMMUNICATION,
     STORAGE_APPLICATION,
     STORAGE_CALIBRATION,
-    STORAGE_LOG, /* of the drive: it saves it by itself, nobody restores it */
+    STORAGE_LOG,  /* of the drive: it saves it by itself, nobody restores it */
+    STORAGE_LINK, /* of LSS: node id and bit rate, which are calibration, alone */
 };
 
 /* What a host has asked for. Restoring means that the next start has the defaults. */

@@ -7,8 +7,6 @@
 #include "publish.h"
 #include "supervision/fault_log.h"
 
-#define NODE_ID_ENTRY 0x2012u
-
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
 /* A host writes many entries in a row; the model starts anew once, 50 ms after the last. */
@@ -34,7 +32,7 @@ static void tell_origin(drive_t *drive, storage_report_t report) {
 static uint8_t own_node_id(const board_identity_t *identity) {
     uint32_t stored = 0;
     const bool found =
-        storage_find(identity->saved, identity->saved_words, NODE_ID_ENTRY, 0, &stored);
+        storage_find(identity->saved, identity->saved_words, LSS_NODE_ID_INDEX, 0, &stored);
     return found && stored >= 1 && stored <= 127 ? (uint8_t)stored : identity->node_id;
 }
 

@@ -205,3 +205,25 @@ def test_every_persistent_entry_fits_into_one_image() -> None:
     entries = lib.DICTIONARY
     count = sum(entries[i].count for i in range(len(entries)) if entries[i].flags & PERSISTENT)
     assert 3 + 2 * count <= 2045
+
+
+def test_lss_stores_node_id_and_bit_rate_and_leaves_the_rest_as_it_was_stored() -> None:
+    drive = power_on([])
+    drive.values.tunnel_stiffness_unm_per_rad = 1000
+    image = keep(drive)
+    drive = power_on(image)
+    drive.values.tunnel_stiffness_unm_per_rad = 2000  # not to be stored, nor this calibration
+    drive.values.load_cell_zero_counts = 77
+    for data in ("0401", "112a", "130002", "17"):
+        drive.send(0x7E5, bytes.fromhex(data).ljust(8, b"\0"))
+    drive.tick()
+    actuators: Any = drive._actuators
+    image = list(actuators.store[0 : actuators.store_words])
+    assert [f.data[:2] for f in drive.frames() if f.cob_id == 0x7E4] == [b"\x11\0", b"\x13\0"]
+    drive.sensors.store = DONE
+    drive.tick()
+    assert [f.data[:2] for f in drive.frames() if f.cob_id == 0x7E4] == [b"\x17\0"]
+    again = power_on(image)
+    assert (again.raw.node.od.node_id, again.values.bit_rate) == (42, 500)
+    assert again.values.tunnel_stiffness_unm_per_rad == 1000
+    assert again.values.load_cell_zero_counts == 0

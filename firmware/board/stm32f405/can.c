@@ -26,6 +26,7 @@ enum { BANK_FIXED, BANK_RPDO, BANK_HEARTBEAT };
 #define SDO_COB_ID 0x600u
 #define HEARTBEAT_COB_ID 0x700u
 #define HEARTBEAT_MASK 0x780u
+#define LSS_COB_ID 0x7E5u
 
 #define RING 32u /* frames; a power of two. 250 us of the shortest frames are six */
 
@@ -69,8 +70,7 @@ static void start_filters(uint8_t node_id) {
     CAN1->FS1R = 0;                                  /* 16-bit scale */
     CAN1->FFA1R = 0;                                 /* everything into FIFO 0 */
     CAN1->FILTER[BANK_FIXED][0] = filter16(NMT_COB_ID) | filter16(SYNC_COB_ID) << 16;
-    CAN1->FILTER[BANK_FIXED][1] = filter16(SDO_COB_ID + node_id) | filter16(SDO_COB_ID + node_id)
-                                                                       << 16;
+    CAN1->FILTER[BANK_FIXED][1] = filter16(SDO_COB_ID + node_id) | filter16(LSS_COB_ID) << 16;
     const uint32_t heartbeat =
         filter16(HEARTBEAT_COB_ID) | (filter16(HEARTBEAT_MASK) | FILTER16_KIND) << 16;
     CAN1->FILTER[BANK_HEARTBEAT][0] = heartbeat;

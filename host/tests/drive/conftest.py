@@ -8,6 +8,7 @@ from pathlib import Path
 import can
 import pytest
 from bowden.cli import doctor
+from bowden.cli import node as node_command
 from bowden.cli import scan as scan_command
 from bowden.drive import client
 from bowden.drive.bus_options import BusOptions
@@ -117,7 +118,7 @@ class Lent(can.BusABC):
 def bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualBus]:
     with VirtualBus(Bench(SimulatedRig(), make_target("native"))) as bus:
         lender = Unclosed(bus)
-        for module in (client, scan_command, doctor):
+        for module in (client, scan_command, doctor, node_command):
             monkeypatch.setattr(module, "open_connection", lender.open)
         yield bus
         bus.advance(0.01)  # what was sent last has to arrive

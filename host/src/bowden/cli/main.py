@@ -36,6 +36,7 @@ COMMANDS = {
     "info": "show identity, state and error history of a drive",
     "faults": "list a drive's faults, present and latched, and what to do",
     "stop": "switch a drive's bridge off, or those of all nodes",
+    "node": "show or set node id and bit rate, also of drives that share a node id",
     "home": "set the zero of a drive's angles to where the rig stands",
     "doctor": "check adapter, bus, drive and sensors; say what to do next",
     "commission": "from box to model: wiring, scales, stiffness, friction, step by step",

@@ -310,7 +310,7 @@ EMERGENCIES = (
     Emergency(0x8130, 'heartbeat_lost', 16, 'the host went silent while the drive ran', 'restart the host tool; the bridge is off'),
     Emergency(0x8131, 'command_late', 16, 'no command came from the host within command_deadline', 'restart the host tool, or have the host send its command or heartbeat more often than command_deadline'),
     Emergency(0x8132, 'host_restarted', 16, 'the watched host restarted while the drive ran', 'start the host tool again; the bridge is off'),
-    Emergency(0x8133, 'node_id_taken', 16, "another node on the bus has this drive's node id", 'give one of them another node_id: connect it alone, bowden od write node_id=17 --store, restart it'),
+    Emergency(0x8133, 'node_id_taken', 16, "another node on the bus has this drive's node id", 'bowden node --find lists both serial numbers; give one its own id: bowden node --set-id 17 --serial ...'),
     Emergency(0x8140, 'bus_off_recovered', 16, 'recovered from bus-off', 'check termination and bit rate'),
     Emergency(0x8200, 'protocol_error', 16, 'RPDO carries a value out of range; the whole frame was ignored', 'check the sender against the ranges of the dictionary'),
     Emergency(0x8210, 'pdo_length', 16, 'RPDO shorter than its mapping', "check the sender's mapping"),
