@@ -2,6 +2,9 @@
 
 Written for the strictest and the laxest reader at once: arrays in full (readers lose the compact
 form), no REAL32, ASCII, nothing after a semicolon, the same bytes on every run.
+
+A second file has `Factor`, `Unit` and `Description` besides, which CiA 306 does not know and the
+`canopen` package reads: with it `.phys` of an entry is in SI. A strict checker gets the first.
 """
 
 from __future__ import annotations
@@ -13,16 +16,24 @@ _DATE = "01-01-2026"  # of the file's layout, not of the run: the output must no
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 
 
-def text(dictionary: Dictionary) -> str:
-    """Text of the EDS file."""
-    sections = [_file_info(dictionary), _device_info(dictionary), _dummies(), _comments(dictionary)]
+STRICT, WITH_UNITS = "bowden.eds", "bowden-si.eds"
+
+
+def text(dictionary: Dictionary, file_name: str = STRICT) -> str:
+    """Text of the EDS file of that name, `STRICT` or `WITH_UNITS`."""
+    sections = [
+        _file_info(dictionary, file_name),
+        _device_info(dictionary),
+        _dummies(),
+        _comments(dictionary),
+    ]
     mandatory = [o for o in dictionary.objects if o.index in _MANDATORY]
     profile = [o for o in dictionary.objects if o not in mandatory and not _is_ours(o)]
     sections.append(_list("MandatoryObjects", mandatory))
     sections.append(_list("OptionalObjects", profile))
     sections.append(_list("ManufacturerObjects", [o for o in dictionary.objects if _is_ours(o)]))
     for obj in dictionary.objects:
-        sections += _object(obj)
+        sections += _object(obj, with_units=file_name == WITH_UNITS)
     return "\n".join(sections)
 
 
@@ -34,11 +45,11 @@ def _section(name: str, lines: list[str]) -> str:
     return "\n".join([f"[{name}]", *lines, ""])
 
 
-def _file_info(dictionary: Dictionary) -> str:
+def _file_info(dictionary: Dictionary, file_name: str) -> str:
     return _section(
         "FileInfo",
         [
-            "FileName=bowden.eds",
+            f"FileName={file_name}",
             "FileVersion=1",
             "FileRevision=0",
             "EDSVersion=4.0",
@@ -56,6 +67,7 @@ def _file_info(dictionary: Dictionary) -> str:
 def _device_info(dictionary: Dictionary) -> str:
     device = dictionary.device
     rates = [10, 20, 50, 125, 250, 500, 800, 1000]
+    has = {device.bitrate_kbit, *_bit_rates(dictionary)}
     return _section(
         "DeviceInfo",
         [
@@ -65,7 +77,7 @@ def _device_info(dictionary: Dictionary) -> str:
             f"ProductNumber=0x{device.product_code:X}",
             f"RevisionNumber=0x{device.revision:X}",
             "OrderCode=bowden",
-            *(f"BaudRate_{rate}={int(rate == device.bitrate_kbit)}" for rate in rates),
+            *(f"BaudRate_{rate}={int(rate in has)}" for rate in rates),
             "SimpleBootUpMaster=0",
             "SimpleBootUpSlave=1",
             "Granularity=8",
@@ -73,9 +85,17 @@ def _device_info(dictionary: Dictionary) -> str:
             "GroupMessaging=0",
             f"NrOfRXPDO={len(dictionary.rpdos)}",
             f"NrOfTXPDO={len(dictionary.tpdos)}",
-            "LSS_Supported=0",
+            "LSS_Supported=1",
         ],
     )
+
+
+def _bit_rates(dictionary: Dictionary) -> list[int]:
+    """Return the bit rates that can be set, kbit/s."""
+    for obj in dictionary.objects:
+        if obj.name == "bit_rate" and (meanings := obj.variables[0].enumeration):
+            return [meaning.number for meaning in meanings.meanings]
+    return []
 
 
 def _dummies() -> str:
@@ -107,17 +127,19 @@ def _list(name: str, objects: list[Object]) -> str:
     return _section(name, [f"SupportedObjects={len(objects)}", *numbered])
 
 
-def _object(obj: Object) -> list[str]:
+def _object(obj: Object, *, with_units: bool) -> list[str]:
     name = f"{obj.index:04X}"
     if obj.kind == "variable":
-        return [_section(name, _value(obj.name, obj.variables[0]))]
+        only = obj.variables[0]
+        return [_section(name, _value(obj.name, only) + _units(obj, only, wanted=with_units))]
     count = sum(v.count for v in obj.variables)
     head = [f"ParameterName={obj.name}", f"ObjectType={_OBJECT_TYPE[obj.kind]}"]
     sections = [_section(name, [*head, f"SubNumber={count}"])]
     for variable in obj.variables:
         for sub in range(variable.sub, variable.sub + variable.count):
             title = variable.name or f"{obj.name}_{sub}"
-            sections.append(_section(f"{name}sub{sub:X}", _value(title, variable)))
+            lines = _value(title, variable) + _units(obj, variable, wanted=with_units)
+            sections.append(_section(f"{name}sub{sub:X}", lines))
     return sections
 
 
@@ -133,6 +155,15 @@ def _value(name: str, variable: Variable) -> list[str]:
     if variable.has_range:
         lines += [f"LowLimit={variable.low}", f"HighLimit={variable.high}"]
     return lines
+
+
+def _units(obj: Object, variable: Variable, *, wanted: bool) -> list[str]:
+    """Keys of the `canopen` package: value in `Unit` = raw * `Factor`."""
+    doc = variable.doc or obj.doc
+    lines = [f"Description={doc.replace(';', ',')}"] if doc else []
+    if variable.scale is not None and variable.unit is not None:
+        lines += [f"Factor={variable.scale!r}", f"Unit={variable.unit}"]
+    return lines if wanted else []
 
 
 def _default(variable: Variable) -> str:

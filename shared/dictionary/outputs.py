@@ -60,6 +60,7 @@ def render(dictionary: Dictionary) -> dict[Path, str]:
         Path("host/src/bowden/drive/meanings.py"): host_meanings.module(dictionary),
         Path("host/src/bowden/drive/bowden.eds"): eds.text(dictionary),
         Path("shared/generated/bowden.eds"): eds.text(dictionary),
+        Path("shared/generated", eds.WITH_UNITS): eds.text(dictionary, eds.WITH_UNITS),
         Path("shared/generated/bowden.dbc"): dbc.text(dictionary),
         Path("docs/object-dictionary.md"): docs_page.text(dictionary),
     }

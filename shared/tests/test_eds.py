@@ -15,6 +15,7 @@ from ruamel.yaml import YAML
 from shared.dictionary.outputs import ROOT, SOURCE
 
 EDS = ROOT / "shared" / "generated" / "bowden.eds"
+WITH_UNITS = ROOT / "shared" / "generated" / "bowden-si.eds"
 NODE_ID = 16
 BITS = {"u8": 8, "u16": 16, "u32": 32, "i8": 8, "i16": 16, "i24": 24, "i32": 32}
 # CiA 301, table 44
@@ -124,7 +125,7 @@ def test_pdo_parameters(dictionary: canopen.ObjectDictionary) -> None:
 def test_device(dictionary: canopen.ObjectDictionary) -> None:
     info = dictionary.device_information
     assert info.product_number == FILE["device"]["product_code"]
-    assert info.allowed_baudrates == {1_000_000}
+    assert info.allowed_baudrates == {125_000, 250_000, 500_000, 1_000_000}
     assert (info.nr_of_RXPDO, info.nr_of_TXPDO) == (1, 4)
 
 
@@ -143,3 +144,30 @@ def test_file_is_plain_ascii_without_what_readers_lose() -> None:
     assert " ;" not in text
     assert "CompactSubObj" not in text
     assert "DataType=0x0008" not in text  # REAL32
+
+
+def test_the_other_file_gives_every_entry_its_factor_and_unit() -> None:
+    dictionary = canopen.import_od(str(WITH_UNITS), node_id=NODE_ID)
+    scaled = 0
+    for index, sub, entry in described():
+        variable = at(dictionary, index, sub)
+        assert variable.factor == entry.get("scale", 1), entry["name"]
+        assert variable.unit == entry.get("unit", ""), entry["name"]
+        scaled += "scale" in entry
+        if "doc" in entry:
+            assert variable.description.startswith(entry["doc"].split(";")[0]), entry["name"]
+    assert scaled > 100
+
+
+def test_they_differ_in_nothing_that_the_standard_knows() -> None:
+    strict, other = RawConfigParser(), RawConfigParser()
+    strict.read(EDS, encoding="ascii")
+    other.read(WITH_UNITS, encoding="ascii")
+    assert other.sections() == strict.sections()
+    for name in strict.sections():
+        extra = {} if name == "FileInfo" else dict(strict[name])
+        left = dict(other[name])
+        assert {key: left.get(key) for key in extra} == extra
+        if name != "FileInfo":
+            assert set(left) - set(extra) <= {"factor", "unit", "description"}, name
+            assert "factor" not in extra

@@ -11,7 +11,9 @@ from typing import Any
 import canopen
 import pytest
 
-EDS = Path(__file__).resolve().parents[3] / "shared" / "generated" / "bowden.eds"
+GENERATED = Path(__file__).resolve().parents[3] / "shared" / "generated"
+EDS = GENERATED / "bowden.eds"
+WITH_UNITS = GENERATED / "bowden-si.eds"
 
 
 class DirectNetwork(canopen.Network):
@@ -75,6 +77,17 @@ def test_writes_expedited_and_segmented(remote: canopen.RemoteNode, node: Any) -
     assert node.values.tunnel_stiffness_unm_per_rad == 77
     remote.sdo["target_torque"].raw = -8_388_607
     assert node.values.target_torque_unm == -8_388_607
+
+
+def test_with_the_other_eds_values_are_in_si(node: Any) -> None:
+    drive = DirectNetwork(node).add_node(16, str(WITH_UNITS))
+    drive.sdo["tunnel_stiffness"].phys = 0.75  # N m/rad
+    assert node.values.tunnel_stiffness_unm_per_rad == 750_000
+    node.values.load_angle_urad = -1_234_567
+    assert drive.sdo["load_angle"].phys == pytest.approx(-1.234567)
+    assert drive.sdo["load_angle"].od.unit == "rad"
+    assert drive.sdo["segment_length"][40].phys == pytest.approx(0.1)
+    assert drive.sdo["quick_stop_time"].phys == pytest.approx(0.05)
 
 
 def test_block_transfers_both_ways(remote: canopen.RemoteNode, node: Any) -> None:
