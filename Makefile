@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-faults bench-diagnosis bench-calibration bench-data-gate lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-faults bench-diagnosis bench-feel bench-calibration bench-data-gate lock clean
 .PHONY: setup setup-firmware setup-baselines native
 
 help: ## list the targets
@@ -74,6 +74,9 @@ bench-faults: firmware native ## every single fault in every situation, native a
 
 bench-diagnosis: setup-baselines ## hidden effects against `bowden diagnose` and its rivals (SEED=...); hours; build/diagnosis.*
 	$(BIN)/python -m hil_tests.benchmarks.diagnosis --seed $(SEED) $(BENCH_FLAGS)
+
+bench-feel: native ## what an operator feels who trembles, lets go or grasps, on two plants (SEED=...); an hour; docs/feel-benchmark.md
+	$(BIN)/python -m hil_tests.benchmarks.feel --seed $(SEED) --page docs/feel-benchmark.md $(BENCH_FLAGS)
 
 bench-calibration: setup ## are stated intervals true? (SEED=...); hours; build/calibration.json, docs/calibration-benchmark.md
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m hil_tests.benchmarks.calibration --seed $(SEED) --page docs/calibration-benchmark.md $(BENCH_FLAGS)

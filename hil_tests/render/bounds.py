@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from bowden_rig.bench import TICKS_PER_S
 
-from hil_tests.render.rigs import Belief, RenderRig
+from hil_tests.render.rigs import RenderRig, told_truth
 from hil_tests.render.tasks import Task
+
+INFORMED: Final = "informed"  # ours, told the truth of the cables and by sensors that are not late
 
 
 def wave_bound_nm(rig: RenderRig, task: Task) -> float:
@@ -38,12 +41,5 @@ def informed(rig: RenderRig) -> RenderRig:
     The effects hidden in it stay. What is left of the error then is the law's own, the waves', the
     motor's and the hidden effects'.
     """
-    cable, motor = rig.rig.cable, rig.rig.motor
-    truth = Belief(
-        friction=cable.friction,
-        pretension_n=cable.pretension_n,
-        axial_stiffness_n=cable.axial_stiffness_n,
-        motor_inertia_kg_m2=motor.inertia_kg_m2,
-    )
     sensing = replace(rig.rig.sensing, load_encoder_delay_ticks=0, load_cell_delay_ticks=0)
-    return replace(rig, belief=truth, rig=replace(rig.rig, sensing=sensing))
+    return replace(rig, belief=told_truth(rig), rig=replace(rig.rig, sensing=sensing))

@@ -1,20 +1,19 @@
-"""The tables of the benchmark of feel: per law, per task, and the worst trial of each task.
+"""The figures of the benchmark of feel: a law's on a plant, a task's of a law.
 
-Input: runs of every law on the same rigs and tasks, by plant. Output: a page in Markdown. Rigs
-whose friction alone takes most of the motor's torque are left out of all but the number of them.
-Medians and 95th percentiles over rigs have percentile intervals (95 %, bootstrap), shares Wilson's.
+Input: outcomes of every law on the same rigs and tasks. Output: numbers, and cells in Markdown for
+`feel_page` and `feel_task_page`. Medians and 95th percentiles over rigs have percentile intervals
+(95 %, bootstrap), shares Wilson's.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Final, Protocol
+from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
 
-from hil_tests.render.laws import LAWS, NAIVE
-from hil_tests.render.rigs import draw
+from hil_tests.render.laws import NAIVE
 from hil_tests.render.tasks import TASKS
 from hil_tests.render.trial import Outcome
 
@@ -25,18 +24,6 @@ FELT_NM: Final = 0.02
 RESAMPLED: Final = 2000
 Z: Final = 1.96
 LIKE: Final = frozenset(task.name for task in TASKS)
-
-
-class Ran(Protocol):
-    """What a row is made from."""
-
-    @property
-    def outcome(self) -> Outcome:
-        """Figures of the trial."""
-
-    @property
-    def bound_nm(self) -> float:
-        """Error that no drive can stay below; 0 where nothing is known."""
 
 
 def wilson(hits: int, of: int) -> tuple[float, float]:
@@ -90,37 +77,58 @@ def is_active(o: Outcome) -> bool:
     )
 
 
-def page(runs: Mapping[str, Sequence[Ran]], laws: Sequence[str], seeds: Sequence[int]) -> str:
-    """Write the page.
-
-    Parameters
-    ----------
-    runs : mapping of str to sequence
-        By plant.
-    laws : sequence of str
-    seeds : sequence of int
-    """
-    parts = [
-        f"# Feel: the benchmark\n\nRigs drawn from the seeds {seeds[0]} to {seeds[-1]}. The error "
-        "is the RMS of torque on the load less wanted torque; naive is 1. In brackets 95 % "
-        "intervals.\n"
-    ]
-    for plant, found in runs.items():
-        counted = [r for r in found if not r.outcome.apart]
-        rigs = {r.outcome.seed for r in counted}
-        apart = {r.outcome.seed for r in found} - rigs
-        parts.append(
-            f"## Plant: {plant}\n\n{len(rigs)} rigs whose motor can do it; {len(apart)} left out, "
-            "whose friction alone takes most of the motor.\n"
-        )
-        if counted:
-            outcomes = [r.outcome for r in counted]
-            real = [law for law in laws if any(law == x.name for x in LAWS)]
-            parts += [_laws(outcomes, laws), _tasks(counted, laws), _worst(outcomes, real)]
-    return "\n".join(parts)
+def figures(outcomes: Sequence[Outcome], law: str) -> dict[str, str]:
+    """Return a law's figures on a plant, name to cell."""
+    trials = trial_ratios(outcomes, law)
+    own = [o for o, _, _ in trials]
+    like = pooled_ratios(outcomes, law, LIKE.__contains__)
+    found = {
+        "like tasks, median": quantile_cell(like, 0.5),
+        "like tasks, 95th percentile": quantile_cell(like, 0.95),
+        "all tasks pooled, median": quantile_cell(pooled_ratios(outcomes, law, bool), 0.5),
+    }
+    for task in ("tremor", "release", "grasp"):
+        ratios = [ratio for o, ratio, _ in trials if o.task == task]
+        found[f"{task}, median"] = quantile_cell(ratios, 0.5)
+        found[f"{task}, worst"] = f"{max(ratios, default=math.nan):.2f}"
+    rest = [o.limit_cycle for o in own if o.task.startswith("rest")]
+    free = [o.redriven > REDRIVEN_ABOVE for o in own if not math.isnan(o.redriven)]
+    energy = [most_given(o) for o in own]
+    return found | {
+        "trials worse than naive": _share([is_worse(o.rms_nm, n) for o, _, n in trials]),
+        "limit cycles at standstill": _share(rest),
+        "free handles driven again": _share(free),
+        "trials with an active path": _share([is_active(o) for o in own]),
+        "most energy given on a path": f"{max(energy, default=math.nan):+.1%}",
+        "drive stopped": _share([o.bridge_off for o in own]),
+    }
 
 
-def _quantile(values: Sequence[float], q: float) -> str:
+def most_given(o: Outcome) -> float:
+    """Return the most energy given on a closed path of a trial, of what it exchanged."""
+    return o.turn_energy if math.isnan(o.net_energy) else max(o.turn_energy, o.net_energy)
+
+
+def median_of(outcomes: Sequence[Outcome], law: str, task: str) -> tuple[float, float, float]:
+    """Return median, 95th percentile and worst error ratio of a law in a task; nan where none."""
+    ratios = [ratio for o, ratio, _ in trial_ratios(outcomes, law) if o.task == task]
+    if not ratios:
+        return math.nan, math.nan, math.nan
+    return float(np.median(ratios)), float(np.quantile(ratios, 0.95)), max(ratios)
+
+
+def best_published(outcomes: Sequence[Outcome], laws: Sequence[str]) -> str | None:
+    """Return which of the laws has the lowest median error, all tasks pooled; None of none."""
+    medians = {
+        law: float(np.median(ratios))
+        for law in laws
+        if (ratios := pooled_ratios(outcomes, law, bool))
+    }
+    return min(medians, key=medians.__getitem__) if medians else None
+
+
+def quantile_cell(values: Sequence[float], q: float) -> str:
+    """Write a quantile with its interval."""
     value, low, high = interval(values, q)
     return f"{value:.3f} [{low:.3f}, {high:.3f}]"
 
@@ -128,80 +136,3 @@ def _quantile(values: Sequence[float], q: float) -> str:
 def _share(hits: Sequence[bool]) -> str:
     low, high = wilson(sum(hits), len(hits))
     return f"{sum(hits)} of {len(hits)} [{low:.1%}, {high:.1%}]"
-
-
-def _laws(outcomes: Sequence[Outcome], laws: Sequence[str]) -> str:
-    """Write a row a figure, a column a law."""
-    rows: dict[str, list[str]] = {}
-
-    def put(name: str, text: str) -> None:
-        rows.setdefault(name, []).append(text)
-
-    shown = [law for law in laws if law != NAIVE.name]
-    for law in shown:
-        trials = trial_ratios(outcomes, law)
-        own = [o for o, _, _ in trials]
-        like = pooled_ratios(outcomes, law, LIKE.__contains__)
-        put("like tasks, median", _quantile(like, 0.5))
-        put("like tasks, 95th percentile", _quantile(like, 0.95))
-        put("all tasks pooled, median", _quantile(pooled_ratios(outcomes, law, bool), 0.5))
-        for task in ("tremor", "release", "grasp"):
-            ratios = [ratio for o, ratio, _ in trials if o.task == task]
-            put(f"{task}, median", _quantile(ratios, 0.5))
-            put(f"{task}, worst", f"{max(ratios, default=math.nan):.2f}")
-        put("trials worse than naive", _share([is_worse(o.rms_nm, n) for o, _, n in trials]))
-        rest = [o.limit_cycle for o in own if o.task.startswith("rest")]
-        put("limit cycles at standstill", _share(rest))
-        free = [o.redriven > REDRIVEN_ABOVE for o in own if not math.isnan(o.redriven)]
-        put("free handles driven again by over 5 %", _share(free))
-        put("trials with an active path", _share([is_active(o) for o in own]))
-        energy = [max(o.turn_energy, o.net_energy) for o in own if not math.isnan(o.net_energy)]
-        put("most energy given on a path", f"{max(energy, default=math.nan):+.1%}")
-        put("drive stopped", _share([o.bridge_off for o in own]))
-    head = "| figure | " + " | ".join(shown) + " |\n| --- |" + " ---: |" * len(shown)
-    lines = [f"| {name} | " + " | ".join(cells) + " |" for name, cells in rows.items()]
-    return "\n".join([head, *lines]) + "\n"
-
-
-def _tasks(runs: Sequence[Ran], laws: Sequence[str]) -> str:
-    """Median ratio, task by task, and what waves alone make."""
-    outcomes = [r.outcome for r in runs]
-    shown = [law for law in laws if law != NAIVE.name]
-    lines = [
-        "| task, median ratio | " + " | ".join(shown) + " | wave bound |",
-        "| --- |" + " ---: |" * (len(shown) + 1),
-    ]
-    for task in dict.fromkeys(o.task for o in outcomes):
-        cells = []
-        for law in shown:
-            ratios = [ratio for o, ratio, _ in trial_ratios(outcomes, law) if o.task == task]
-            cells.append(f"{np.median(ratios):.3f}" if ratios else "")
-        naive = [r for r in runs if r.outcome.task == task and r.outcome.law == NAIVE.name]
-        bounds = [r.bound_nm / r.outcome.rms_nm for r in naive if r.outcome.rms_nm > 0.0]
-        cells.append(f"{np.median(bounds):.3f}" if any(bounds) else "")
-        lines.append(f"| {task} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
-def _worst(outcomes: Sequence[Outcome], laws: Sequence[str]) -> str:
-    """Write the worst trial of each task, and what rig it is."""
-    lines = [
-        "| task | law | worst ratio | seed | friction, of the motor's limit | operator | late | "
-        "hidden |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | --- |",
-    ]
-    for task in dict.fromkeys(o.task for o in outcomes):
-        for law in (law for law in laws if law != NAIVE.name):
-            trials = [t for t in trial_ratios(outcomes, law) if t[0].task == task]
-            if not trials:
-                continue
-            o, ratio, _ = max(trials, key=lambda t: t[1])
-            rig = draw(o.seed)
-            lines.append(
-                f"| {task} | {law} | {ratio:.2f} | {o.seed} "
-                f"| {rig.friction_nm / rig.motor_limit_nm:.0%} "
-                f"| {rig.rig.operator.stiffness_nm_per_rad:.0f} N m/rad "
-                f"| {0.25 * rig.rig.sensing.load_encoder_delay_ticks:.2g} ms "
-                f"| {', '.join(rig.hidden)} |"
-            )
-    return "\n".join(lines) + "\n"

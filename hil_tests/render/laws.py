@@ -15,6 +15,7 @@ from hil_tests.render.tasks import Task
 
 SEGMENTS: Final = 20
 MOST_CONTINUOUS_A: Final = 60.0  # range of the entries
+MOST_SLEW_NM_PER_S: Final = 1000.0
 # The default of this entry is chosen for the model inversion, which corrects with the cell what is
 # left over. Force control alone wants more: on developing seeds its error falls by a third.
 INTEGRAL_GAIN_HZ: Final = 20.0
@@ -70,7 +71,7 @@ def entries(rig: RenderRig, law: Law, task: Task) -> dict[str, float]:
         "friction_dynamic": belief.friction,
         "friction_static": belief.friction,
         "motor_torque_limit": rig.motor_limit_nm,
-        "motor_torque_slew": rig.motor_limit_nm / FULL_TORQUE_S,
+        "motor_torque_slew": min(rig.motor_limit_nm / FULL_TORQUE_S, MOST_SLEW_NM_PER_S),
         "tunnel_half_width": tunnel.half_width_rad,
         "tunnel_stiffness": tunnel.stiffness_nm_per_rad,
         "tunnel_torque_limit": tunnel.limit_nm,

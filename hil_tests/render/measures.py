@@ -152,14 +152,20 @@ def turn_energy(
     return float(max(parts, default=0.0))
 
 
-def redriven(beyond_nm: Array, load_angle_rad: Array, had_j: float) -> float:
-    """Most energy that a free handle has been given after it had lost some, over what it had.
+def redriven(beyond_nm: Array, load_angle_rad: Array, band_rad: float, had_j: float) -> float:
+    """Most energy that a free handle has gained from one turn to a later one, over what it had.
+
+    At a turn the handle stands still, and so does the motor behind it: what the drive has given
+    since an earlier turn is in the handle. Between turns the same sum also counts what a wall that
+    is felt late owes and what the motor's inertia holds, both of which are given back.
 
     Parameters
     ----------
     beyond_nm : ndarray
         Torque on the load beyond the wanted, which only stores.
     load_angle_rad : ndarray
+    band_rad : float
+        A handle that comes back by less has not turned around.
     had_j : float
         Motion and stored energy at the release; nan where there was none.
     """
@@ -167,7 +173,8 @@ def redriven(beyond_nm: Array, load_angle_rad: Array, had_j: float) -> float:
         return float("nan")
     middle = 0.5 * (beyond_nm[1:] + beyond_nm[:-1])
     energy = np.append(0.0, np.cumsum(middle * np.diff(load_angle_rad)))
-    return float(np.max(energy - np.minimum.accumulate(energy)) / had_j)
+    there = energy[[*turns(load_angle_rad, band_rad), -1]]
+    return float(np.max(there - np.minimum.accumulate(there)) / had_j)
 
 
 def slack_share(tensions_n: Array) -> float:

@@ -8,7 +8,7 @@ friction's error, because only their product counts. Two effects of moderate str
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -79,8 +79,15 @@ class RenderRig:
         return self.rig.load.pulley_radius_m / self.rig.motor.pulley_radius_m
 
 
-def draw(seed: int) -> RenderRig:
-    """Draw a rig; the same seed gives the same."""
+def draw(seed: int, without: Collection[str] = ()) -> RenderRig:
+    """Draw a rig; the same seed gives the same.
+
+    Parameters
+    ----------
+    seed : int
+    without : collection of str
+        Hidden effects that are left out; all else stays as drawn.
+    """
     random = np.random.default_rng([20240, seed])
     wrap_rad = random.uniform(1.0, 8.0)
     cable = Cable(
@@ -115,6 +122,7 @@ def draw(seed: int) -> RenderRig:
     rig = replace(rig, substeps=max(rig.substeps, least_substeps(rig.cable, rig.elements)))
     chosen = sorted(random.choice(sorted(MODERATE), size=HIDDEN_EFFECTS, replace=False).tolist())
     hidden = {name: MODERATE[name](random, rig) for name in chosen}
+    hidden = {name: given for name, given in hidden.items() if name not in without}
     for name, parameters in hidden.items():
         rig = hide(rig, name, parameters)
     belief = Belief(
@@ -133,6 +141,17 @@ def draw(seed: int) -> RenderRig:
         friction_nm,
         limit_nm,
         hidden,
+    )
+
+
+def told_truth(rig: RenderRig) -> Belief:
+    """Return what a lab that knew its rig would tell the drive, without the hidden effects."""
+    cable, motor = rig.rig.cable, rig.rig.motor
+    return Belief(
+        friction=cable.friction,
+        pretension_n=cable.pretension_n,
+        axial_stiffness_n=cable.axial_stiffness_n,
+        motor_inertia_kg_m2=motor.inertia_kg_m2,
     )
 
 

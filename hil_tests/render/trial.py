@@ -103,7 +103,7 @@ class Outcome:
     `net_energy` is of what is exchanged on a closed path; `net_energy_to_friction` of what at least
     the friction of the pair would take on it. `turn_energy` is of every path from one turn of the
     load to the next but one, over at least what the friction would take; `redriven` is what a
-    handle that was let go has got from the drive, over what it had.
+    handle that was let go has gained from one turn to a later one, over what it had.
     """
 
     seed: int
@@ -240,6 +240,7 @@ def judge(trial: Trial) -> Outcome:
         redriven = measures.redriven(
             trial.error_nm[free],
             trial.rig[free, at.LOAD_ANGLE],
+            TURN_BAND_RAD,
             _mechanical_j(trial, trial.rig[released]),
         )
     energy = to_friction = nan
