@@ -14,13 +14,14 @@ from hypothesis import strategies as st
 
 from hil_tests.benchmarks.diagnosis_score import Answer, Rate, Result, rates
 from hil_tests.benchmarks.diagnosis_truth import true_model
-from hil_tests.hidden_effects import draws, effects, unlisted
+from hil_tests.hidden_effects import draws, effects, sets, unlisted
 from hil_tests.hidden_effects.cable_law import Law
 from hil_tests.hidden_effects.continuum import Answer as Motion
 from hil_tests.hidden_effects.continuum import Histories, Pair, solve
 from hil_tests.hidden_effects.hidden import Signals, Vector
 from hil_tests.hidden_effects.pair_motion import Ends
-from hil_tests.hidden_effects.recordings import KINDS, draw_case
+from hil_tests.hidden_effects.recordings import COUNTS, KINDS, draw_case
+from hil_tests.hidden_effects.sets import MOTIONS, RATES_HZ, UNEVEN, draw_set
 
 # Table I with EA = 4000 N and mu_s = mu_d; the figures are the closed forms of docs/physics.md.
 PAIR = Pair(((2.0, 0.28),), 0.21, Law(10.0, 4000.0), Ends(0.020, 0.104))
@@ -275,6 +276,48 @@ def test_a_recording_does_not_tell_the_truth(kind: str) -> None:
         assert name not in text
     assert json.loads(case.truth.to_json())["kind"] == kind
     assert ("conduit_temperature_c" in case.columns) or len(case.columns) == 5
+
+
+@pytest.mark.parametrize("kind", sets.KINDS)
+def test_a_set_is_one_rig_recorded_several_times(kind: str) -> None:
+    case = draw_set(7, kind, length_s=3.0, count=3)
+    every = [case.columns, *case.more]
+    assert len(every) == 3
+    assert len(case.truth.effects) == COUNTS.get(kind, 1)
+    assert len({tuple(one) for one in every}) == 1  # the same sensors
+    assert len({one["motor_torque_nm"].tobytes() for one in every}) == 3  # other motions
+    for one in every:
+        steps = np.diff(one["time_s"])
+        rate_hz = 1.0 / np.median(steps)
+        nearest = min(RATES_HZ, key=lambda hz: abs(hz - rate_hz))
+        assert np.all(np.abs(steps * nearest - 1.0) <= 1.01 * UNEVEN)
+        assert one["load_angle_rad"][0] == one["motor_torque_nm"][0] == 0.0
+        assert all(np.isfinite(column).all() for column in one.values())
+
+
+def test_a_set_depends_on_its_seed_alone() -> None:
+    one, same, other = (draw_set(s, "single", "load_cell_gain", 2.0, 2) for s in (5, 5, 6))
+    assert one.truth == same.truth
+    for a, b, c in zip(
+        (one.columns, *one.more),
+        (same.columns, *same.more),
+        (other.columns, *other.more),
+        strict=True,
+    ):
+        assert all(np.array_equal(a[name], b[name]) for name in a)
+        assert not np.array_equal(a["load_torque_nm"], c["load_torque_nm"])
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_each_motion_of_a_set_starts_at_rest_and_moves_without_jumps(name: str) -> None:
+    time_s = np.arange(10_000) / 1000.0
+    torque, angle = MOTIONS[name](np.random.default_rng(3), time_s, 0.3)
+    assert torque[0] == angle[0] == 0.0
+    assert np.max(np.abs(torque)) <= 0.3
+    # Nobody moves a handle faster than 10 rad/s, and torques come in ramps of 0.02 s at least.
+    assert np.max(np.abs(np.diff(angle))) < 10.0 * 1e-3
+    assert np.max(np.abs(np.diff(torque))) <= 0.6 / 20.0
+    assert (np.ptp(angle) == 0.0) == (name == "locked load")
 
 
 def test_the_generator_knows_nothing_of_the_model() -> None:

@@ -8,7 +8,7 @@ from bowden.diagnosis.diagnose import diagnose
 from bowden.diagnosis.result import Diagnosis
 from bowden.model import Mode, parse_model
 
-from hil_tests.benchmarks.diagnosis import recording_of
+from hil_tests.benchmarks.diagnosis import recordings_of
 from hil_tests.benchmarks.diagnosis_truth import law_inside
 from hil_tests.hidden_effects import random_laws
 from hil_tests.hidden_effects.recordings import Case, draw_case
@@ -18,7 +18,7 @@ CANDIDATES = ["bearing_friction", "gravity_imbalance", "load_cell_gain"]  # few,
 
 def found_in(case: Case) -> Diagnosis:
     model = parse_model(case.model_yaml)
-    return diagnose(model, [recording_of(case)], Mode.TORQUE_POSITION, names=CANDIDATES)
+    return diagnose(model, [recordings_of(case)[0]], Mode.TORQUE_POSITION, names=CANDIDATES)
 
 
 def test_a_hidden_law_is_learned_with_its_place_argument_and_curve() -> None:

@@ -20,7 +20,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import active_children, get_context
 from pathlib import Path
 
@@ -36,65 +36,79 @@ from hil_tests.benchmarks import diagnosis_baselines as baselines
 from hil_tests.benchmarks.diagnosis_picture import svg
 from hil_tests.benchmarks.diagnosis_score import Answer, Result, markdown
 from hil_tests.benchmarks.diagnosis_truth import law_inside, over_truth
-from hil_tests.hidden_effects import effects, random_laws, recordings, unlisted
-from hil_tests.hidden_effects.recordings import Case
+from hil_tests.hidden_effects import effects, random_laws, sets, unlisted
+from hil_tests.hidden_effects.recordings import Case, draw_case
 from hil_tests.hidden_effects.strength import WEAKEST
 from hil_tests.rig_cases import cases as rig_cases
 
 OURS, RULES = "bowden", "bowden --method rules"
 METHODS: tuple[tuple[str, Method], ...] = ((OURS, "prediction"), (RULES, "rules"))
 REDRAWS = 5
-SOURCES = {"continuum": recordings.draw_case, "rig": rig_cases.draw_case}
-Job = tuple[int, str, tuple[str, ...], float, str, bool]
+SOURCES = {"continuum": draw_case, "rig": rig_cases.draw_case}
 
 
-def jobs(  # noqa: PLR0917  (one call, all of the command line)
-    seed: int,
-    per_effect: int,
-    only: list[str],
-    length_s: float,
-    source: str = "continuum",
-    beside_rules: bool = False,
-) -> list[Job]:
-    """List the cases: seed, kind, names; rounds over all effects, so that any part is balanced."""
+@dataclass(frozen=True)
+class Job:
+    """One case to draw, and who answers it."""
+
+    seed: int
+    kind: str
+    names: tuple[str, ...]
+    length_s: float = 30.0
+    source: str = "continuum"
+    beside_rules: bool = False
+    recordings: int = 1
+
+
+def jobs(seed: int, per_effect: int, only: list[str], alike: Job) -> list[Job]:
+    """List the cases as one that is `alike`; rounds over all effects: any part is balanced."""
     rng = np.random.default_rng([seed, 77])
     found: list[tuple[int, str, tuple[str, ...]]] = []
     for k in range(per_effect):
         number = 1000 * seed + k
         found += [(number, "single", (name,)) for name in effects.HIDE]
         found += [(number, "unlisted", (name,)) for name in unlisted.HIDE]
-        if source == "continuum":  # the rig's motor has no recorded torque to add one to
+        if alike.source == "continuum" and alike.recordings == 1:
+            # The rig's motor has no recorded torque to add one to; a law follows one range.
             found += [(number, "smooth_law", (name,)) for name in random_laws.HIDE]
         found += [(number + 100 * i, "complete", ()) for i in range(12)]
-        for i in range(8):
-            a, b = rng.choice(list(effects.HIDE), 2, replace=False)
-            found.append((number + 100 * i, "pair", (str(a), str(b))))
+        for kind, count in (("pair", 2), ("several", 4)):
+            for i in range(8):
+                names = rng.choice(list(effects.HIDE), count, replace=False)
+                found.append((number + 100 * i, kind, tuple(str(x) for x in names)))
     if only:
         found = [j for j in found if set(only) & {j[1], *j[2]}]
     order = np.random.default_rng([seed, 78]).permutation(len(found))
-    return [(*found[i], length_s, source, beside_rules) for i in order]
+    chosen = [found[i] for i in order]
+    return [replace(alike, seed=number, kind=kind, names=names) for number, kind, names in chosen]
 
 
 def excited(job: Job) -> Case:
     """Draw the case; again with the next rig and motion while its effect cannot be seen."""
-    seed, kind, names, length_s, source, _ = job
     case: Case | None = None
     for again in range(REDRAWS):
+        seed = job.seed + 10_000_000 * again
         try:
-            case = SOURCES[source](seed + 10_000_000 * again, kind, names, length_s)
+            if job.recordings > 1:
+                case = sets.draw_set(seed, job.kind, job.names, job.length_s, job.recordings)
+            else:
+                case = SOURCES[job.source](seed, job.kind, job.names, job.length_s)
         except ArithmeticError:  # the solver has no answer for this rig
             continue
-        if kind == "complete" or case.truth.strength >= WEAKEST:
+        if job.kind == "complete" or case.truth.strength >= WEAKEST:
             break
     if case is None:
-        raise ArithmeticError(f"no rig of seed {seed} can be solved with {', '.join(names)}")
+        names = ", ".join(job.names)
+        raise ArithmeticError(f"no rig of seed {job.seed} can be solved with {names}")
     return case
 
 
-def recording_of(case: Case) -> Recording:
-    """Return the case's recording as a reader would."""
-    channels = {name: values for name, values in case.columns.items() if name != TIME}
-    return Recording(case.columns[TIME], channels)
+def recordings_of(case: Case) -> list[Recording]:
+    """Return the case's recordings as a reader would."""
+    return [
+        Recording(one[TIME], {name: values for name, values in one.items() if name != TIME})
+        for one in (case.columns, *case.more)
+    ]
 
 
 def ours(
@@ -135,26 +149,26 @@ def run(job: Job) -> dict[str, Result]:
     except ArithmeticError:
         return {}
     truth = dict(case.truth.effects)
-    model, recording, kind = parse_model(case.model_yaml), recording_of(case), job[1]
+    model, recordings = parse_model(case.model_yaml), recordings_of(case)
 
     def result(answer: Answer) -> Result:
         t = case.truth
         return Result(t.seed, t.source, t.kind, truth, t.strength, answer)
 
     answers: dict[str, Answer] = {}
-    for name, method in METHODS[: 1 + job[-1]]:
+    for name, method in METHODS[: 1 + job.beside_rules]:
         start = time.perf_counter()
         try:
-            found = diagnose(model, [recording], Mode.TORQUE_POSITION, seed=job[0], method=method)
+            found = diagnose(model, recordings, Mode.TORQUE_POSITION, seed=job.seed, method=method)
         except ModelError as error:
             seconds = time.perf_counter() - start
             answers[name] = Answer(f"failed: {error}", (), seconds=seconds)
             continue
         seconds = time.perf_counter() - start
-        inside = law_inside(case, found) if kind == "smooth_law" else math.nan
-        answers[name] = ours(found, seconds, over_truth(case, recording, found), inside)
+        inside = law_inside(case, found) if job.kind == "smooth_law" else math.nan
+        answers[name] = ours(found, seconds, over_truth(case, recordings, found), inside)
         if name == OURS and not baselines.missing():
-            answers |= baselines.answers(found, recording)
+            answers |= baselines.answers(found, recordings[0])
     return {method: result(answer) for method, answer in answers.items()}
 
 
@@ -201,20 +215,23 @@ def main() -> int:
         "--beside-rules", action="store_true", help="answer each case by --method rules as well"
     )
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="or a kind")
+    parser.add_argument(
+        "--recordings",
+        type=int,
+        choices=range(1, len(sets.MOTIONS) + 1),
+        default=1,
+        help="of each rig: locked load, tunnel, nested strokes, multisine; 200 Hz .. 2 kHz",
+    )
     parser.add_argument("--length-s", type=float, default=30.0, help="of each recording")
     parser.add_argument("--jobs", type=int, default=1, help="cases at the same time")
     parser.add_argument("--most-minutes", type=float, default=float("inf"))
     parser.add_argument("--output", type=Path, default=Path("build/diagnosis.json"))
     args = parser.parse_args()
     args.output.parent.mkdir(parents=True, exist_ok=True)
-    todo = jobs(
-        args.seed,
-        args.cases_per_effect,
-        args.only,
-        args.length_s,
-        args.source,
-        args.beside_rules,
-    )
+    if args.recordings > 1 and args.source != "continuum":
+        parser.error(f"--recordings: found {args.recordings}; accepted with --source rig: 1")
+    alike = Job(args.seed, "", (), args.length_s, args.source, args.beside_rules, args.recordings)
+    todo = jobs(args.seed, args.cases_per_effect, args.only, alike)
     if lacking := baselines.missing():
         sys.stderr.write(f"no baselines without {', '.join(lacking)}: make setup-baselines\n")
     methods: dict[str, list[Result]] = {}

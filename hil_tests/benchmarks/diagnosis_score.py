@@ -183,6 +183,7 @@ def of_kind(results: Sequence[Result], kind: str) -> list[Result]:
 def rates(results: Sequence[Result]) -> dict[str, Rate]:
     """Return the rates over all kinds that are there."""
     single, pair = of_kind(results, "single"), of_kind(results, "pair")
+    several = of_kind(results, "several")
     complete, unlisted = of_kind(results, "complete"), of_kind(results, "unlisted")
     laws = of_kind(results, "smooth_law")
     return {
@@ -212,8 +213,10 @@ def rates(results: Sequence[Result]) -> dict[str, Rate]:
         ),
         "pair: both named": rate(r.hits == 2 for r in pair),
         "pair: at least one": rate(r.hits >= 1 for r in pair),
+        "four moderate: at least three named": rate(r.hits >= 3 for r in several),
+        "four moderate: at least two named": rate(r.hits >= 2 for r in several),
         "parameter inside its interval": rate(
-            inside for r in single + pair for inside in r.covered
+            inside for r in single + pair + several for inside in r.covered
         ),
         "gap after <= 1.1 floors": rate(
             r.answer.gap_over_floor <= 1.1
@@ -258,7 +261,7 @@ def per_effect(results: Sequence[Result]) -> dict[str, tuple[Rate, Rate, float, 
 
 def confusion(results: Sequence[Result]) -> tuple[list[str], list[str], list[list[int]]]:
     """Return rows (truth), columns (answer) and counts over single, complete and unlisted cases."""
-    used = [r for r in results if r.kind != "pair"]
+    used = [r for r in results if r.kind not in {"pair", "several"}]
     rows = list(dict.fromkeys(r.label for r in sorted(used, key=lambda r: r.kind)))
     columns = [x for x in rows if any(r.said == x for r in used)]
     columns += [x for x in dict.fromkeys(r.said for r in used) if x not in columns]

@@ -7,6 +7,7 @@ worth, so that a right model may leave 0.4 or 1.7 of the noise floor. `diagnosis
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from bowden.diagnosis.result import Diagnosis
@@ -25,15 +26,15 @@ CALIBRATED = {
 }
 
 
-def over_truth(case: Case, recording: Recording, found: Diagnosis) -> float:
+def over_truth(case: Case, recordings: Sequence[Recording], found: Diagnosis) -> float:
     """Return the gap after over what the true model leaves, held out; of the worse channel.
 
-    nan where the truth is in no catalogue, or where the data allowed no verdict.
+    nan where the truth is in no catalogue, where the data allowed no verdict, and for sets.
     """
-    if case.truth.kind in {"unlisted", "smooth_law"} or not found.series:
+    if case.truth.kind in {"unlisted", "smooth_law"} or not found.series or len(recordings) > 1:
         return math.nan
     model = true_model(case)
-    given = estimate_channels(recording, model, found.mode).recording
+    given = estimate_channels(recordings[0], model, found.mode).recording
     trajectory = simulate_recording(model, found.mode, given)
     ratios = []
     for gap, one in zip(found.gaps, found.series, strict=True):

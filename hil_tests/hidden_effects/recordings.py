@@ -2,8 +2,9 @@
 
 A case is drawn from a seed: a rig around Table I, what the lab assumes of it (the truth is off by
 the tolerances that the model file states), half a minute of motion, a hidden truth (none, one
-effect, two, or one that no catalogue has), sensors. The strength of the hidden effect is set in
-units of the noise floor: what quantisation and noise do to the predicted channels.
+effect, two, four, or one that no catalogue has), sensors. The strength of the hidden effect is set
+in units of the noise floor: what quantisation and noise do to the predicted channels. Several
+recordings of one rig: `sets`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from hil_tests.hidden_effects import draws, effects, excitation, random_laws, unlisted
 from hil_tests.hidden_effects.cable_law import Law
 from hil_tests.hidden_effects.continuum import Pair
-from hil_tests.hidden_effects.hidden import Draw, Hidden, Values, Vector
+from hil_tests.hidden_effects.hidden import Draw, Hidden, Signals, Values, Vector
 from hil_tests.hidden_effects.pair_motion import Ends
 from hil_tests.hidden_effects.strength import (
     CELL_NOISE_NM,
@@ -33,7 +34,8 @@ from hil_tests.hidden_effects.strength import (
     strength_of,
 )
 
-KINDS = ("complete", "single", "pair", "unlisted", "smooth_law")
+KINDS = ("complete", "single", "pair", "several", "unlisted", "smooth_law")
+COUNTS = {"complete": 0, "pair": 2, "several": 4}  # of effects that are hidden; else one
 WARMS = ("thermal_friction", "cell_temperature_crosstalk", *random_laws.WARMS)  # not without it
 
 
@@ -67,11 +69,12 @@ class Truth:
 
 @dataclass(frozen=True)
 class Case:
-    """A recording's columns by name, the model file, and the truth."""
+    """A recording's columns by name, the model file, the truth, and what else was recorded."""
 
     columns: dict[str, Vector]
     model_yaml: str
     truth: Truth
+    more: tuple[dict[str, Vector], ...] = ()
 
     def csv_text(self) -> str:
         """Return the recording in its exchange form; nothing in it tells the truth."""
@@ -152,10 +155,10 @@ def random_of(seed: int, kind: str, names: Sequence[str]) -> np.random.Generator
 
 def draw_names(rng: np.random.Generator, kind: str) -> list[str]:
     """Draw what is hidden, by name."""
-    if kind == "complete":
+    count = COUNTS.get(kind, 1)
+    if count == 0:
         return []
-    table = list(hidden_of(kind))
-    return [str(x) for x in rng.choice(table, 2 if kind == "pair" else 1, replace=False)]
+    return [str(x) for x in rng.choice(list(hidden_of(kind)), count, replace=False)]
 
 
 def hidden_of(kind: str) -> Mapping[str, effects.Hide]:
@@ -170,6 +173,30 @@ def draw_effect(rng: np.random.Generator, kind: str, name: str, pair: Pair) -> D
     return unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, pair)
 
 
+def most_torque_nm(pair: Pair) -> float:
+    """Return the motor torque that a lab goes up to: most of what friction carries."""
+    friction_nm = 2.0 * pair.ends.motor_radius_m * pair.law.pretension_n
+    friction_nm *= pair.mu * pair.wrap_rad
+    return min(0.9 * friction_nm + 0.05, 0.6)
+
+
+def as_recorded(rng: np.random.Generator, signals: Signals, read: Read) -> dict[str, Vector]:
+    """Return the columns of a recording: whole counts, and the load cell's noise."""
+    return {
+        "time_s": signals.time_s,
+        "motor_angle_rad": counts(read.motor_angle_rad, MOTOR_COUNTS),
+        "load_angle_rad": counts(read.load_angle_rad, LOAD_COUNTS),
+        "motor_torque_nm": signals.motor_torque_nm,
+        "load_torque_nm": read.load_torque_nm + rng.normal(0.0, CELL_NOISE_NM, signals.time_s.size),
+    }
+
+
+def thermometer(rng: np.random.Generator, signals: Signals) -> dict[str, Vector]:
+    """Return the column of a thermometer on the conduit."""
+    noise = rng.normal(0.0, 0.02, signals.time_s.size)
+    return {"conduit_temperature_c": signals.temperature_c + noise}
+
+
 def draw_case(
     seed: int,
     kind: str,
@@ -182,17 +209,15 @@ def draw_case(
     ----------
     seed : int
         All that is random comes from it, the kind and the effect's name.
-    kind : "complete", "single", "pair", "unlisted", "smooth_law"
-    effect : str or two of them, optional
+    kind : "complete", "single", "pair", "several", "unlisted", "smooth_law"
+    effect : str or several of them, optional
         Names; drawn where they are not given.
     length_s : float
     """
     names = [effect] if isinstance(effect, str) else list(effect or ())
     rng = random_of(seed, kind, names)
     rig = draw_rig(rng)
-    friction_nm = 2.0 * rig.pair.ends.motor_radius_m * rig.pair.law.pretension_n
-    friction_nm *= rig.pair.mu * rig.pair.wrap_rad
-    signals = excitation.draw(rng, min(0.9 * friction_nm + 0.05, 0.6), length_s)
+    signals = excitation.draw(rng, most_torque_nm(rig.pair), length_s)
     names = names or draw_names(rng, kind)
     base = read_out(rig.pair, signals, [])
     floor = floor_of(rig.pair, signals, base)
@@ -212,17 +237,9 @@ def draw_case(
         strength = worth if strength == 0.0 else min(strength, worth)
     if len(hidden) > 1:
         read = read_out(rig.pair, signals, hidden)
-    columns = {
-        "time_s": signals.time_s,
-        "motor_angle_rad": counts(read.motor_angle_rad, MOTOR_COUNTS),
-        "load_angle_rad": counts(read.load_angle_rad, LOAD_COUNTS),
-        "motor_torque_nm": signals.motor_torque_nm,
-        "load_torque_nm": read.load_torque_nm + rng.normal(0.0, CELL_NOISE_NM, signals.time_s.size),
-    }
-    warm = rng.random() < 0.5 or set(WARMS) & set(names)
-    if warm:
-        noise = rng.normal(0.0, 0.02, signals.time_s.size)
-        columns["conduit_temperature_c"] = signals.temperature_c + noise
+    columns = as_recorded(rng, signals, read)
+    if rng.random() < 0.5 or set(WARMS) & set(names):
+        columns |= thermometer(rng, signals)
     truth = Truth(
         seed,
         kind,

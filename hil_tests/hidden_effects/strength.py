@@ -141,4 +141,4 @@ def sized(
 def draw_strength(rng: np.random.Generator, kind: str) -> float:
     """Draw how strong it is, in noise floors."""
     wanted = float(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))))
-    return max(wanted, 8.0) if kind in {"pair", "unlisted"} else wanted
+    return max(wanted, 8.0) if kind in {"pair", "several", "unlisted"} else wanted

@@ -69,6 +69,24 @@ def test_of_two_effects_the_one_that_explains_more_comes_first(
     assert names[0] == first
 
 
+def test_four_effects_at_once_are_all_named() -> None:
+    # Each hides the others: the wrap nearly doubles friction, and what an offset leaves looks like
+    # asymmetry until the torque constant is right.
+    hidden = {
+        "direction_asymmetry": {"a": -0.2},
+        "torque_constant_error": {"g": -0.15},
+        "load_cell_offset": {"offset_nm": -0.14},
+        "wrap_angle_change": {"extra_wrap_rad": 4.0},
+    }
+    truth = TRUTH
+    for name, values in hidden.items():
+        truth = truth.with_effect(name, values)
+    names = (*hidden, "gravity_imbalance", "motor_torque_offset")
+    found = diagnose(MODEL, [measured(truth)], names=names, seed=1)
+    assert found.verdict == "named"
+    assert {one.name for one in found.effects} == set(hidden)
+
+
 @pytest.mark.parametrize("zeroed", [False, True])
 def test_an_encoder_off_centre_may_count_from_anywhere(zeroed: bool) -> None:
     """Zeroed where the rig stood, the reading is short by e sin(phase): 12 mrad, 4 counts."""
