@@ -6,72 +6,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware.tests.pure_c import load
-
-# A flash as RM0090 describes it: programming only clears bits, erasing sets a sector. `budget` is
-# how many words can be programmed before the power goes (-1: for ever): that one is left half done.
-FLASH = """
-#include "flash.h"
-uint32_t memory[FLASH_SECTORS * FLASH_SECTOR_WORDS];
-int budget;
-int forgotten;
-uint32_t worn_word;
-uint32_t flash_word(uint32_t sector, uint32_t word) {
-    return memory[sector * FLASH_SECTOR_WORDS + word];
-}
-bool flash_program(uint32_t sector, uint32_t word, uint32_t value) {
-    const uint32_t at = sector * FLASH_SECTOR_WORDS + word;
-    if (budget == 0) {
-        return false;
-    }
-    if (budget > 0 && --budget == 0) {
-        memory[at] &= value | 0xFFFF0000u;
-        return false;
-    }
-    memory[at] &= at == worn_word ? value | 1u : value;
-    return memory[at] == value;
-}
-void flash_prepare_erase(uint32_t sector) { (void)sector; }
-void flash_finish_erase(void) {}
-void flash_forget_cached_data(void) { forgotten++; }
-void erase(uint32_t sector, uint32_t words) {
-    for (uint32_t i = 0; i < words; i++) {
-        memory[sector * FLASH_SECTOR_WORDS + i] = FLASH_BLANK;
-    }
-}
-"""
-
-DECLARED = """extern uint32_t memory[65536], worn_word; extern int budget, forgotten;
-void erase(uint32_t sector, uint32_t words);"""
-ffi, lib = load("store", FLASH, DECLARED)
-
-IMAGE_WORDS, SLOTS, SLOT_WORDS = 2045, 32, 2048
-FOR_EVER, NO_WORD = -1, 0xFFFFFFFF
+from firmware.tests.cut_flash import (
+    FOR_EVER,
+    IMAGE_WORDS,
+    SLOT_WORDS,
+    SLOTS,
+    Store,
+    ffi,
+    lib,
+    new_chip,
+)
 
 
 @pytest.fixture(autouse=True)
 def _new_chip() -> None:
-    ffi.memmove(lib.memory, b"\xff" * 4 * 65536, 4 * 65536)
-    lib.budget, lib.worn_word = FOR_EVER, NO_WORD
-
-
-class Store:
-    """A store after a start, and what it found."""
-
-    def __init__(self) -> None:
-        self.raw = ffi.new("store_t *")
-        room = ffi.new("uint32_t[2045]")
-        self.found = list(room[0 : lib.store_open(self.raw, room)])
-
-    def save(self, image: list[int], is_log: bool = False) -> bool:
-        """Return whether the store says that the image is kept."""
-        words = ffi.new("uint32_t[]", image)
-        if not lib.store_begin(self.raw, words, len(image), is_log):
-            return False
-        for _ in range(3 * (len(image) + 3) + 1):
-            if lib.store_step(self.raw) != lib.STORE_BUSY:
-                break
-        return bool(lib.store_step(self.raw) == lib.STORE_DONE)
+    new_chip()
 
 
 images = st.lists(st.integers(0, 0xFFFFFFFF), min_size=1, max_size=20)
@@ -193,6 +142,26 @@ def test_a_log_that_was_cut_short_is_no_damage(before: list[int], words: int) ->
     assert not after.raw.damaged
     assert after.save([7], is_log=True)
     assert Store().found == [7]
+
+
+def test_a_save_cut_short_in_a_sectors_first_slot_is_told_and_an_older_image_there_is_not() -> None:
+    store = Store()
+    for value in range(SLOTS // 2):
+        assert store.save([value])
+    lib.budget = 3
+    assert not store.save([99])  # in the other sector
+    lib.budget = FOR_EVER
+    assert Store().raw.damaged
+    store = Store()
+    for value in range(100, 100 + SLOTS // 2 - 1):
+        assert store.save([value])
+    lib.erase(0, 32768)
+    lib.store_erased(store.raw)
+    for value in range(200, 200 + SLOTS // 2):
+        assert store.save([value])
+    after = Store()
+    assert after.found == [200 + SLOTS // 2 - 1]
+    assert not after.raw.damaged  # what lies behind it is what was cut short long ago
 
 
 def test_a_log_never_hides_that_a_save_was_cut_short() -> None:

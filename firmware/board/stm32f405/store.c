@@ -70,10 +70,12 @@ static bool is_asked_for(uint32_t slot) {
 }
 
 /* Slots are used in order: is the one after the newest image begun? Then a save was cut short, or
- * it is spoiled since. A sector's first slot may still hold an older image. */
-static bool is_followed(uint32_t newest) {
-    const uint32_t next = newest + 1u;
-    return next % STORE_SLOTS != 0 && is_asked_for(next);
+ * it is spoiled since. The first slot of the other sector may still hold what is older, and says so
+ * by its sequence; that of a save cut short is greater, also half programmed or blank. */
+static bool is_followed(const store_t *store) {
+    const uint32_t next = (store->newest + 1u) % ALL_SLOTS;
+    const bool is_older = next % STORE_SLOTS == 0 && word_at(next, 1) < store->sequence;
+    return is_asked_for(next) && !is_older;
 }
 
 static bool was_ever_asked(void) {
@@ -99,7 +101,7 @@ uint32_t store_open(store_t *store, uint32_t *image) {
             }
         }
     }
-    store->damaged = words > 0 ? is_followed(store->newest) : was_ever_asked();
+    store->damaged = words > 0 ? is_followed(store) : was_ever_asked();
     for (uint32_t word = 0; word < words; word++) {
         image[word] = word_at(store->newest, HEAD_WORDS + word);
     }
