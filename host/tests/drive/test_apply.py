@@ -196,3 +196,24 @@ def test_a_model_that_the_drive_refuses_leaves_the_old_one(
     assert "cable_pretension" in line
     assert "the old configuration is back" in line
     assert entries(bus) == before
+
+
+# ---- the command that applies in rounds ----
+
+
+def test_improve_asks_before_the_motor_moves_and_a_no_ends_it(
+    bus: VirtualBus,
+    model: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    terminal = io.StringIO("q\n")
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", terminal)
+    folder = model.parent / "rounds"
+    assert main(["improve", str(model), "--output", str(folder)]) == 130
+    shown = capsys.readouterr().err
+    assert "the motor will move the load" in shown
+    assert "the same command goes on" in shown
+    assert not bus.bench.actuators.bridge_enabled
+    assert not list((folder / "round-1").iterdir())

@@ -69,6 +69,23 @@ def test_a_value_that_is_not_kept_is_found_by_reading_back(
     assert drive.read("cable_pretension") == 10.0
 
 
+def test_an_interrupted_write_is_taken_back(rig: MakeRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive, _ = rig()
+    changes = difference(drive, WANTED)
+    really_write = drive.write_raw
+
+    def interrupted(name: str, raw: int) -> None:
+        really_write(name, raw)
+        if name == "segment_curvature.7":
+            monkeypatch.setattr(drive, "write_raw", really_write)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(drive, "write_raw", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write(drive, changes)
+    assert difference(drive, WANTED) == changes
+
+
 def test_while_the_bridge_is_on_nothing_is_written(rig: MakeRig) -> None:
     drive, _ = rig(motion="still")
     with powered(drive, Run(ModeOfOperation.TUNNEL)):

@@ -44,6 +44,7 @@ COMMANDS = {
     "config": "keep a drive's configuration in a file: dump, diff, apply, restore",
     "configure": "write a model's rig into the drive and read it back",
     "apply": "write a model, reduced to what the drive supports, to the drive",
+    "improve": "record, diagnose and apply in rounds, until the model explains the rig",
     "watch": "watch a drive live in the terminal; stop, start, mark by key",
     "studio": "the bench in a browser: live loop, stop, record, compare, diagnose",
     "record": "record both encoders, motor torque and load cell over CAN",

@@ -36,7 +36,7 @@ def print_json(document: object) -> None:
     """
     if WARNINGS and isinstance(document, dict):
         document = {**document, "warnings": [*document.get("warnings", []), *WARNINGS]}
-    print(json.dumps(_plain(document), indent=2, allow_nan=False, ensure_ascii=False))
+    print(json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False))
 
 
 def console() -> Console:
@@ -113,14 +113,14 @@ def stages(first: str) -> Iterator[Callable[[str, float], None]]:
     yield tell
 
 
-def _plain(value: object) -> object:
+def plain(value: object) -> object:
     """Turn numpy values, tuples and non-finite numbers into what JSON can hold."""
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple | set | frozenset):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value

@@ -159,7 +159,13 @@ def _run(
 
 
 def render(
-    drive: Drive, tunnel: PrescribedTunnel, duration_s: float, path: Path, title: str = ""
+    drive: Drive,
+    tunnel: PrescribedTunnel,
+    duration_s: float,
+    path: Path,
+    title: str = "",
+    *,
+    overwrite: bool = False,
 ) -> LawRun:
     """Record the tunnel with the law that the drive has, and judge it.
 
@@ -172,11 +178,13 @@ def render(
         Of the recording.
     title : str, optional
         For table and page, where the law's name does not say enough.
+    overwrite : bool
+        Replace a recording that was broken off.
     """
     law = CompensationLaw(drive.read_raw("compensation_law"))
     drive.connection.listen(_REST_S)  # the operator comes to a standstill
     notes = {"notes": f"Experiment 2 with compensation: {law.word}"}
-    record_to(drive, path, duration_s, Run(ModeOfOperation.TUNNEL), notes)
+    record_to(drive, path, duration_s, Run(ModeOfOperation.TUNNEL), notes, overwrite=overwrite)
     recording = read_recording(path)
     figures = judge_rendering(recording, tunnel, law, SETTLE_S)
     return LawRun(law.word, recording, figures, path.name, title or law.doc)

@@ -80,6 +80,8 @@ def difference(
 def write(drive: Drive, changes: Iterable[Change]) -> None:
     """Write the changes, read each back, and ask the drive whether it can run with them.
 
+    Interrupted, it takes back what was written before, too.
+
     Raises
     ------
     DriveFailed
@@ -104,6 +106,9 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
             )
     except DriveFailed as failure:
         raise DriveFailed(f"{failure}; {_take_back(drive, written)}") from failure
+    except KeyboardInterrupt:
+        _take_back(drive, written)
+        raise
 
 
 def in_writable_order(drive: Drive, changes: Iterable[Change]) -> Iterator[Change]:

@@ -5,8 +5,11 @@ Takes a `Diagnosis`, returns sections; `diagnosis` puts them on the page.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from bowden.diagnosis.result import Diagnosis, Learned
@@ -17,11 +20,31 @@ from bowden.report.words import percent
 
 LEAST_SHOWN = 0.01  # of probability
 _LAW, _BAND, _VISITED = "#0072b2", "rgba(0,114,178,0.18)", "#9aa1aa"
+_HIDDEN = {"color": "#d55e00", "dash": "dash"}
 _UNITS = {"rad": "rad", "rad_per_s": "rad/s", "nm": "N m", "s": "s", "c": "°C"}
 
 
-def learned_section(diagnosis: Diagnosis) -> list[Section]:
-    """Return the section of a learned law; none where there is none."""
+@dataclass(frozen=True)
+class HiddenLaw:
+    """The law that a simulated rig really has: what a learned one is to find.
+
+    Parameters
+    ----------
+    place : str
+        As in `Learned`.
+    arguments : tuple of str
+        As in `Learned`.
+    x, value : ndarray of shape (n,)
+    """
+
+    place: str
+    arguments: tuple[str, ...]
+    x: NDArray[np.float64]
+    value: NDArray[np.float64]
+
+
+def learned_section(diagnosis: Diagnosis, hidden: HiddenLaw | None = None) -> list[Section]:
+    """Return the section of a learned law, beside the hidden one; none where there is none."""
     one = diagnosis.learned
     if one is None:
         return []
@@ -37,7 +60,7 @@ def learned_section(diagnosis: Diagnosis) -> list[Section]:
             "place, if a law of this argument at this place is right; the area below shows where "
             "the recordings have been. Beyond the ends of the curve it stays level."
         ),
-        figure(draw_law(one), "learned-law"),
+        figure(draw_law(one, hidden), "learned-law"),
         table(["law", "probability, given one of these"], odds),
     ]
     if len(odds) > 1:
@@ -45,7 +68,7 @@ def learned_section(diagnosis: Diagnosis) -> list[Section]:
     return [Section("The learned law", body)]
 
 
-def draw_law(one: Learned) -> go.Figure:
+def draw_law(one: Learned, hidden: HiddenLaw | None = None) -> go.Figure:
     """Draw a learned law with its 95 % band, over bars of where it was visited."""
     x, value, low, high = one.curve.T
     plot = make_subplots(
@@ -56,6 +79,9 @@ def draw_law(one: Learned) -> go.Figure:
     plot.add_trace(go.Scatter(**around, **band, line={"width": 0}, hoverinfo="skip"), row=1, col=1)
     law = {"name": "learned law", "line": {"color": _LAW}, "mode": "lines+markers"}
     plot.add_trace(go.Scatter(x=x, y=value, **law), row=1, col=1)
+    if hidden is not None and (hidden.place, hidden.arguments) == (one.place, one.arguments):
+        truth = go.Scatter(x=hidden.x, y=hidden.value, name="hidden in the rig", line=_HIDDEN)
+        plot.add_trace(truth, row=1, col=1)
     bars = {"fill": "tozeroy", "fillcolor": _VISITED, "mode": "lines", "showlegend": False}
     plot.add_trace(
         go.Scatter(x=x, y=100.0 * one.visited, line={"width": 0}, name="visited", **bars),

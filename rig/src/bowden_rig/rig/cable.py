@@ -137,12 +137,12 @@ def find_friction(  # noqa: PLR0917
     masses: NDArray[np.float64],
     springs: NDArray[np.float64],
     cable: int,
-    sign: float,
+    asymmetry: float,
     factor: float,
 ) -> None:
-    """Most friction that each mass can meet; `sign` is that of motion for positive angles."""
+    """Most friction that each mass can meet; `asymmetry`: share more of it towards the load."""
     n = masses.shape[2]
-    weight, mu, viscous, asymmetry = c.weight_n, c.mu, c.viscous_s_per_m, c.asymmetry * sign
+    weight, mu, viscous = c.weight_n, c.mu, c.viscous_s_per_m
     if c.mu_static_excess == 0.0 and c.tension_exponent == 0.0:
         for i in range(n):
             pair = springs[TENSION, cable, i] + springs[TENSION, cable, i + 1]
@@ -196,7 +196,7 @@ def move(  # noqa: PLR0917
     masses: NDArray[np.float64],
     springs: NDArray[np.float64],
     cable: int,
-    sign: float,
+    asymmetry: float,
     pretension_n: float,
     factor: float,
     near: tuple[float, float],
@@ -204,5 +204,5 @@ def move(  # noqa: PLR0917
 ) -> None:
     """Let one cable pass a step; afterwards `springs` holds the tensions before it."""
     pull(c, masses, springs, cable, pretension_n, near, far)
-    find_friction(c, wrap_rad, masses, springs, cable, sign, factor)
+    find_friction(c, wrap_rad, masses, springs, cable, asymmetry, factor)
     slide(c, masses, springs, cable)

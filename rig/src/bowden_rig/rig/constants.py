@@ -60,6 +60,8 @@ class Constants(NamedTuple):
     bump_gain: float
     bump_centre_rad: float
     bump_width_rad: float
+    pile: float
+    pile_width_rad: float
     loss: float
     loss_time_s: float
     # motor
@@ -161,6 +163,8 @@ def constants(rig: parameters.Rig) -> Constants:
         bump_gain=cable.bump_gain_change,
         bump_centre_rad=cable.bump_centre_offset_rad,
         bump_width_rad=cable.bump_width_rad,
+        pile=cable.pile_change,
+        pile_width_rad=cable.pile_width_rad,
         loss=cable.pretension_loss,
         loss_time_s=cable.pretension_loss_time_s,
         motor_radius_m=motor.pulley_radius_m,
@@ -203,6 +207,7 @@ def _ages(cable: parameters.Cable) -> bool:
             cable.dwell_gain,
             cable.place_gain,
             cable.bump_gain_change,
+            cable.pile_change,
             cable.pretension_loss,
         )
     )

@@ -136,6 +136,7 @@ def advance(  # noqa: PLR0917
     if c.ages:
         age(c, s, c.dt_s * c.substeps)
     pretension, factor = s[at.PRETENSION], s[at.FRICTION_FACTOR]
+    asymmetry = s[at.ASYMMETRY]
     target = min(max(reference_a, -c.current_limit_a), c.current_limit_a)
     radius, e, phase = c.motor_radius_m, c.eccentricity, c.eccentricity_phase_rad
     far_radius, far_e, far_phase = (
@@ -156,9 +157,10 @@ def advance(  # noqa: PLR0917
         far_wound_m = wound(far_radius, far_e, far_phase, far_angle)
         for cable in range(2):
             sign = -1.0 if cable == 0 else 1.0  # u of the ends: a -r theta, b +r theta
+            more = sign * asymmetry
             near = (sign * wound_m, sign * arm_m * speed)
             far = (sign * far_wound_m, sign * far_arm_m * far_speed)
-            move(c, wrap_rad, masses, springs, cable, sign, pretension, factor, near, far)
+            move(c, wrap_rad, masses, springs, cable, more, pretension, factor, near, far)
             s[at.MOTOR_TENSION_A + 2 * cable] = springs[TENSION, cable, 0]
             s[at.LOAD_TENSION_A + 2 * cable] = springs[TENSION, cable, last]
         s[at.CURRENT] += c.amplifier_gain * (target - s[at.CURRENT])

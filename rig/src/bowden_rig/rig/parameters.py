@@ -95,6 +95,9 @@ class Cable:
         mu (1 + gain cos(k theta_l + phase)).
     bump_gain_change, bump_centre_offset_rad, bump_width_rad : float
         mu (1 + gain exp(-((theta_l - centre) / width)^2)).
+    pile_change, pile_width_rad : float
+        A liner whose pile leans: mu (1 + b) while the cable moves as for positive angles,
+        mu (1 - b) back, with b = change tanh(theta_l / width). In no catalogue of effects.
     pretension_loss, pretension_loss_time_s : float
         T0 (1 - a ln(1 + t / tau)).
     """
@@ -132,6 +135,8 @@ class Cable:
     bump_gain_change: float = 0.0
     bump_centre_offset_rad: float = 0.0
     bump_width_rad: float = 0.1
+    pile_change: float = 0.0
+    pile_width_rad: float = 0.3
     pretension_loss: float = 0.0
     pretension_loss_time_s: float = 10.0
 
@@ -150,6 +155,7 @@ class Cable:
                 "dwell_time_s",
                 "dwell_slip_m",
                 "bump_width_rad",
+                "pile_width_rad",
                 "pretension_loss_time_s",
             ),
         )

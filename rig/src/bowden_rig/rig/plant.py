@@ -52,6 +52,7 @@ class Plant:
         self.scalars[at.MOTOR_TENSION_A : at.LOAD_TENSION_B + 1] = rig.cable.pretension_n
         self.scalars[at.PRETENSION] = rig.cable.pretension_n
         self.scalars[at.FRICTION_FACTOR] = 1.0
+        self.scalars[at.ASYMMETRY] = rig.cable.direction_asymmetry
 
     @property
     def position_m(self) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """What changes slowly: friction with heat, travel, rest and place; pretension that creeps away.
 
 Compiled; works on the vector of scalars, `state` names its places. `mechanics.advance` calls `age`
-once a control period and reads FRICTION_FACTOR and PRETENSION.
+once a control period and reads FRICTION_FACTOR, ASYMMETRY and PRETENSION.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ def age(c: Constants, s: NDArray[np.float64], period_s: float) -> None:
     wear      1 + change (1 - exp(-travel / travel_m))
     dwell     1 + gain q, q' = (1 - q) / time - q abs(v) / slip
     place     1 + gain cos(k theta_l + phase), 1 + gain exp(-((theta_l - centre) / width)^2)
+    pile      asymmetry + change tanh(theta_l / width)
     loss      T0 (1 - a ln(1 + t / tau))
     """
     s[at.TIME] += period_s
@@ -39,5 +40,6 @@ def age(c: Constants, s: NDArray[np.float64], period_s: float) -> None:
     factor *= 1.0 + c.place_gain * math.cos(c.place_per_turn * s[at.LOAD_ANGLE] + c.place_phase_rad)
     away = (s[at.LOAD_ANGLE] - c.bump_centre_rad) / c.bump_width_rad
     factor *= 1.0 + c.bump_gain * math.exp(-away * away)
+    s[at.ASYMMETRY] = c.asymmetry + c.pile * math.tanh(s[at.LOAD_ANGLE] / c.pile_width_rad)
     s[at.FRICTION_FACTOR] = max(factor, 0.0)
     s[at.PRETENSION] = c.pretension_n * max(1.0 - c.loss * math.log1p(time_s / c.loss_time_s), 0.0)

@@ -37,4 +37,5 @@ OPERATOR_PHASE: Final = 25
 OPERATOR_SWELL: Final = 26  # 0 at standstill, 1 at full amplitude
 INTENDED_ANGLE: Final = 27  # intended by the operator, over the last control period
 CELL_PLAY: Final = 28  # what the load cell's hysteresis lets through
-SCALARS: Final = 29
+ASYMMETRY: Final = 29  # of friction, more towards positive angles
+SCALARS: Final = 30
