@@ -20,6 +20,7 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from bowden.api.live import Rig as Rig
+    from bowden.api.live import apply as apply
     from bowden.api.live import configure as configure
     from bowden.api.live import connect as connect
     from bowden.api.live import record as record
@@ -27,11 +28,15 @@ if TYPE_CHECKING:
     from bowden.api.offline import compare as compare
     from bowden.api.offline import diagnose as diagnose
     from bowden.api.offline import estimate as estimate
+    from bowden.api.offline import extend as extend
+    from bowden.api.offline import find as find
     from bowden.api.offline import read_model as read_model
     from bowden.api.offline import simulate as simulate
     from bowden.api.offline import verify as verify
     from bowden.api.offline import write_model as write_model
+    from bowden.api.pages import write_report as write_report
     from bowden.api.plots import figures as figures
+    from bowden.api.posterior import to_arviz as to_arviz
     from bowden.api.tables import to_dataframe as to_dataframe
     from bowden.errors import BadInput as BadInput
     from bowden.errors import DriveFailed as DriveFailed
@@ -49,22 +54,27 @@ _MODULES = {
     "ModelError": "bowden.model",
     "Recording": "bowden.recording.recording",
     "Rig": "bowden.api.live",
+    "apply": "bowden.api.live",
     "calibrate": "bowden.api.offline",
     "compare": "bowden.api.offline",
     "configure": "bowden.api.live",
     "connect": "bowden.api.live",
     "diagnose": "bowden.api.offline",
     "estimate": "bowden.api.offline",
+    "extend": "bowden.api.offline",
     "figures": "bowden.api.plots",
+    "find": "bowden.api.offline",
     "read_model": "bowden.api.offline",
     "read_recording": "bowden.recording.read",
     "record": "bowden.api.live",
     "simulate": "bowden.api.offline",
     "table_1": "bowden.model",
+    "to_arviz": "bowden.api.posterior",
     "to_dataframe": "bowden.api.tables",
     "verify": "bowden.api.offline",
     "write_csv": "bowden.recording.csv_file",
     "write_model": "bowden.api.offline",
+    "write_report": "bowden.api.pages",
 }
 
 __all__ = ["__version__", *_MODULES]  # noqa: PLE0604  (the keys are the names)

@@ -13,7 +13,7 @@ import pytest
 from bowden.api import live
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
-from bowden.drive.meanings import ModeOfOperation
+from bowden.drive.meanings import CompensationLaw, ModeOfOperation
 from bowden.drive.power import Run, enable
 from bowden_rig.bench import Bench
 from bowden_rig.rig.rig import SimulatedRig
@@ -128,3 +128,19 @@ def test_configure_and_record_in_virtual_time(tmp_path: Path) -> None:
         assert (tmp_path / "run.blf.json").is_file()
         bus.advance(0.01)
         assert not bus.bench.actuators.bridge_enabled
+
+
+def test_apply_writes_the_model_and_says_what_the_drive_leaves_out() -> None:
+    lagging = bowden.table_1().with_effect("frictional_lag", {"lag_s": 0.05})
+    with VirtualBus(Bench(SimulatedRig(), make_target("native"))) as bus:
+        drive = drive_on(bus)
+        with pytest.raises(bowden.BadInput, match="frictional_lag"):
+            bowden.apply(drive, lagging)
+        taken = bowden.apply(
+            drive, lagging, compensation="coulomb", without_unsupported=True, segments=10
+        )
+        assert taken.changed > 0
+        assert taken.left_out[0].startswith("effects[0] frictional_lag")
+        assert taken.forecast.drive_error_nm > 0.0  # what the lag does
+        assert drive.read("cable_segments") == 10
+        assert drive.read_raw("compensation_law") == CompensationLaw.COULOMB

@@ -96,11 +96,17 @@ def test_make_targets_that_pages_name_exist() -> None:
 def test_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the folder of a checkout, with a recording of one's own."""
     (tmp_path / "docs").symlink_to(ROOT / "docs")
-    time_s = np.arange(0.0, 1.0, 2e-3)
+    time_s = np.arange(0.0, 4.0, 4e-3)
     given = bowden.Recording(
-        time_s, motor_torque_nm=0.1 * np.sin(6 * time_s), load_angle_rad=0.2 * np.sin(6 * time_s)
+        time_s, motor_torque_nm=0.1 * np.sin(4 * time_s), load_angle_rad=0.2 * np.sin(6 * time_s)
     )
-    bowden.write_csv(bowden.simulate(bowden.table_1(), given), tmp_path / "run.csv")
+    run = bowden.simulate(bowden.table_1(), given)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((2, time_s.size))
+    read = {
+        "load_torque_nm": run.load_torque_nm + noise[0],
+        "motor_angle_rad": run.motor_angle_rad + noise[1],
+    }
+    bowden.write_csv(run.with_channels(read), tmp_path / "run.csv")
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
     blocks = [
@@ -109,8 +115,10 @@ def test_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         if kind == "python" and "no-run" not in options
     ]
     assert blocks
+    names: dict[str, object] = {}
     for body in blocks:
-        exec(compile(body, "python.md", "exec"), {})
+        exec(compile(body, "python.md", "exec"), names)
+    assert (tmp_path / "posterior.nc").exists()
     assert (tmp_path / "loop.html").stat().st_size > 1000
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Literal
@@ -19,8 +20,10 @@ from bowden.drive.bus_options import DEFAULT_CHANNEL, DEFAULT_INTERFACE, BusOpti
 from bowden.drive.capture import record as record_capture
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
+from bowden.drive.configuration import store as store_configuration
 from bowden.drive.dictionary import DEFAULT_NODE_ID
-from bowden.drive.meanings import ModeOfOperation
+from bowden.drive.forecast import Forecast, forecast
+from bowden.drive.meanings import CompensationLaw, ModeOfOperation
 from bowden.drive.power import Run, power_state, safe_stop
 from bowden.drive.reduced_model import DEFAULT_SEGMENTS, reduced_model
 from bowden.drive.simulated_rig import own_rig
@@ -145,6 +148,73 @@ def configure(drive: Drive, model: ModelLike, *, segments: int = DEFAULT_SEGMENT
     changes = difference(drive, reduced.entries)
     write(drive, changes)
     return len(changes)
+
+
+@dataclass(frozen=True)
+class AppliedModel:
+    """What a drive took of a model.
+
+    Parameters
+    ----------
+    changed : int
+        Entries of the drive that were changed.
+    left_out : tuple of str
+        What the drive cannot run: its place in the model file, and why.
+    forecast : Forecast
+        How far the drive's model is from the full one, and what its compensation should leave.
+    """
+
+    changed: int
+    left_out: tuple[str, ...]
+    forecast: Forecast
+
+
+def apply(
+    drive: Drive,
+    model: ModelLike,
+    *,
+    compensation: str | None = None,
+    without_unsupported: bool = False,
+    store: bool = False,
+    segments: int = DEFAULT_SEGMENTS,
+) -> AppliedModel:
+    """Make a drive run a model: reduce it, write it, read it back, and say what to expect.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its bridge is off.
+    model : Model or path
+    compensation : str, optional
+        The law that is to work with it: ``"model-inversion"``, ``"coulomb"``...; by default the
+        drive's own choice stays.
+    without_unsupported : bool
+        Leave out what the drive cannot run instead of refusing.
+    store : bool
+        Have the drive keep its configuration across power-off.
+    segments : int
+        Of each cable, 1 .. 40.
+
+    Raises
+    ------
+    BadInput
+        The drive cannot run the model; the message lists what it does not support.
+    DriveFailed
+        The drive refused; its old configuration is back.
+    """
+    full = model_of(model)
+    reduced = reduced_model(full, segments)
+    if reduced.left_out and not without_unsupported:
+        raise BadInput("model", ", ".join(reduced.left_out), "what the drive supports")
+    wanted = dict(reduced.entries)
+    if compensation is not None:
+        wanted["compensation_law"] = CompensationLaw.named(compensation, "compensation")
+    expected = forecast(full, reduced.in_drive)
+    changes = difference(drive, wanted)
+    write(drive, changes)
+    if store:
+        store_configuration(drive)
+    return AppliedModel(len(changes), reduced.left_out, expected)
 
 
 def record(

@@ -30,6 +30,8 @@ ModelLike = Model | str | Path
 RecordingLike = Recording | str | Path
 ModeName = Literal["torque-position", "position-torque", "position-position"]
 
+_WITHOUT_MODEL = ("unlisted", "insufficient_excitation", "bad_data")
+
 
 def read_model(path: str | Path) -> Model:
     """Read and check a model file.
@@ -206,6 +208,32 @@ def diagnose(
         names=list(effects) if effects is not None else None,
         progress=progress,
     )
+
+
+#: The loop's first verb: find, extend, verify, apply, write_report.
+find = diagnose
+
+
+def extend(found: Diagnosis, path: str | Path | None = None) -> Model:
+    """Return a diagnosis' model: calibrated, with the effects or the law that it found.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    path : str or Path, optional
+        Write it there as a model file, too.
+
+    Raises
+    ------
+    BadInput
+        The diagnosis found nothing that a model could be extended with.
+    """
+    if found.verdict in _WITHOUT_MODEL and found.learned is None:
+        accepted = "a diagnosis that is complete, names effects or learned a law"
+        raise BadInput("diagnosis", found.verdict.replace("_", " "), accepted)
+    if path is not None:
+        write_model(found.model, path)
+    return found.model
 
 
 def replace_metadata(recording: Recording, **entries: str) -> Recording:
