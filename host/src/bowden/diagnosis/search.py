@@ -20,6 +20,7 @@ from bowden.diagnosis.hypothesis import (
     Hypothesis,
     finish,
     fit_hypothesis,
+    shares,
     sizes_of,
 )
 from bowden.diagnosis.material import Material, as_searched
@@ -257,7 +258,9 @@ def _promising(parent: Hypothesis, looks: Sequence[Look]) -> list[Look]:
     names = {one.name for one in parent.effects}
     others = [one for one in looks if one.candidate.name not in names]
     fresh = [screen.again(one) for one in others if one.start is None]
-    fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > ERROR]
+    doubts = [e.effect.leeway * s for e, s in zip(parent.effects, shares(parent), strict=True)]
+    least = max(ERROR, math.hypot(*doubts))
+    fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > least]
     fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
     annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
     fresh = [one for one in fresh if annealed[one.candidate.key] > price(one)]
@@ -304,14 +307,18 @@ def _comparable(
 def matters(one: Hypothesis) -> bool:
     """Whether each effect of a set does something in practice: else the set is that without it.
 
-    More than a hundredth of its usual strength, and more than a single observation's error.
+    More than a hundredth of its usual strength, more than a single observation's error, and beyond
+    calibration more than the others' laws may be off by.
     """
-    for index, (effect, (size, _)) in enumerate(zip(one.effects, sizes_of(one), strict=True)):
+    sizes = sizes_of(one)
+    doubts = [e.effect.leeway * beyond for e, (_, beyond) in zip(one.effects, sizes, strict=True)]
+    for index, (effect, (size, beyond)) in enumerate(zip(one.effects, sizes, strict=True)):
         values = one.values(index)
         strong = any(
             abs(strength_of(p, values[p.name])) >= abs(strength_of(p, p.typical)) / WEAK
             for p in effect.strengths
         )
-        if not strong or size < ERROR:
+        others = doubts[:index] + doubts[index + 1 :]
+        if not strong or size < ERROR or beyond < math.hypot(*others):
             return False
     return True
