@@ -5,6 +5,9 @@ renders the tunnel without compensation and with two laws on that model: Coulomb
 assumes the model, and its inversion, which corrects itself with the load cell. `diagnose` names
 what the model lacks, the extended model goes to the drive, and the same tunnel runs again. Nothing
 tells the diagnosis what is hidden.
+
+--part learned hides a law that no catalogue has instead: it is learned as a curve with its band,
+goes to the drive as a table, and the tunnel is rendered again; see learned/report.html.
 """
 
 from __future__ import annotations
@@ -46,7 +49,8 @@ if TYPE_CHECKING:
 EXAMPLES = """examples:
   bowden demo-diagnosis
   bowden demo-diagnosis --hide cable.extra_wrap_rad=-2       fewer bends than believed
-  bowden demo-diagnosis --hide cable.viscous_s_per_m=0.2     named, but the drive has no law for it
+  bowden demo-diagnosis --hide cable.viscous_s_per_m=0.2     named, and a table of the drive
+  bowden demo-diagnosis --part learned                       only the law that no catalogue has
 """
 
 #: What the lab assumes of its rig, and how well it knows it.
@@ -132,6 +136,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="default: ./demo-diagnosis",
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of noise and diagnosis")
+    parser.add_argument(
+        "--part",
+        choices=("both", "named", "learned"),
+        default="named",
+        help="a hidden effect that has a name, a law that has none, or both (default: %(default)s)",
+    )
     add_target_argument(parser)
     add_json_argument(parser)
     add_bus_arguments(parser)
@@ -143,6 +153,20 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput("--duration", f"{args.duration:g}", f"seconds, more than {SETTLE_S:g}")
     directory: Path = args.output
     directory.mkdir(parents=True, exist_ok=True)
+    document: dict[str, object] = {}
+    if args.part != "learned":
+        document |= _named(args, directory)
+    if args.part != "named":
+        from bowden.cli.demo_learned import learn_a_law  # noqa: PLC0415  (after the first part)
+
+        document["learned"] = learn_a_law(args, directory / "learned")
+    if args.json:
+        print_json(document)
+    return 0
+
+
+def _named(args: argparse.Namespace, directory: Path) -> dict[str, object]:
+    """Run the first part: an effect that has a name."""
     hidden = args.hide or [HIDDEN]
     rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
     for setting in (*RIG, *hidden):
@@ -161,9 +185,7 @@ def run(args: argparse.Namespace) -> int:
         ("model", "extended.yaml"),
     ):
         console().print(f"[bold]{name:<10}[/]{(directory / file).resolve()}", soft_wrap=True)
-    if args.json:
-        print_json(_document(loop, hidden, report))
-    return 0
+    return _document(loop, hidden, report)
 
 
 def close_the_loop(

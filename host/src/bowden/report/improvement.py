@@ -27,10 +27,13 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Step:
-    """One round: what the drive rendered with the model that it had, and what that showed."""
+    """One round: what the drive rendered with the model that it had, and what that showed.
+
+    The last may be without a diagnosis: it shows what the last model renders.
+    """
 
     run: LawRun
-    diagnosis: Diagnosis
+    diagnosis: Diagnosis | None = None
 
 
 def improvement_report(
@@ -47,7 +50,7 @@ def improvement_report(
     Parameters
     ----------
     steps : sequence of Step
-        At least one.
+        At least one, the first with its diagnosis.
     tunnel : PrescribedTunnel
     settle_s : float, s
         Left out of figures and plots at the start of each run.
@@ -63,7 +66,8 @@ def improvement_report(
     str
         A self-contained HTML document.
     """
-    learned = next((one.diagnosis for one in steps if one.diagnosis.learned is not None), None)
+    every = [one.diagnosis for one in steps if one.diagnosis is not None]
+    learned = next((one for one in every if one.learned is not None), None)
     return page(
         title="The model, improved while the drive works",
         subtitle=f"Measured on {rig} · the first {settle_s:g} s of each run are left out",
@@ -85,7 +89,7 @@ def improvement_report(
             *(learned_section(learned, hidden) if learned is not None else []),
         ],
         facts={
-            "recordings": ", ".join(one.run.recording.source for one in steps),
+            "recordings": ", ".join(one.run.file for one in steps),
             "made with": f"bowden {version('bowden')}, Python {platform.python_version()}",
         },
     )
@@ -93,7 +97,7 @@ def improvement_report(
 
 def _tiles(steps: Sequence[Step]) -> list[tuple[str, str]]:
     first, last = steps[0], steps[-1]
-    gap = last.diagnosis.gap
+    gap = [one.diagnosis for one in steps if one.diagnosis is not None][-1].gap
     begun = first.run.figures.rms_error_nm
     found = [(si(begun, "N m"), "rendering error in round 1 (RMS)")]
     if len(steps) > 1:
@@ -108,6 +112,10 @@ def _tiles(steps: Sequence[Step]) -> list[tuple[str, str]]:
 def _rounds(steps: Sequence[Step]) -> str:
     rows = []
     for number, (run, diagnosis) in enumerate(((s.run, s.diagnosis) for s in steps), 1):
+        if diagnosis is None:
+            error = si(run.figures.rms_error_nm, "N m")
+            rows.append([f"round {number}: rendered with that", error, "–", "–", "–"])
+            continue
         gap = diagnosis.gap
         what = [one.title for one in diagnosis.effects]
         if diagnosis.learned is not None:

@@ -20,7 +20,7 @@ from bowden.report.words import percent
 
 LEAST_SHOWN = 0.01  # of probability
 _LAW, _BAND, _VISITED = "#0072b2", "rgba(0,114,178,0.18)", "#9aa1aa"
-_HIDDEN = {"color": "#d55e00", "dash": "dash"}
+_HIDDEN = {"color": "#d55e00", "dash": "6px,3px"}
 _UNITS = {"rad": "rad", "rad_per_s": "rad/s", "nm": "N m", "s": "s", "c": "°C"}
 
 

@@ -1,0 +1,95 @@
+"""The second part of `bowden demo-diagnosis`: a law that no catalogue has is learned and applied.
+
+A liner whose pile leans, more the further the load is turned, makes friction that rises with load
+angle one way and falls the other. The drive has no help from the load cell: what it renders is
+what its model is worth. One round of `bowden improve` learns the law, writes it into the drive's
+tables, and the tunnel is rendered again; the page draws the hidden law over the learned one.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from bowden.cli.demo_diagnosis import ENTRIES, LAB_MODEL, RIG
+from bowden.cli.improve_bench import REPORT_FILE, DriveBench
+from bowden.cli.improve_rounds import STATE_FILE, Improvement, improve
+from bowden.cli.output import console, say
+from bowden.cli.tunnel_experiment import SETTLE_S, TORQUE_CONSTANT_NM_PER_A, tunnel_of
+from bowden.drive.bus_options import bus_options
+from bowden.drive.client import Drive
+from bowden.drive.configuration import difference, write
+from bowden.drive.meanings import CompensationLaw
+from bowden.drive.simulated_rig import own_rig
+from bowden.recording.atomic import replace_whole
+from bowden.report.improvement import Step, improvement_report
+from bowden.report.learned_law import HiddenLaw
+from bowden.report.rendering import LawRun
+
+#: mu (1 + b) outward, mu (1 - b) back, b = CHANGE tanh(load angle / WIDTH_RAD).
+CHANGE, WIDTH_RAD = 0.4, 0.3
+_STROKE_RAD = np.linspace(-0.7, 0.7, 141)
+
+
+def learn_a_law(args: argparse.Namespace, folder: Path) -> dict[str, object]:
+    """Hide the law in a rig of its own, learn it, apply it, render again, write the page."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / STATE_FILE).unlink(missing_ok=True)  # a demonstration begins anew
+    settings = (*RIG, f"cable.pile_change={CHANGE}", f"cable.pile_width_rad={WIDTH_RAD}")
+    rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
+    for setting in settings:
+        rig_arguments += ["--set", setting]
+    say("second part: friction of a kind that no catalogue has; the drive without its load cell")
+    with own_rig(bus_options(args), rig_arguments, folder / "rig.log") as drive:
+        found, after = close_the_loop(drive, folder, args.duration, args.seed)
+        tunnel = tunnel_of(drive)
+    first = found.runs[0]
+    errors = [first.figures.rms_error_nm, after.figures.rms_error_nm]
+    finding = (
+        f"{found.diagnoses[0].sentence} The rendered torque was {1e3 * errors[0]:.3g} mN m RMS "
+        f"from the wanted one before, {1e3 * errors[1]:.3g} mN m with the law in the drive."
+    )
+    hidden = HiddenLaw(
+        "friction_factor",
+        ("load_angle_rad", "direction"),
+        _STROKE_RAD,
+        CHANGE * np.tanh(_STROKE_RAD / WIDTH_RAD),
+    )
+    steps = [Step(first, found.diagnoses[0]), Step(after)]
+    page = improvement_report(
+        steps, tunnel, SETTLE_S, rig="the simulated rig", finding=finding, hidden=hidden
+    )
+    with replace_whole(folder / REPORT_FILE) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    console().print(finding)
+    console().print(f"[bold]{'the law':<10}[/]{(folder / REPORT_FILE).resolve()}", soft_wrap=True)
+    return {
+        "diagnosis": found.diagnoses[0].to_document(),
+        "rendering_error_nm": {"lab_model": errors[0], "learned_law": errors[1]},
+        "report": str(folder / REPORT_FILE),
+    }
+
+
+def close_the_loop(
+    drive: Drive, folder: Path, duration_s: float, seed: int, names: list[str] | None = None
+) -> tuple[Improvement, LawRun]:
+    """Render with the lab's model, learn, apply, and render again.
+
+    Parameters
+    ----------
+    drive : Drive
+        On a rig whose operator moves while the drive runs.
+    folder : Path
+    duration_s : float, s
+        Of each run.
+    seed : int
+    names : list of str, optional
+        Candidates; the whole catalogue when absent.
+    """
+    drive.write("torque_constant", TORQUE_CONSTANT_NM_PER_A)
+    write(drive, difference(drive, ENTRIES | {"compensation_use_load_cell": 0}))
+    bench = DriveBench(drive, CompensationLaw.MODEL_INVERSION, duration_s, seed, names=names)
+    found = improve(bench, LAB_MODEL, "lab.yaml", folder, 1, tell=say)
+    return found, bench.record(2, folder / "after.blf")
