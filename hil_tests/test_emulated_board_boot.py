@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from hil_tests.benchmarks.board import STARTS, first_heartbeat_s
 from hil_tests.board_bench import FAULT, NEEDS_ELF, Board, start_node
 from hil_tests.emulated.records import Options, ResetCause
 from hil_tests.lockstep_host import NMT_RESET_NODE, SdoAbort
@@ -18,6 +19,11 @@ def test_boot_up_and_first_heartbeat() -> None:
     assert bytes(boot_up.data) == b"\0"
     assert bytes(heartbeat.data) == b"\x7f"  # pre-operational
     assert board.emergencies() == []
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_first_heartbeat_comes_in_time_whatever_the_reset(start: str) -> None:
+    assert first_heartbeat_s(start) < 0.06
 
 
 def test_the_core_runs_at_168_mhz_and_the_program_breaks_no_rule() -> None:

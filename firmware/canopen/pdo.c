@@ -156,23 +156,27 @@ void pdo_configure(pdo_t *pdo, const od_t *od) {
         };
     }
     pdo->by_sync = false;
+    pdo->rx_end = 0;
+    pdo->tx_end = 0;
     for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
         const pdo_map_t *map = &pdo->rpdo[i].map;
         pdo->by_sync = pdo->by_sync || (map->exists && !is_event_type(map->type));
+        pdo->rx_end = map->exists ? i + 1u : pdo->rx_end;
     }
     for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
         const pdo_map_t *map = &pdo->tpdo[i].map;
         pdo->by_sync = pdo->by_sync || (map->exists && !is_event_type(map->type));
+        pdo->tx_end = map->exists ? i + 1u : pdo->tx_end;
     }
 }
 
 void pdo_start(pdo_t *pdo) {
-    for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->rx_end; i++) {
         pdo->rpdo[i].waiting = false;
         pdo->rpdo[i].heard = false;
     }
     pdo->late = 0;
-    for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->tx_end; i++) {
         tpdo_t *tpdo = &pdo->tpdo[i];
         tpdo->syncs = 0;
         tpdo->sent = false;
@@ -234,7 +238,7 @@ static void accept(pdo_t *pdo, rpdo_t *rpdo, uint32_t now_us) {
 
 bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame, uint32_t now_us) {
     bool taken = false;
-    for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->rx_end; i++) {
         rpdo_t *rpdo = &pdo->rpdo[i];
         if (!rpdo->map.exists || rpdo->map.cob_id != frame->cob_id) {
             continue;
@@ -264,14 +268,14 @@ bool pdo_sync(pdo_t *pdo, const od_t *od) {
     if (!pdo->by_sync) {
         return false;
     }
-    for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->rx_end; i++) {
         rpdo_t *rpdo = &pdo->rpdo[i];
         if (rpdo->waiting) {
             rpdo->waiting = false;
             rpdo->refused = !apply(&rpdo->map, od, &rpdo->frame);
         }
     }
-    for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->tx_end; i++) {
         tpdo_t *tpdo = &pdo->tpdo[i];
         if (!tpdo->map.exists || is_event_type(tpdo->map.type)) {
             continue;
@@ -298,7 +302,7 @@ static bool is_due(const tpdo_t *tpdo, uint32_t now_us) {
 }
 
 bool pdo_due(const pdo_t *pdo, uint32_t now_us) {
-    for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->tx_end; i++) {
         if (is_due(&pdo->tpdo[i], now_us)) {
             return true;
         }
@@ -321,7 +325,7 @@ static void send(const tpdo_t *tpdo, const od_t *od, frame_queue_t *tx) {
 /* Only hearing it again takes `late` back: the wrap of the clock must not. */
 static void look_who_is_late(pdo_t *pdo, uint32_t now_us) {
     pdo->late = 0;
-    for (uint32_t i = PDO_RX_MAX; i > 0; i--) {
+    for (uint32_t i = pdo->rx_end; i > 0; i--) {
         rpdo_t *rpdo = &pdo->rpdo[i - 1];
         if (rpdo->deadline_us != 0 && rpdo->heard) {
             rpdo->late = rpdo->late || now_us - rpdo->heard_us > rpdo->deadline_us;
@@ -332,7 +336,7 @@ static void look_who_is_late(pdo_t *pdo, uint32_t now_us) {
 
 void pdo_tick(pdo_t *pdo, const od_t *od, uint32_t now_us, frame_queue_t *tx) {
     look_who_is_late(pdo, now_us);
-    for (uint32_t i = 0; i < PDO_TX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->tx_end; i++) {
         tpdo_t *tpdo = &pdo->tpdo[i];
         if (tpdo->sent && now_us - tpdo->sent_us >= tpdo->inhibit_us) {
             tpdo->sent = false; /* dropped now, lest the clock's wrap makes it young again */
@@ -357,7 +361,7 @@ void pdo_tick(pdo_t *pdo, const od_t *od, uint32_t now_us, frame_queue_t *tx) {
 
 bool pdo_any_too_short(const pdo_t *pdo) {
     bool any = false;
-    for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->rx_end; i++) {
         any = any || pdo->rpdo[i].too_short;
     }
     return any;
@@ -365,7 +369,7 @@ bool pdo_any_too_short(const pdo_t *pdo) {
 
 bool pdo_any_refused(const pdo_t *pdo) {
     bool any = false;
-    for (uint32_t i = 0; i < PDO_RX_MAX; i++) {
+    for (uint32_t i = 0; i < pdo->rx_end; i++) {
         any = any || pdo->rpdo[i].refused;
     }
     return any;

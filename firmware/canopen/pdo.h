@@ -68,7 +68,8 @@ typedef struct {
     bool by_sync;  /* any PDO follows SYNC */
     uint8_t late;  /* number, from 1, of the first RPDO that is late; 0: none */
     bool has_withheld;
-    uint16_t withheld; /* value of the urgent entry in the last frame that was not taken */
+    uint16_t withheld;       /* value of the urgent entry in the last frame that was not taken */
+    uint32_t rx_end, tx_end; /* behind the last that exists: no tick looks further */
     rpdo_t rpdo[PDO_RX_MAX];
     tpdo_t tpdo[PDO_TX_MAX];
 } pdo_t;

@@ -42,6 +42,9 @@ static uint32_t serial_number(void) {
     return UNIQUE_ID[0] ^ UNIQUE_ID[1] ^ UNIQUE_ID[2];
 }
 
+/* Wake-ups between two looks at the lamp, about 2 ms: the eye sees none of the others. */
+#define LAMP_WAKE_UPS 64u
+
 /* Steady: the bridge is on. Slow blinking: ready. Fast: fault. */
 static bool lamp(uint32_t wake_ups) {
     const drive_state_t state = control_state();
@@ -86,7 +89,9 @@ int main(void) {
     control_run();
     for (uint32_t wake_ups = 0;; wake_ups++) {
         core_sleep();
-        pins_lamp(lamp(wake_ups));
+        if (wake_ups % LAMP_WAKE_UPS == 0) {
+            pins_lamp(lamp(wake_ups));
+        }
         watchdog_report(LOOP_MAIN);
     }
 }

@@ -1,6 +1,6 @@
 /* memory.c: the three functions that the compiler itself may call; there is no C library.
  *
- * Word by word where the addresses allow it: the drive copies and clears structs in every tick.
+ * By words where the addresses allow it, to clear by four: the drive does both in every tick.
  * Compiled with -fno-tree-loop-distribute-patterns, or they would be compiled into calls of
  * themselves.
  */
@@ -46,6 +46,13 @@ void *memset(void *to, int value, size_t size) {
     const uint32_t word = byte * 0x01010101u;
     for (; size > 0 && ((uintptr_t)out & 3u) != 0; size--) {
         *out++ = byte;
+    }
+    for (; size >= 16; size -= 16, out += 16) {
+        word_t *four = (void *)out;
+        four[0] = word;
+        four[1] = word;
+        four[2] = word;
+        four[3] = word;
     }
     for (; size >= 4; size -= 4, out += 4) {
         *(word_t *)(void *)out = word;
