@@ -396,6 +396,12 @@ def test_too_much_friction_in_the_model_does_not_push(seed: int, task: str) -> N
     assert judge(run(draw(seed), law_named(WITHOUT_CELL), task_named(task))).net_energy < 0.01
 
 
+@pytest.mark.parametrize(("seed", "task"), [(29, "wall-edge"), (22, "tunnel-slow")])
+def test_a_change_of_direction_at_a_turn_throws_no_load(seed: int, task: str) -> None:
+    """A motor of 1.4 times the inertia that is configured, and one whose friction gives way."""
+    assert not is_active(judge(run(draw(seed), law_named(OURS), task_named(task))))
+
+
 @pytest.mark.skipif(not ELF.is_file(), reason=f"{ELF} is missing; run 'make firmware'")
 def test_flashed_elf_renders_as_the_native_drive_does() -> None:
     rig, task = draw(3), short("tunnel-fast")

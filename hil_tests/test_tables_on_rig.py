@@ -70,11 +70,7 @@ def truth_nm(tmp_path_factory: pytest.TempPathFactory) -> float:
     ("name", "values"),
     [
         ("viscous_friction", {"mu_v_s_per_m": 0.3}),
-        pytest.param(
-            "direction_asymmetry",
-            {"a": 0.3},
-            marks=pytest.mark.xfail(reason="1.23 of the truth's error, asked 1.2", strict=True),
-        ),
+        ("direction_asymmetry", {"a": 0.3}),
     ],
 )
 def test_an_applied_effect_renders_as_if_it_were_not_there(

@@ -16,8 +16,13 @@ static const struct {
                               is sure to turn over this part of its limit */
     int32_t lands_within;  /* 1/x of friction, 1 .. 100: where turning over twice the friction
                               ends, as well as that is known */
+    int32_t momentum;      /* 1, 1 .. 8: times its error that a change of direction may bring */
+    int32_t unlearning;    /* 1, 1 .. 8: so much faster a shift that pushes is taken back; the
+                              pair's resonance bounds it, as it bounds force control */
     int32_t felt_part;     /* 1/x of friction, 1 .. 1000: left to be felt while the load moves:
-                              covers what encoders and cell are late by, to the passive side */
+                              covers what the encoders are late by, to the passive side */
+    int32_t felt_cell;     /* 1/x of friction, 1 .. 1000: the same with a cell, which takes back
+                              what pushes */
 } NUMBERS = {
     .damping_per_s = 100,
     .move_damping = 3,
@@ -25,7 +30,10 @@ static const struct {
     .correcting = 2,
     .sure_limit_q3 = 7,
     .lands_within = 3,
+    .momentum = 6,
+    .unlearning = 3,
     .felt_part = 25,
+    .felt_cell = 50,
 };
 
 law_model_inversion_t law_model_inversion_of(const law_settings_t *settings) {
@@ -61,7 +69,8 @@ law_model_inversion_t law_model_inversion_of(const law_settings_t *settings) {
         /* 8/6 of the friction is still in range */
         .slip = slip_direction_of(lag_ticks, fixed_clamp(friction_unm, 0, 1 << 30), load_urad,
                                   settings->rest_band_unm),
-        .felt_unm = settings->friction_unm / NUMBERS.felt_part,
+        .felt_unm = {settings->friction_unm / NUMBERS.felt_part,
+                     settings->friction_unm / NUMBERS.felt_cell},
         .rest_band_unm = settings->rest_band_unm,
         .weak = motor_friction_unm > limit_unm * NUMBERS.sure_limit_q3 / 8,
         .move = move_of(lag_ticks, settings->torque_limit_unm,
@@ -106,7 +115,8 @@ static bool set_point_changes(law_model_inversion_t *law, int32_t wanted_unm, in
     return jumps && !law->declined;
 }
 
-/* Takes the load cell's error up into the shift of this direction. */
+/* Takes the load cell's error up into the shift of this direction. What pushes the load the way it
+ * goes is taken back sooner than what it lacks is added: it has to be paid for. */
 static void learn(law_model_inversion_t *law, int32_t error_unm, int32_t motion, bool limited) {
     const int32_t known = law->slip.direction > 0 ? error_unm : -error_unm;
     const int32_t towards = law->slip.direction == 0 ? magnitude(error_unm) : known;
@@ -116,22 +126,39 @@ static void learn(law_model_inversion_t *law, int32_t error_unm, int32_t motion,
         (limited && towards > 0)) {
         return;
     }
+    uint32_t saturations = 0; /* the most is far below */
     const int32_t most_q8 = fixed_clamp(law->slip.friction_unm, 0, 1 << 22) * 256;
-    const int32_t step_q8 = fixed_clamp(error_unm, -(1 << 22), 1 << 22) * 256 / law->integral_ticks;
+    const bool pushes = motion == law->slip.direction && towards < 0;
+    const int32_t step_q8 = fixed_clamp(error_unm, -(1 << 22), 1 << 22) * 256 /
+                            law->integral_ticks * (pushes ? NUMBERS.unlearning : 1);
     for (int32_t sign = -1; sign <= 1; sign += 2) {
         if (law->slip.direction == 0 ||
             law->slip.direction == sign) { /* unknown: it may be either */
             int32_t *shift = &law->shift_q8_unm[sign > 0 ? 1 : 0];
-            *shift = fixed_clamp(*shift + step_q8, -most_q8, most_q8);
+            *shift = fixed_clamp(fixed_add(*shift, step_q8, &saturations), -most_q8, most_q8);
         }
     }
 }
 
+/* How far the motor may go in a lag, in torque that it holds, while the slip direction changes. At
+ * that speed v it would run on by v, as J v^2 = k x^2: what it brings by its momentum is bound by
+ * the error that it is to mend, however wrong its inertia is known, and a load that hardly moves
+ * is not thrown. Where the load goes on in the direction nothing is to be turned over. */
+static int32_t fastest_unm(const law_model_inversion_t *law, int32_t error_unm, int32_t motion) {
+    uint32_t saturations = 0; /* clamped below the range */
+    if (motion == law->slip.direction) {
+        return EXTRA_MOST_UNM;
+    }
+    const int32_t error = magnitude(fixed_clamp(error_unm, -EXTRA_MOST_UNM, EXTRA_MOST_UNM));
+    const int32_t motor_unm = fixed_scale(error, law->motor_per_load_torque, &saturations);
+    return fixed_clamp(motor_unm, 0, EXTRA_MOST_UNM / NUMBERS.momentum) * NUMBERS.momentum;
+}
+
 /* The motor torque at which the pair holds `extra_unm` more than the plain one: at once by a move
  * when a new set point has begun one, else along two lags. `enough`: friction holds what is there.
- */
+ * `fastest`: torque in a lag. */
 static int32_t go_over(law_model_inversion_t *law, int32_t plain_unm, int32_t extra_unm,
-                       int32_t damping_unm, bool enough, int32_t slower) {
+                       int32_t damping_unm, bool enough, int32_t slower, int32_t fastest) {
     uint32_t saturations = 0; /* the motor's limit is far below */
     int32_t *lag = law->lag_q4_unm;
     if (move_runs(&law->move)) {
@@ -150,7 +177,9 @@ static int32_t go_over(law_model_inversion_t *law, int32_t plain_unm, int32_t ex
     if (enough) {
         lag[0] = lag[1];
     } else {
-        lag[0] += (extra_unm * 16 - lag[0]) / (slower * law->slip.lag_ticks);
+        const int32_t most_q4 = fastest * 16 / law->slip.lag_ticks;
+        const int32_t step_q4 = (extra_unm * 16 - lag[0]) / (slower * law->slip.lag_ticks);
+        lag[0] += fixed_clamp(step_q4, -most_q4, most_q4);
         lag[1] += (lag[0] - lag[1]) / (slower * law->slip.lag_ticks);
     }
     law->held_unm = fixed_add(plain_unm, lag[1] / 16, &saturations);
@@ -179,8 +208,8 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
     const estimator_t *estimator = inputs->estimator;
     const sliding_t *sliding = inputs->sliding;
     const int32_t motion = estimator->load_direction;
-    const int32_t wanted_unm =
-        fixed_subtract(inputs->wanted_unm, motion * law->felt_unm, &saturations);
+    const int32_t wanted_unm = fixed_subtract(
+        inputs->wanted_unm, motion * law->felt_unm[inputs->cell ? 1 : 0], &saturations);
     const int32_t error_unm = fixed_subtract(wanted_unm, inputs->load_torque_unm, &saturations);
     const bool changed = set_point_changes(law, inputs->wanted_unm, error_unm, motion);
     if (changed) {
@@ -217,6 +246,8 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
     const int32_t damping_unm =
         fixed_clamp(fixed_scale(estimator->gap_speed_nm, law->damping, &saturations),
                     -EXTRA_MOST_UNM, EXTRA_MOST_UNM);
+    /* without a cell the error is the model's, and cannot tell what a change has brought */
+    const int32_t fastest = inputs->cell ? fastest_unm(law, error_unm, motion) : EXTRA_MOST_UNM;
     return answer_of(law, go_over(law, plain_unm, target_unm, damping_unm, enough,
-                                  slowed(law, inputs->cell && motion == 0)));
+                                  slowed(law, inputs->cell && motion == 0), fastest));
 }

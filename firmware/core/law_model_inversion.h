@@ -17,6 +17,11 @@
  * itself moves be taken for a stroke and pushed on. Without a cell only the friction that
  * friction_observer.h is sure of is compensated while the load moves: overcompensation would push.
  * At standstill it is the friction that is expected: less may not arrive at all.
+ *
+ * What pushes the load has to be paid for: with a cell a shift that does is taken back sooner than
+ * it was learned, and a change of the slip direction goes no faster than the error that calls for
+ * it allows. Turning the friction over for a small error at the speed for a large one would throw
+ * the load by the motor's momentum.
  */
 #ifndef BOWDEN_CORE_LAW_MODEL_INVERSION_H
 #define BOWDEN_CORE_LAW_MODEL_INVERSION_H
@@ -33,7 +38,8 @@ typedef struct {
     /* constants */
     ratio_t motor_per_load_torque; /* 1 / rho */
     ratio_t damping;               /* uN m at the motor per nm a tick */
-    int32_t felt_unm;              /* of the friction, left to be felt while the load moves */
+    int32_t felt_unm[2]; /* of the friction, [without, with a cell], left to be felt while the load
+                            moves */
     int32_t rest_band_unm;
     int32_t integral_ticks; /* in which a shift takes up an error; 0: never */
     bool weak;              /* the motor may not be able to turn the friction over */

@@ -116,6 +116,7 @@ def test_the_slack_floor_keeps_the_cables_taut_and_mirrors(
 
 
 STAYS = 0.04  # of the friction, so that lateness of the sensors cannot make it push
+STAYS_WITH_CELL = 0.02  # a cell takes back what pushes
 
 
 @pytest.mark.parametrize("cell", [False, True])
@@ -127,7 +128,7 @@ def test_a_moved_load_feels_the_wanted_torque_not_the_friction(cell: bool) -> No
     assert np.abs(plain[settled]).mean() == pytest.approx(FRICTION_NM, rel=0.01)
     left = np.abs(felt[settled]).mean() / FRICTION_NM
     if cell:
-        assert left == pytest.approx(STAYS, rel=0.1)
+        assert left == pytest.approx(STAYS_WITH_CELL, rel=0.1)
     else:  # what the observer is not sure of, less than its prior's 15 %
         assert STAYS < left < STAYS + 0.12
     rms = float(np.sqrt(np.mean(felt**2)) / np.sqrt(np.mean(plain**2)))
@@ -140,7 +141,7 @@ def test_the_load_cell_closes_what_the_model_is_wrong_by(factor: float) -> None:
     angle = np.concatenate([stroke(0.0, 0.5), stroke(0.5, -0.5, 1.0)])
     felt = Controlled(model=wrong).run(0.3, angle, cell=True) - 0.3
     # 1 s of integral at 10 1/s
-    assert abs(felt[-1]) < (STAYS + 0.01) * FRICTION_NM
+    assert abs(felt[-1]) < (STAYS_WITH_CELL + 0.01) * FRICTION_NM
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.0, 1.2])

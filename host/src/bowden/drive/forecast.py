@@ -22,7 +22,7 @@ _CYCLES = 2
 _SAMPLE_S = 2e-3
 _WALL_NM = 0.2  # motor torque at the ends of the stroke, the default tunnel's limit
 _TEMPERATURE_C = 30.0
-_LEFT = 1.0 / 25.0  # of the friction: what the inversion leaves on purpose (law_model_inversion.c)
+_LEFT = 1.0 / 50.0  # of the friction: left on purpose, with a cell (law_model_inversion.c)
 
 
 @dataclass(frozen=True)
