@@ -1,9 +1,10 @@
 """Does the data gate name faults, and leave good recordings alone? `python -m ...data_gate`.
 
 Recordings of the independent solver (`hil_tests.hidden_effects`: no code of the model) of rigs
-within the tolerances of their model files, models complete or lacking effects. Each fault of
-`data_gate_faults` is put into some of them; the others count false stops. The table goes into the
-page between its two marks. Developing seeds are below 1000, reported ones 1000 and above.
+within the tolerances of their model files, models complete or lacking effects: half of them strokes
+at 1 kHz, half a locked load, a tunnel, nested strokes or a multisine at 200 Hz to 2 kHz. Each fault
+of `data_gate_faults` is put into some of them; the others count false stops. The table goes into
+the page between its two marks. Developing seeds are below 1000, reported ones 1000 and above.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from bowden.recording.atomic import replace_whole
 from bowden.recording.recording import Recording
 
 from hil_tests.benchmarks.data_gate_faults import FAULTS
+from hil_tests.hidden_effects import sets
 from hil_tests.hidden_effects.recordings import KINDS, draw_case
 
 BEGIN: Final = "<!-- table: python -m hil_tests.benchmarks.data_gate -->"
@@ -36,7 +38,9 @@ LACKS: Final = {
     "complete": "complete",
     "single": "lacks one effect",
     "pair": "lacks two",
+    "several": "lacks four",
     "unlisted": "lacks one that no catalogue has",
+    "smooth_law": "lacks a smooth law",
 }
 
 
@@ -63,9 +67,12 @@ class Trial:
 
 def trial(seed: int, number: int, faults: bool) -> Trial | None:
     """Draw one recording and ask the gate; None where the rig cannot be drawn."""
-    kind = KINDS[number % len(KINDS)]
+    kind, strokes = KINDS[number % len(KINDS)], number // len(KINDS) % 2 == 0
     try:
-        case = draw_case(seed + number, kind, length_s=LENGTH_S)
+        if strokes or kind not in sets.KINDS:
+            case = draw_case(seed + number, kind, length_s=LENGTH_S)
+        else:
+            case = sets.draw_set(seed + number, kind, length_s=LENGTH_S, count=1)
     except ArithmeticError:
         return None
     columns = {name: values for name, values in case.columns.items() if name != "time_s"}
@@ -157,7 +164,7 @@ def _write(page: Path, seed: int, found: Sequence[Trial]) -> None:
     today = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     made = (
         f"Version {version('bowden')}, {today}, seed {seed}: {len(found)} recordings of "
-        f"{LENGTH_S:g} s at 1 kHz, mode torque-position.\n\n"
+        f"{LENGTH_S:g} s, mode torque-position.\n\n"
     )
     with replace_whole(page) as temporary:
         temporary.write_text(

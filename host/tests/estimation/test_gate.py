@@ -226,3 +226,16 @@ def _cut(run: Recording, kept: slice | np.ndarray) -> Recording:
         load_torque_nm=run.load_torque_nm[kept],
         source=run.source,
     )
+
+
+@pytest.mark.parametrize("factor", [0.93, 1.07])
+def test_a_torque_that_just_reaches_a_locked_load_or_just_does_not_is_no_unit(
+    factor: float,
+) -> None:
+    # With Table I the front arrives at 0.501 N m; friction a few percent off decides whether the
+    # cell reads a few hundredths or nothing at all.
+    time_s = np.arange(8000) * 1e-3
+    torque = 0.505 * np.sin(2 * np.pi * 0.3 * time_s)
+    inputs = Inputs(time_s, motor_torque_nm=torque, load_angle_rad=0 * time_s)
+    rig = MODEL.with_values({"friction.mu_d": factor * MODEL.value("friction.mu_d")})
+    assert stops(sensed(as_recording(simulate(rig, MODE, inputs)))) == []

@@ -6,6 +6,8 @@ thinned recordings; returns `explain.ChannelReading`s.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 from bowden.estimation.gate.encoders import ANGLES
 from bowden.estimation.gate.explain import Arguments, ChannelReading, Prediction
 from bowden.estimation.gate.finding import TORQUES
-from bowden.model import Mode, Model, ModelError
+from bowden.model import Mode, Model, ModelError, Trajectory
 from bowden.recording.recording import Recording
 from bowden.signals.noise import noise_sigma
 from bowden.signals.prediction import PREDICTED, simulate_recording
@@ -25,6 +27,7 @@ STEP_S = 5e-3
 LONGEST_S = 60.0  # of a recording that units are read from: they do not change on the way
 PLAY_RAD = 0.03  # at the load: what backlash and eccentric wheels may add to an angle
 LEAST_NM = 0.01  # what no gate need explain of a torque
+FRICTION_SIGMA = 0.3  # of the logarithm of friction: rigs of one kind, and effects on it
 
 
 @dataclass(frozen=True)
@@ -76,14 +79,36 @@ def arguments_of(mode: Mode, one: Recording) -> Arguments:
     return Arguments.of(one.time_s, moving, torques)
 
 
+def _other_rigs(model: Model, mode: Mode, one: Recording) -> Iterator[Trajectory]:
+    """Yield what rigs with more and with less friction do; none where the model cannot run them."""
+    friction = model.document.friction
+    known = {"friction.mu_d": friction.mu_d, "friction.mu_s": friction.mu_s}
+    for factor in (math.exp(FRICTION_SIGMA), math.exp(-FRICTION_SIGMA)):
+        values = {path: factor * mu.value for path, mu in known.items() if mu is not None}
+        try:
+            yield simulate_recording(model.with_values(values), mode, one)
+        except ModelError:
+            continue
+
+
 def answer(
-    model: Model, mode: Mode, one: Recording, arguments: Arguments | None = None
+    model: Model,
+    mode: Mode,
+    one: Recording,
+    arguments: Arguments | None = None,
+    *,
+    any_friction: bool = False,
 ) -> Answer | None:
-    """Simulate a recording; None where the model cannot run it."""
+    """Simulate a recording; None where the model cannot run it.
+
+    `any_friction`: rigs of the kind count as the model, for who asks after units. What comes and
+    goes on the way, a clipped cell say, would pass for less friction.
+    """
     try:
         trajectory = simulate_recording(model, mode, one)
     except ModelError:
         return None
+    others = list(_other_rigs(model, mode, one)) if any_friction else []
     arguments = arguments or arguments_of(mode, one)
     pair = model.transmission
     ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
@@ -103,7 +128,9 @@ def answer(
             least = PLAY_RAD * (ratio if at_motor else 1.0)
         noise = noise_sigma(one[name], one.time_s)
         simulated[name] = values
+        rigs = tuple(getattr(other, name) - values for other in others)
+        rigs = tuple(each for each in rigs if np.all(np.isfinite(each)))
         channels[name] = ChannelReading(
-            one[name], noise, Prediction(geometry, values - geometry), arguments, least
+            one[name], noise, Prediction(geometry, values - geometry, rigs), arguments, least
         )
     return Answer(one, simulated, channels)

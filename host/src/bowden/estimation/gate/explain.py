@@ -3,11 +3,14 @@
 Takes arrays, returns log-likelihoods; `units` asks it under each mistake that a file may hold,
 `course` and `rigs` ask for gains and residuals. The channel is read as
 
-    measured = factor (geometry + gain elastic + zero - delay d(prediction)/dt + smooth + rest)
+    measured = factor (geometry + gain elastic + zero - delay d(prediction)/dt + smooth + rigs
+                       + rest)
 
 where `geometry` is what the pulleys' ratio alone says of an angle, and `smooth` is a sum of the
 known arguments (`Arguments`): what an effect that the model lacks may add, in proportion to what
-the model does predict. So an effect cannot pass for a unit, nor hide one.
+the model does predict. `rigs` is what more or less friction would change: a torque that just
+reaches a locked load, or just does not, is no gain. So an effect cannot pass for a unit, nor hide
+one.
 """
 
 from __future__ import annotations
@@ -105,10 +108,13 @@ class Prediction:
         The part that follows from the other angle and the pulleys; zeros for a torque.
     elastic : ndarray of shape (n,)
         The rest of it.
+    rigs : tuple of ndarray of shape (n,)
+        What another rig of the kind would add to it, one standard deviation each.
     """
 
     geometry: _Floats
     elastic: _Floats
+    rigs: tuple[_Floats, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -177,10 +183,11 @@ class ChannelReading:
         smooth = [*arguments.columns.T]
         if self.geometric:
             smooth += [*arguments.torques.T]
-        columns = [elastic, np.ones(time_s.size), late, *smooth]
+        columns = [elastic, np.ones(time_s.size), late, *smooth, *prediction.rigs]
         # An angle's zero is anybody's.
         zero = ZERO_SIGMA * size if not self.geometric else 1e6
         sigmas = [np.inf, zero, DELAY_SIGMA_S, *[SMOOTH_SIGMA * size] * len(smooth)]
+        sigmas += [1.0] * len(prediction.rigs)
         self.target = prediction.geometry
         if self.geometric:
             columns.append(prediction.geometry)

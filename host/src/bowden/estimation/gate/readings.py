@@ -122,7 +122,9 @@ class Readings:
         key = _key(mistake.factors, mistake.swapped)
         if key not in self._asked:
             right = mistake.undone(self.one)
-            self._asked[key] = answer(self.model, self.mode, right, self.arguments)
+            self._asked[key] = answer(
+                self.model, self.mode, right, self.arguments, any_friction=True
+            )
             self._weigh(self._asked[key])
         return self._asked[key]
 
