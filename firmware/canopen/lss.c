@@ -24,6 +24,14 @@ enum {
 /* CiA 305 table 1, kbit/s; 0: the node does not have it. */
 static const uint16_t BIT_RATES[] = {1000, 0, 500, 250, 125};
 
+od_abort_t lss_check(uint16_t index, uint32_t value) {
+    bool known = index != LSS_BIT_RATE_INDEX;
+    for (uint32_t i = 0; i < sizeof BIT_RATES / sizeof BIT_RATES[0]; i++) {
+        known = known || (value != 0 && BIT_RATES[i] == value);
+    }
+    return known ? OD_DONE : OD_ABORT_VALUE;
+}
+
 static uint32_t identity(const od_t *od, uint8_t number) {
     return od_value(od, IDENTITY_INDEX, (uint8_t)(number + 1u));
 }

@@ -183,3 +183,13 @@ def test_reset_communication_leaves_the_configuring_state(bus: Bus) -> None:
     assert select(bus, SERIALS[0])
     bus.nodes[0].nmt(0x82)
     assert not bus.nodes[0].node.lss.configuring
+
+
+@pytest.mark.parametrize(
+    ("kbit", "abort"), [(500, 0), (125, 0), (800, 0x06090030), (300, 0x06090030)]
+)
+def test_nobody_writes_a_bit_rate_that_the_node_does_not_have(
+    node: Any, kbit: int, abort: int
+) -> None:
+    assert node.write_u(0x2013, 0, kbit, 2) == abort
+    assert node.values.bit_rate == (1000 if abort else kbit)
