@@ -107,13 +107,14 @@ def _coarse(one: Recording) -> Recording:
 
 def _spiked(one: Recording) -> Recording:
     values = one[LOAD_NM].copy()
-    values[[3000, 9000, 15000, 21000]] += 3.0
+    values[[int(share * values.size) for share in (0.1, 0.3, 0.5, 0.7)]] += 3.0
     return one.with_channels({LOAD_NM: values})
 
 
 def _dropped(one: Recording) -> Recording:
     values = one[LOAD_NM].copy()
-    values[9000:9400] = values[15000:15400] = 0.0
+    for start_s in (9.0, 15.0):
+        values[(one.time_s >= start_s) & (one.time_s < start_s + 0.4)] = 0.0
     return one.with_channels({LOAD_NM: values})
 
 

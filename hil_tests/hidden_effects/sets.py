@@ -1,8 +1,9 @@
 """Sets of recordings of one rig, as labs make them: locked load, tunnel, nested strokes, multisine.
 
-Each recording starts at standstill at zero, with the same rig and the same hidden truth; the sampling is
-even or jitters by a fifth of a period. Drawn from a random generator alone; `recordings` makes the
-rig and the hidden effects, and `benchmarks.diagnosis --recordings N` asks for sets.
+Each recording starts at standstill at zero, with the same rig and the same hidden truth; the
+sampling is even or jitters by a fifth of a period. Drawn from a random generator alone;
+`recordings` makes the rig and the hidden effects, and `benchmarks.diagnosis --recordings N` asks
+for sets.
 """
 
 from __future__ import annotations
