@@ -120,6 +120,13 @@ def law_in_words(one: Learned) -> str:
     return f"{PLACES_IN_WORDS[one.place]} that {course} {argument}{direction}"
 
 
+def place_in_words(where: str) -> str:
+    """Say where a law of the odds sits: friction over load angle and direction."""
+    place, _, arguments = where.partition(" over ")
+    words = [ARGUMENT_WORDS.get(one, one) for one in arguments.split(" and ")]
+    return f"{PLACES_IN_WORDS.get(place, place)} over {' and '.join(words)}"
+
+
 ARGUMENT_WORDS = {
     "load_angle_rad": "load angle",
     "motor_angle_rad": "motor angle",
@@ -130,6 +137,7 @@ ARGUMENT_WORDS = {
     "time_s": "time",
     "time_since_reversal_s": "time since the last reversal",
     "conduit_temperature_c": "conduit temperature",
+    DIRECTION: "direction of motion",
 }
 
 

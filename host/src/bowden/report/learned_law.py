@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from bowden.diagnosis.result import Diagnosis, Learned
-from bowden.diagnosis.wording import ARGUMENT_WORDS, law_in_words
+from bowden.diagnosis.wording import ARGUMENT_WORDS, law_in_words, place_in_words
 from bowden.report.canvas import dress, legend_above
 from bowden.report.page import Section, figure, paragraph, table
 from bowden.report.words import percent
@@ -50,7 +50,7 @@ def learned_section(diagnosis: Diagnosis, hidden: HiddenLaw | None = None) -> li
         return []
     words = law_in_words(one)
     odds = [
-        [where, percent(share)]
+        [place_in_words(where), percent(share)]
         for where, share in diagnosis.law_odds.items()
         if share >= LEAST_SHOWN
     ]
