@@ -43,6 +43,21 @@ def test_a_zero_of_the_cell_is_no_fault_of_the_model() -> None:
     assert verify(MODEL, [measured(torque_nm=0.03)]).passes
 
 
+def test_a_recording_in_which_nothing_moves_is_no_proof() -> None:
+    still = measured()
+    noise = np.random.default_rng(3).normal(0.0, 1e-3, still.time_s.size)
+    still = still.with_channels(
+        motor_angle_rad=0 * noise,
+        load_angle_rad=0 * noise,
+        motor_torque_nm=0 * noise,
+        load_torque_nm=noise,
+    )
+    with pytest.raises(BadInput, match="nothing that the model predicts to move"):
+        verify(MODEL, [still])
+    # Beside one that moves it does no harm.
+    assert verify(MODEL, [still, measured()]).passes
+
+
 def test_a_missing_effect_fails_in_its_channel() -> None:
     speed = np.gradient(experiment_2(MODEL, seconds=5.0).load_angle_rad, 1e-3)
     found = verify(MODEL, [measured(torque_nm=-0.05 * speed)])

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from bowden.errors import BadInput
 from bowden.estimation.covariance import Data
 from bowden.estimation.descend import descend
 from bowden.estimation.fit import as_fitted, require_mode
@@ -127,7 +128,8 @@ def verify(
     ModelError
         The model cannot run a recording.
     BadInput
-        A recording lacks a channel that the mode needs.
+        A recording lacks a channel that the mode needs, or in none of them the model expects more
+        than noise: they would pass any model.
     """
     if not recordings:
         raise ModelError("recordings: found none, accepted: at least one")
@@ -142,6 +144,12 @@ def verify(
         best = descend(problem, problem.start(), problem.noises(problem.start()), scales)
         if best is None:
             raise ModelError("found no answer of the model, accepted: a recording that it can run")
+    if not any(_is_asked(one, k, best) for one in data for k in (0, 1)):
+        raise BadInput(
+            recordings[0].source,
+            "nothing that the model predicts to move beyond the noise",
+            "motion or torque that shows what the model says",
+        )
     channels = tuple(
         _check(name, data, best)
         for name in PREDICTED[mode]
@@ -150,6 +158,16 @@ def verify(
     return Verification(
         all(one.passes for one in channels), channels, _worst(data, best, recordings), mode
     )
+
+
+def _is_asked(one: Data, channel: int, best: Optimum) -> bool:
+    """Whether the model predicts more change of a channel than its noise: else it says nothing."""
+    noise = best.noises[one.number]
+    rows = one.observations.channel == channel
+    if not rows.any():
+        return False
+    predicted = (one.observations.measured - best.residuals[one.number] - noise.offset)[rows]
+    return bool(np.std(predicted) > np.sqrt(np.mean(noise.sigma[rows] ** 2)))
 
 
 def _check(name: str, data: Sequence[Data], best: Optimum) -> ChannelCheck:
