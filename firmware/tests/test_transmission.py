@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import assume, example, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -239,7 +239,9 @@ def test_the_torque_is_carried_and_no_tension_is_negative(
     rig: dict[str, float], walk: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> None:
     torque, angle = walk
-    found = Pair(settings(**rig)).run_torque(torque, angle)
+    pair = Pair(settings(**rig))
+    found = pair.run_torque(torque, angle)
+    assume(pair.raw.saturations == 0)  # tensions end at 2147 N, and it is told
     tensions = np.array(found[2:6])
     assert np.all(tensions >= 0)
     carried = 0.020 * (found.motor_tension_a_n - found.motor_tension_b_n)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bowden.drive.dictionary import ENTRIES
+from bowden.drive.meanings import BitRate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
@@ -46,6 +47,8 @@ def machine(make_node: Callable[..., Any]) -> type[RuleBasedStateMachine]:
                 expected = 0x06090031
             elif locked:
                 expected = 0x08000022
+            elif entry.meaning is BitRate and value not in set(BitRate):  # the bus has but these
+                expected = 0x06090030
             raw = value.to_bytes(size, "little", signed=entry.signed)
             if segmented:
                 code = self.write_segments(entry, raw)
