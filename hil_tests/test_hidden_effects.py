@@ -314,7 +314,7 @@ def test_each_motion_of_a_set_starts_at_rest_and_moves_without_jumps(name: str) 
     torque, angle = MOTIONS[name](np.random.default_rng(3), time_s, 0.3)
     assert torque[0] == angle[0] == 0.0
     assert np.max(np.abs(torque)) <= 0.3
-    # Nobody moves a handle faster than 10 rad/s, and torques come in ramps of 0.02 s at least.
+    # An operator is slower than 10 rad/s, and torques come in ramps of 0.02 s at least.
     assert np.max(np.abs(np.diff(angle))) < 10.0 * 1e-3
     assert np.max(np.abs(np.diff(torque))) <= 0.6 / 20.0
     assert (np.ptp(angle) == 0.0) == (name == "locked load")

@@ -81,7 +81,7 @@ def trial(seed: int, number: int, faults: bool) -> Trial | None:
     model = parse_model(case.model_yaml)
     stops = _stops(model, recording)
     named = {}
-    moves = bool(np.ptp(recording["load_angle_rad"]) > 0.0)  # units of what stands still: nobody's
+    moves = bool(np.ptp(recording["load_angle_rad"]) > 0.0)  # a constant has no unit
     for fault in FAULTS if faults and moves else ():
         found = check_data(model, [fault.change(recording)], Mode.TORQUE_POSITION)
         named[fault.name] = fault.named(found)

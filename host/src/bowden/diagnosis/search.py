@@ -258,8 +258,7 @@ def _promising(parent: Hypothesis, looks: Sequence[Look]) -> list[Look]:
     names = {one.name for one in parent.effects}
     others = [one for one in looks if one.candidate.name not in names]
     fresh = [screen.again(one) for one in others if one.start is None]
-    doubts = [e.effect.leeway * s for e, s in zip(parent.effects, shares(parent), strict=True)]
-    least = max(ERROR, math.hypot(*doubts))
+    least = max(ERROR, math.hypot(*_law_errors(parent, shares(parent))))
     fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > least]
     fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
     annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
@@ -304,6 +303,11 @@ def _comparable(
     return found
 
 
+def _law_errors(one: Hypothesis, beyond: Sequence[float]) -> list[float]:
+    """Return what each law may be off by: its leeway of what it does beyond calibration."""
+    return [e.effect.leeway * size for e, size in zip(one.effects, beyond, strict=True)]
+
+
 def matters(one: Hypothesis) -> bool:
     """Whether each effect of a set does something in practice: else the set is that without it.
 
@@ -311,14 +315,14 @@ def matters(one: Hypothesis) -> bool:
     calibration more than the others' laws may be off by.
     """
     sizes = sizes_of(one)
-    doubts = [e.effect.leeway * beyond for e, (_, beyond) in zip(one.effects, sizes, strict=True)]
+    errors = _law_errors(one, [beyond for _, beyond in sizes])
     for index, (effect, (size, beyond)) in enumerate(zip(one.effects, sizes, strict=True)):
         values = one.values(index)
         strong = any(
             abs(strength_of(p, values[p.name])) >= abs(strength_of(p, p.typical)) / WEAK
             for p in effect.strengths
         )
-        others = doubts[:index] + doubts[index + 1 :]
+        others = errors[:index] + errors[index + 1 :]
         if not strong or size < ERROR or beyond < math.hypot(*others):
             return False
     return True
