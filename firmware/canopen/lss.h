@@ -42,10 +42,6 @@ typedef struct {
 
 typedef enum { LSS_NOTHING, LSS_ANSWER, LSS_STORE } lss_event_t;
 
-/* May an entry be given this value? OD_ABORT_VALUE: it is the bit rate, and the node has no such.
- * Range and access are od_check()'s business. */
-od_abort_t lss_check(uint16_t index, uint32_t value);
-
 /* Handles a frame of LSS_RX_COB_ID. LSS_ANSWER: `answer` is to be sent. LSS_STORE: node id and bit
  * rate are to be stored, then call lss_stored(). */
 lss_event_t lss_receive(lss_t *lss, od_t *od, const can_frame_t *frame, can_frame_t *answer);

@@ -144,9 +144,6 @@ static od_abort_t write_object(node_t *node) {
         }
         abort = pdo_check(&node->od, sdo->index, sdo->sub, value,
                           node->nmt.state == NMT_PRE_OPERATIONAL);
-        if (abort == OD_DONE && od_check(&node->od, entry, value) == OD_DONE) {
-            abort = lss_check(sdo->index, value);
-        }
     }
     if (abort == OD_DONE) {
         abort = od_write(&node->od, sdo->index, sdo->sub, sdo->buffer, sdo->size);

@@ -122,6 +122,14 @@ bool od_is_locked(const od_t *od, const od_entry_t *entry) {
     return needs_unlocked(entry) && od->config_locked;
 }
 
+static bool is_accepted(const uint32_t *accepted, uint32_t value) {
+    bool found = accepted == NULL;
+    for (uint32_t i = 0; !found && i < accepted[0]; i++) {
+        found = accepted[1 + i] == value;
+    }
+    return found;
+}
+
 od_abort_t od_check(const od_t *od, const od_entry_t *entry, uint32_t value) {
     if ((entry->flags & OD_WRITE) == 0) {
         return OD_ABORT_READ_ONLY;
@@ -132,6 +140,9 @@ od_abort_t od_check(const od_t *od, const od_entry_t *entry, uint32_t value) {
         is_signed(entry) ? (int32_t)value > (int32_t)entry->high : value > entry->high;
     if (too_low || too_high) {
         return too_low ? OD_ABORT_TOO_LOW : OD_ABORT_TOO_HIGH;
+    }
+    if (!is_accepted(entry->accepted, value)) {
+        return OD_ABORT_VALUE;
     }
     return od_is_locked(od, entry) ? OD_ABORT_STATE : OD_DONE;
 }

@@ -60,8 +60,10 @@ typedef struct {
     uint16_t offset; /* of the first value in the struct of values, bytes; or OD_NO_STORAGE */
     uint32_t low;  /* inclusive limits of a write and the value after power-on; for signed types */
     uint32_t high; /* the two's complement, sign extended to 32 bits */
-    uint32_t initial; /* for OD_TEXT the length in bytes */
-    const char *text; /* OD_TEXT only, else NULL */
+    uint32_t initial;         /* for OD_TEXT the length in bytes */
+    const char *text;         /* OD_TEXT only, else NULL */
+    const uint32_t *accepted; /* their number, then the only values that a write may have; NULL: all
+                                 from low to high */
 } od_entry_t;
 
 /* A dictionary: the table (sorted by index, then sub; not owned), the values (not owned). */
@@ -126,7 +128,8 @@ uint32_t od_value(const od_t *od, uint16_t index, uint8_t sub);
 /* Is it configuration or calibration, and locked? */
 bool od_is_locked(const od_t *od, const od_entry_t *entry);
 
-/* Would a write of `value` from the bus be accepted? Access, range and state; changes nothing. */
+/* Would a write of `value` from the bus be accepted? Access, range, accepted values and state;
+ * changes nothing. */
 od_abort_t od_check(const od_t *od, const od_entry_t *entry, uint32_t value);
 
 /* Reads an entry for the bus into bytes[capacity], little-endian; *size is set to its length. */

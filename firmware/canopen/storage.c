@@ -102,8 +102,7 @@ storage_report_t storage_take(od_t *od, const uint32_t *image, uint32_t words,
         }
         const bool is_log = entry != NULL && group_of(entry) == STORAGE_LOG;
         configures = configures || !is_log;
-        if (is_log || (entry != NULL && od_check(od, entry, image[word + 1]) == OD_DONE &&
-                       lss_check(entry->index, image[word + 1]) == OD_DONE)) {
+        if (is_log || (entry != NULL && od_check(od, entry, image[word + 1]) == OD_DONE)) {
             od_set(od, entry, sub_of(name), image[word + 1]);
         } else {
             report.first =

@@ -70,9 +70,10 @@ _SOURCE = """\
 
 #include <stddef.h>
 
+{accepted}
 /* clang-format off */
 const od_entry_t DICTIONARY[DICTIONARY_COUNT] = {{
-    /* index, sub, count, type, role, flags, offset, low, high, initial, text */
+    /* index, sub, count, type, role, flags, offset, low, high, initial, text, accepted */
 {rows}
 }};
 /* clang-format on */
@@ -106,12 +107,23 @@ def header(dictionary: Dictionary) -> str:
 def source(dictionary: Dictionary) -> str:
     """Text of dictionary.c."""
     rows = [_row(o, v) for o in dictionary.objects for v in o.variables]
-    return _SOURCE.format(rows="\n".join(rows))
+    accepted = [_accepted(o, v) for o in dictionary.objects for v in o.variables if v.accepted]
+    return _SOURCE.format(rows="\n".join(rows), accepted="\n".join(accepted))
 
 
 def _field(obj: Object, variable: Variable) -> str:
     size = f"[{variable.count}]" if obj.kind == "array" and variable.sub else ""
     return f"    {variable.type.c_type} {obj.c_name(variable)}{size}; /* 0x{obj.index:04X} */"
+
+
+def _accepted(obj: Object, variable: Variable) -> str:
+    numbers = ", ".join(map(_c, variable.accepted))
+    name = _accepted_name(obj, variable)
+    return f"static const uint32_t {name}[] = {{{len(variable.accepted)}, {numbers}}};"
+
+
+def _accepted_name(obj: Object, variable: Variable) -> str:
+    return f"ACCEPTED_{obj.c_name(variable).upper()}"
 
 
 def _row(obj: Object, variable: Variable) -> str:
@@ -126,10 +138,11 @@ def _row(obj: Object, variable: Variable) -> str:
     else:
         numbers = f"{_c(variable.low)}, {_c(variable.high)}, {_c(variable.default)}"
         text = "NULL"
+    accepted = _accepted_name(obj, variable) if variable.accepted else "NULL"
     return (
         f"    {{0x{obj.index:04X}, {variable.sub}, {variable.count}, {_TYPES[variable.type.name]},"
         f" OD_{variable.role.upper()}, {' | '.join(flags)},\n"
-        f"     {offset}, {numbers}, {text}}},"
+        f"     {offset}, {numbers}, {text}, {accepted}}},"
     )
 
 

@@ -86,6 +86,14 @@ class Variable:
         """Return whether it has a field in the struct of values."""
         return self.access != "const"
 
+    @property
+    def accepted(self) -> tuple[int, ...]:
+        """Return the values that a write may have, in rising order; empty: all from low to high."""
+        if self.enumeration is None or self.enumeration.is_bits or not self.has_range:
+            return ()
+        numbers = tuple(sorted(meaning.number for meaning in self.enumeration.meanings))
+        return numbers if len(numbers) <= self.high - self.low else ()
+
 
 @dataclass(frozen=True)
 class Object:

@@ -68,6 +68,20 @@ def test_limits_hold_to_the_last_unit(node: Any) -> None:
     assert checked > 250
 
 
+def test_of_values_with_gaps_between_them_only_the_named_ones_are_taken(node: Any) -> None:
+    """Not from the generated list, but from the file: whatever lies between two named values."""
+    checked = 0
+    for index, sub, entry in NUMBERS:
+        named = [v["value"] for v in entry.get("values", []) if isinstance(v, dict)]
+        if entry["access"] == "rw" and named and entry["role"] != "command":
+            for value in sorted({v + step for v in named for step in (-1, 0, 1)}):
+                if min(named) <= value <= max(named):
+                    expected = 0 if value in named else 0x06090030
+                    assert node.write(index, sub, raw(value, entry)) == expected, entry["name"]
+                    checked += value not in named
+    assert checked >= 6  # below and above each gap of the bit rates at least
+
+
 @pytest.mark.parametrize("access", ["const", "ro"])
 def test_what_nobody_may_write_nobody_can(node: Any, access: str) -> None:
     for index, sub, entry in NUMBERS:
