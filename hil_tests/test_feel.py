@@ -20,7 +20,7 @@ from hil_tests.render.laws import OURS, law_named
 from hil_tests.render.rigs import draw
 from hil_tests.render.tasks import TASKS, task_named
 from hil_tests.render.trial import Outcome
-from hil_tests.test_render import outcome
+from hil_tests.test_render_tables import outcome
 
 
 def test_wave_bound_is_that_of_the_closed_form() -> None:

@@ -18,7 +18,8 @@ from bowden.diagnosis.compare import compare
 from bowden.model import Mode, table_1
 from bowden.recording.recording import Recording
 from bowden.report.comparison import comparison_report
-from bowden.report.svg import DARK, data_of, describe, draw
+from bowden.report.svg import data_of, describe, draw
+from bowden.report.svg_elements import DARK
 from bowden.signals.prediction import simulate_recording
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
