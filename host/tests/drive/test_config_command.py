@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from io import StringIO
 from pathlib import Path
 
 import canopen
 import pytest
 from bowden.cli.main import main
 from bowden.drive.configuration_file import read_configuration
+from bowden.drive.dcf import eds
 from bowden.errors import BadInput
 from bowden_rig.virtual_bus import VirtualBus
 
@@ -167,3 +169,11 @@ def test_existing_files_stay(bus: VirtualBus, tmp_path: Path) -> None:
     assert main(["config", "dump", str(path)]) == 2
     assert path.read_text() == "mine"
     assert bus.time_s == 0
+
+
+def test_an_installation_has_the_eds_with_units_for_the_canopen_package() -> None:
+    text = StringIO(eds(with_units=True))
+    text.name = "bowden-si.eds"
+    entry = canopen.import_od(text)["tunnel_stiffness"]
+    assert (entry.factor, entry.unit) == (1e-6, "N m/rad")
+    assert "Factor" not in eds()

@@ -104,9 +104,10 @@ def read_dcf(path: Path) -> tuple[dict[str, int], tuple[str, ...]]:
     return raw, tuple(unknown)
 
 
-def eds() -> str:
-    """Return the text of the drive's EDS."""
-    return files("bowden.drive").joinpath("bowden.eds").read_text(encoding="utf-8")
+def eds(*, with_units: bool = False) -> str:
+    """Return the text of the drive's EDS: strict CiA 306, or with factors and units in SI."""
+    name = "bowden-si.eds" if with_units else "bowden.eds"
+    return files("bowden.drive").joinpath(name).read_text(encoding="utf-8")
 
 
 def _number(text: str, node_text: str) -> int:
