@@ -179,7 +179,7 @@ def test_what_is_missing_has_numbers_units_and_what_it_is_confused_with(named: D
     text = words(diagnosis_report(named))
     assert "0.0301" in text
     assert "0.0295 .. 0.0308" in text
-    assert "cannot tell it from load-cell offset" in text
+    assert "do not distinguish it from load-cell offset" in text
     assert "bowden record wide.blf --duration 30 --enable tunnel" in text
 
 

@@ -263,7 +263,7 @@ def record(
 
 @contextmanager
 def left_safe(drive: Drive) -> Iterator[None]:
-    """See at the end of the block that the bridge is off; the first failure is the one to raise."""
+    """Check at the end of the block that the bridge is off; the first failure is raised."""
     try:
         yield
     except BaseException:

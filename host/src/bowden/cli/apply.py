@@ -1,10 +1,10 @@
 """Make the drive run a model: reduce the model file, show what changes, write it, read it back.
 
 Cables, path (resampled, with its wrap angle kept), friction, stiction length and pulleys go into
-the drive's entries; effects are folded into those numbers or become tables. What the drive cannot
-run is refused, or left out knowingly with --without-unsupported. Shown is also how far the drive
-will be from the full model, and what its compensation should gain. --compensation also chooses
-the law that works with the model.
+the drive's entries; effects are folded into those numbers or become tables. What the drive does not
+support is refused, or left out with --without-unsupported. A forecast shows how far the drive's
+model is from the full one, and what its compensation should gain. --compensation also chooses the
+law that works with the model.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Fit named parameters of a model to recordings, and say how well they are known.
 
-Without --free, every number that carries a tolerance in the model file moves, held back by it, and
-so does what an earlier calibration wrote there. With --widen both are set aside. The gap is judged
-on what was not fitted: --hold-out, or every third recording, or every third second of one.
+Without --free, every number with a tolerance in the model file is fitted; the tolerance, or the
+posterior of an earlier calibration, is its prior. With --widen both are set aside. The gap is
+computed on held-out data: --hold-out, or every third recording, or every third second of one.
 """
 
 from __future__ import annotations

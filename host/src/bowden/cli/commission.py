@@ -3,11 +3,10 @@
 Wiring signs, encoder directions and counts, zero of the current, zero and gain of the load cell
 from known weights, direction and torque constant of the motor; then stiffness, pretension and
 friction of the cables from torque ramps on the locked load. Each step says what it will move and
-waits. Whatever is wrong is named: settings are corrected in drive and model, wires by you.
+waits. Each fault is named: settings are corrected in drive and model, wires by you.
 
-DIR keeps the raw recordings, where it stands (commissioning.yaml), the model with its posterior
-(model.yaml), and the drive's configuration is stored. A run that was broken off goes on with the
-same command.
+DIR keeps the raw recordings, the progress (commissioning.yaml) and the model with its posterior
+(model.yaml); the drive's configuration is stored. The same command continues an interrupted run.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Keep a drive's configuration in a file: dump, diff, apply; and store, reset or restore it.
 
 dump: write what the drive has, with units and origin (OUT.yaml), or as a DCF for other CANopen
-masters (OUT.dcf). diff: what a file and the drive, or two files, do not have in common. apply:
+masters (OUT.dcf). diff: the differences between a file and the drive, or two files. apply:
 write what differs and read it back; nothing is left half written. store: keep it across power-off.
 reset: restart the drive with what it has stored. restore: restart it with its defaults.
 
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     dump.add_argument("output", type=Path, metavar="OUT", help="OUT.yaml or OUT.dcf")
     dump.add_argument("--notes", default="", help="kept in the file (YAML)")
     dump.add_argument("--overwrite", action="store_true", help="replace OUT if it is there")
-    diff = action("diff", "show what a file and the drive, or two files, do not have in common")
+    diff = action("diff", "show the differences between a file and the drive, or two files")
     diff.add_argument("file", type=Path, metavar="FILE", help="YAML or DCF")
     diff.add_argument("other", type=Path, metavar="FILE", nargs="?", help="instead of the drive")
     apply = action("apply", "write what differs, read it back")

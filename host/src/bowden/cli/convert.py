@@ -6,8 +6,8 @@ tools) or .mf4 (MDF 4). Names keep their units, metadata goes along.
 With --map, any table (CSV and the like, Parquet, .mat, also .gz): the mapping file says which
 column is which channel, with units, signs, zeros and gaps. Without it, by the file or by --from:
 blf: a capture of raw CAN frames with its side file. csv: the exchange form, checked and rewritten.
-mrd: a run of the Medical Robotics and Devices Lab's surgical-tool stand; what its files leave open
-is found from the data or assumed, and told in the metadata.
+mrd: a run of the Medical Robotics and Devices Lab's surgical-tool stand; what its files do not
+state is estimated from the data or assumed, and noted in the metadata.
 
 When IN is a folder, every file of it is converted into the folder OUT, with a session file
 (session.yaml) that says what the recordings share.

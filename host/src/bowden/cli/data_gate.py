@@ -1,4 +1,4 @@
-"""Ask the data gate before a command fits or compares: warnings to people, a refusal as exit 2."""
+"""Run the data gate before a command fits or compares: warnings on stderr, a refusal as exit 2."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def admit_data(model: Model, recordings: Sequence[Recording], mode: Mode) -> None:
-    """Tell what the gate warns of, on stderr.
+    """Print the gate's warnings to stderr.
 
     Raises
     ------

@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do the main job, step by step, and say what came out."""
+    """Run the workflow step by step and report the result."""
     if not args.duration > 0:
         raise BadInput("--duration", f"{args.duration:g}", "seconds, more than 0")
     directory: Path = args.output

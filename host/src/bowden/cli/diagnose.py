@@ -1,4 +1,4 @@
-"""Name the effect that a model lacks to explain recordings, or say that nothing is missing.
+"""Name the effect that a model lacks to explain recordings, or report that none is missing.
 
 Sets of effects are fitted together with the numbers that the model file gives a tolerance, and
 compared by how well they predict stretches that their fit has not seen. The verdict is
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=float("inf"),
         metavar="SECONDS",
-        help="fit no further set of effects after that long; the best so far is judged",
+        help="fit no further set of effects after that time; the best so far is reported",
     )
     add_json_argument(parser)
 

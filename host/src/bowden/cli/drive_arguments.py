@@ -70,7 +70,7 @@ def connect_drives(args: argparse.Namespace) -> Iterator[list[Drive]]:
 
 
 def warn_if_live(drive: Drive) -> None:
-    """Say in red that current may flow: another program has enabled this drive."""
+    """Warn in red that current may flow: another program has enabled this drive."""
     state = power_state(drive.read_raw("statusword"))
     if state in BRIDGE_ON:
         console().print(

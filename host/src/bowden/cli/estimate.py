@@ -1,7 +1,7 @@
 """Estimate stiffness, friction or pretension from recordings, with 95 % intervals.
 
 stiffness: load locked, motor torque ramped until one cable is slack; gives stiffness, pretension
-and mu_d together, and shows what the raw curve would have said. friction: mu_d, and mu_s and the
+and mu_d together, and shows what the raw curve alone would give. friction: mu_d, and mu_s and the
 viscous term where the model has them; pretension: the pretension. Other numbers move within the
 tolerances that the file states. Each recording starts from a virgin rig.
 """

@@ -1,10 +1,10 @@
-"""Run one of the paper's experiments, on the offline model or on a drive, and say what came out.
+"""Run one of the paper's experiments, on the offline model or on a drive, and report the result.
 
 1a: load locked, four pretensions. 1b: load locked, one to three loops of conduit. 2: an operator
 moves the load by 40 degrees at 0.5 Hz, the motor renders the error-reduction tunnel. 3: the motor
 follows the load's position, ideally and with a PI controller. The preset `printed` is the rig of
-the paper's Table I, with which no torque arrives in Experiment 1; `transmitting` has a pretension
-with which it does.
+the paper's Table I, with which no torque reaches the load in Experiment 1; `transmitting` has a
+pretension with which it does.
 
 --recordings puts your own recordings beside the model, on a page with the paper's figures.
 --on-drive runs 1a, 1b or 3 on the connected drive, or with --start-rig on a simulated rig.

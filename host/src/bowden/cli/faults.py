@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Ask and show."""
+    """Read the faults and show them."""
     with connect_drive(args) as drive:
         report = fault_report(drive)
     if args.json:

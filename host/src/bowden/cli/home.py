@@ -1,8 +1,8 @@
 """Set the zero of a drive's angles to where the rig stands now.
 
-Needed when the drive cannot know its zero: after a reset in motion it refuses the tunnel and says
-so (`bowden doctor`, `bowden faults`). Bring the load to its zero by hand first. The bridge must be
-off. --show only tells where the angles count from.
+Needed when the zero is unknown: after a reset in motion the drive refuses the tunnel (`bowden
+doctor` and `bowden faults` show it). Bring the load to its zero by hand first. The bridge must be
+off. --show changes nothing and shows where the angles count from.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ EXAMPLES = """examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("--show", action="store_true", help="only tell where the angles count from")
+    parser.add_argument("--show", action="store_true", help="only show where the angles count from")
     add_json_argument(parser)
     add_drive_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Set the zero, or only look; tell what it is then."""
+    """Set the zero, or only read it, and show it."""
     with connect_drive(args) as drive:
         if not args.show:
             home_here(drive)

@@ -1,4 +1,4 @@
-"""Say who a drive is, how it is, what it measures now, and what went wrong before."""
+"""Show a drive's identity, state, present readings and past errors."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Ask and show. Another dictionary is told, not refused: that is what one asks for."""
+    """Read and show it all. Another dictionary is shown, not refused."""
     with connect(bus_options(args), args.node, force=True) as drive:
         warn_if_live(drive)
         document = describe(drive)
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def describe(drive: Drive) -> dict[str, object]:
-    """Collect all that the drive says of itself; values in SI units, units in the names."""
+    """Collect what the drive reports; values in SI units, units in the names."""
     there = drive.read_raw("dictionary_hash")
     culprit = drive.read_raw("configuration_error")
     error = drive.read_raw("error_code")
@@ -91,7 +91,7 @@ def describe(drive: Drive) -> dict[str, object]:
 
 
 def _crash(drive: Drive) -> str | None:
-    """Tell how the firmware crashed last since power-on; None when it did not."""
+    """Describe the firmware's last crash since power-on; None when there was none."""
     count, cause, counter, stack, tick = (
         drive.read_raw(f"crash_record.{name}")
         for name in ("crashes", "cause", "program_counter", "stack_pointer", "tick")

@@ -1,6 +1,6 @@
 """Keys of the terminal while something runs: read without Enter, without blocking.
 
-Nothing on a pipe, in a log or on a system without termios: there the keys are simply not offered.
+On a pipe, in a log or on a system without termios no keys are read.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def pressed_keys() -> Iterator[Callable[[], str]]:
 
 
 def has_keys() -> bool:
-    """Return whether somebody sits at a terminal and this program has it."""
+    """Return whether there is a terminal and this program runs in its foreground."""
     try:
         import termios  # noqa: F401, PLC0415
     except ImportError:
@@ -44,7 +44,7 @@ def has_keys() -> bool:
 
 
 def _is_foreground(terminal: int) -> bool:
-    """Return whether the shell has given us the terminal; touching it from the background stops us.
+    """Return whether this program runs in the terminal's foreground; else reading would stop it.
 
     A recorder that is stopped by its terminal would leave a running motor to its time-out.
     """

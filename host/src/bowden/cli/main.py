@@ -2,7 +2,7 @@
 
 Each command is one module of `bowden.cli` with a docstring (its ``--help`` text), `add_arguments`,
 `run`, and examples in `EXAMPLES`. Only the module of the command that was asked for is imported,
-so that `bowden --help` answers at once. Exit status: 0 done; 1 `verify` says no; 2 bad input or
+so that `bowden --help` answers at once. Exit status: 0 done; 1 `verify` rejects; 2 bad input or
 usage; 3 the drive or the bus failed; 130 interrupted (143 terminated), after the command has
 cleaned up.
 """
@@ -24,7 +24,7 @@ from bowden.cli.warned import WARNINGS
 from bowden.errors import BadInput, DriveFailed
 
 # Fits spread simulations over all cores themselves: threads inside of small matrix products would
-# only get in each other's way. Read when numpy is first imported, so set before any command is.
+# only compete for the cores. Read when numpy is first imported, so set before any command is.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 #: Every command, in the order in which a newcomer meets them.
@@ -48,7 +48,7 @@ COMMANDS = {
     "watch": "watch a drive live in the terminal; stop, start, mark by key",
     "studio": "the bench in a browser: live loop, stop, record, compare, diagnose",
     "record": "record both encoders, motor torque and load cell over CAN",
-    "recover": "make a whole capture of what a killed recorder has left",
+    "recover": "restore a capture from what a killed recorder has left",
     "replay": "send a recording onto a bus as its drives sent it",
     "simulate": "run the offline model on a recording's inputs",
     "compare": "compare recordings with the offline model",
@@ -162,7 +162,7 @@ def run_command(
     except DriveFailed as failure:
         return _fail(name, str(failure), EXIT_DRIVE_FAILED)
     except BrokenPipeError:
-        # Whoever read our output has left; without this, Python complains again while it exits.
+        # The reader of the output has closed it; without this, Python reports that again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_BROKEN_PIPE
     except Terminated:
@@ -205,7 +205,7 @@ class _SignalsUnwind:
 
 
 class _WarningsShown(logging.Handler):
-    """While a command runs, what the library warns of is a line on stderr and in the JSON document.
+    """While a command runs, a warning of the library is a line on stderr and in the JSON document.
 
     `output.print_json` adds the collected lines.
     """

@@ -1,6 +1,6 @@
 """Show a drive's node id, bit rate and serial number, or give it others (LSS, CiA 305).
 
-Without options it tells what the drive at --node has. --set-id stores another node id and restarts
+Without options it shows those of the drive at --node. --set-id stores another node id and restarts
 the drive under it; --set-bit-rate stores another bit rate, which holds after the next power-on.
 Both are refused while the bridge is on. Where several drives have one node id, --find lists their
 serial numbers and --serial says which one is meant; they need not be disconnected.
@@ -115,7 +115,7 @@ def _set(args: argparse.Namespace, connection: Connection, serial: int | None) -
     if args.set_bit_rate is None:
         restart_as(connection, before, args.set_id)
         told = f"the drive is node {args.set_id} now"
-    else:  # under another bit rate nobody would hear it start
+    else:  # its boot-up message comes at the other bit rate
         told = f"stored; cut its power, then talk to it with -b {1000 * args.set_bit_rate}"
     if args.json:
         print_json(

@@ -3,8 +3,8 @@
 list: every entry. search: entries by words of their name or meaning; neither needs a drive.
 read, write, watch: values of a drive. NAME is a name, an array (segment_length), a pattern
 ('tunnel_*') or an address (2121h). `write` changes configuration, calibration and communication,
-reads each value back, and undoes all when one is refused. What commands the motor is not written
-here: `bowden record --enable` does that and leaves the drive safe.
+reads each value back, and undoes all when one is refused. Entries that command the motor are not
+written here: `bowden record --enable` does that and leaves the drive safe.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _show_entries(args: argparse.Namespace, entries: Sequence[Entry]) -> int:
 
 
 def _first_of_arrays(entries: Iterable[Entry]) -> list[Entry]:
-    """Leave out the elements of an array after the first: they are alike."""
+    """Leave out the elements of an array after the first."""
     kept: list[Entry] = []
     for entry in entries:
         stem, _, place = entry.name.partition(".")

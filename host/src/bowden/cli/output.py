@@ -1,4 +1,4 @@
-"""Where a command's words go: one JSON document to stdout, everything for people to stderr.
+"""Output of a command: one JSON document to stdout, everything for people to stderr.
 
 Used by every command module; nothing else prints. Rich is imported only when something is shown.
 """
@@ -32,7 +32,7 @@ def add_json_argument(parser: argparse.ArgumentParser) -> None:
 def print_json(document: object) -> None:
     """Print the command's one document; NaN and infinity, unknown to JSON, become null.
 
-    What the command was warned of stands in ``warnings``.
+    Warnings of the command are under ``warnings``.
     """
     if WARNINGS and isinstance(document, dict):
         document = {**document, "warnings": [*document.get("warnings", []), *WARNINGS]}
@@ -90,7 +90,7 @@ def stages(first: str) -> Iterator[Callable[[str, float], None]]:
     Parameters
     ----------
     first : str
-        What is shown until the first stage is told.
+        What is shown until the first stage begins.
 
     Yields
     ------

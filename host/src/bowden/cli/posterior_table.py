@@ -1,4 +1,4 @@
-"""What `calibrate` and `estimate` tell of a fit: the table of numbers, the measurement, the gap."""
+"""Prints the result of a fit for `calibrate` and `estimate`: numbers, nuisance numbers, gap."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from bowden.estimation.posterior import Estimate, NuisanceEstimate
     from bowden.recording.session import Session
 
-TOLD_SIGMAS = 3.0  # a nuisance number beyond so many of its own errors is worth a line
+TOLD_SIGMAS = 3.0  # a nuisance number beyond so many standard errors is shown
 
 
 def show(calibration: Calibration, caveats: Sequence[str], written: Path | None) -> None:
@@ -66,7 +66,7 @@ def _interval(one: Estimate) -> str:
 
 
 def _at(value: float, one: Estimate) -> str:
-    """Write a value with as many digits as its interval is worth."""
+    """Write a value to the precision of its interval."""
     width = 0.5 * abs((one.high or 0.0) - (one.low or 0.0))
     if width == 0.0 or value == 0.0:
         return f"{value:.5g}"
@@ -83,7 +83,7 @@ def _moved(one: Estimate) -> str:
 
 
 def _measurement(one: NuisanceEstimate, recordings: Sequence[str]) -> str:
-    """Return what the measurement was off by."""
+    """Return the nuisance numbers that differ from zero, in words."""
     names = [Path(recordings[k]).name for k in one.recordings]
     where = names[0] if len(names) == 1 else f"{len(names)} recordings"
     scale, unit = {"N m": (1e3, "mN m"), "rad": (1e3, "mrad"), "s": (1e3, "ms")}.get(

@@ -96,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record, tell the progress, and report what was lost."""
+    """Record, show the progress, and report what was lost."""
     check_output(args.output, args.overwrite)
     job = _run(args.enable, args.torque, args.profile)
     duration_s = args.duration
@@ -181,7 +181,7 @@ def record_to(
 
 
 def _requests(keys: str) -> Iterable[Request]:
-    """Turn keys into what the recording is asked for."""
+    """Turn keys into requests to the recording."""
     for key in keys:
         if key in "qQ":
             yield Stop()

@@ -1,4 +1,4 @@
-"""How a recording ended: for people and for ``--json``, after every end that it can have."""
+"""The summary of a recording, for people and for ``--json``, however it ended."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _RANGES_SHOWN = 5
 
 
 def summary(capture: Capture, path: Path) -> dict[str, object]:
-    """Return what is worth knowing of a capture, for ``--json``."""
+    """Return the summary of a capture, for ``--json``."""
     side, decoded = capture.side, capture.decoded
     return {
         "recording": str(path),
@@ -35,7 +35,7 @@ def summary(capture: Capture, path: Path) -> dict[str, object]:
 
 
 def show_summary(capture: Capture, path: Path) -> None:
-    """Print it: what there is, what was lost, what is in doubt."""
+    """Print the summary: samples, losses, warnings."""
     side, decoded = capture.side, capture.decoded
     out = console()
     if not decoded.time_s.size:

@@ -1,8 +1,8 @@
-"""Make a whole capture of what a killed recorder has left (NAME.blf.part).
+"""Restore a capture from what a killed recorder has left (NAME.blf.part).
 
-After a power cut or `kill -9` the .part file holds all but the last quarter of a second. The whole
-capture gets the name that it should have had, and says that it was cut. The .part is removed only
-when the whole one is there.
+After a power cut or `kill -9` the .part file holds all but the last quarter of a second. The
+restored capture gets its intended name and is marked as cut. The .part is removed only when the
+restored capture is complete.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""List the CANopen nodes on the bus: who they are and whether this bowden fits them."""
+"""List the CANopen nodes on the bus, with identity, state and dictionary match."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run the offline model on a recording's inputs and write what it says in the exchange form.
+"""Run the offline model on a recording's inputs and write its prediction in the exchange form.
 
 The two series that the mode names are taken from the recording; the other two, the tensions at
 both ends of both cables and a slack flag are computed. The rig is virgin at the first sample:
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--initial",
         metavar="REC",
         type=Path,
-        help="what the rig did just before, from virgin; the model runs through it first",
+        help="recording of the motion just before, from virgin; the model runs through it first",
     )
 
 
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def simulated(recording: Recording, trajectory: Trajectory, args: argparse.Namespace) -> Recording:
-    """Return the recording with what the model says in place of what was measured."""
+    """Return the recording with predicted series in place of measured ones."""
     metadata = {
         **recording.metadata,
         "model": args.model.name,

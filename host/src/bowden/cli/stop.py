@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Stop, and say of each node whether it has confirmed."""
+    """Stop, and report for each node whether it has confirmed."""
     with open_connection(bus_options(args)) as connection:
         found = stop_all(connection) if args.all else [stop_node(connection, args.node)]
     if args.json:

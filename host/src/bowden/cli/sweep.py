@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what is missing, write the table, say how many rows it has."""
+    """Run the missing points, write the table, report its number of rows."""
     sweep = _sweep(args)
     output: Path = args.output
     if output.exists():

@@ -1,7 +1,7 @@
 """Check whether a model explains recordings that it has not seen, to their noise floor.
 
-Nothing of the model moves. Exit status 0 where it does, 1 where it does not; then the channel, the
-size of what is missing and the worst stretch are named.
+No number of the model is changed. Exit status 0 where it does, 1 where it does not; then the
+channel, the size of the discrepancy and the worst stretch are named.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the running command was warned of: shown by `main`, added to the JSON by `output`."""
+"""Warnings of the running command: shown by `main`, added to the JSON by `output`."""
 
 from __future__ import annotations
 

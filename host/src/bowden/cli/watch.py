@@ -2,7 +2,8 @@
 
 Watching changes nothing: a drive that another program runs goes on. Keys: space stops the drive,
 whoever runs it; s (twice) starts the tunnel; r begins and ends a recording; m sets a mark; q ends.
-What was started here is stopped at the end, however it ends. With --once, one look and no page.
+What was started here is stopped at the end, however it ends. With --once, the values are printed
+once.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _LOOK_S = 0.6  # for each polled value once, and a rate
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("--once", action="store_true", help="one look, printed; no page")
+    parser.add_argument("--once", action="store_true", help="print the values once; no page")
     parser.add_argument(
         "--folder", type=Path, default=Path(), metavar="DIR", help="where recordings go"
     )
@@ -43,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show the page, or one look."""
+    """Show the page, or print the values once."""
     if args.json and not args.once:
         raise BadInput("--json", "no --once", "--json only with --once")
     if args.once:

@@ -27,7 +27,7 @@ WRITABLE = ("config", "calibration")
 
 
 class Operator(Protocol):
-    """Who stands at the rig: is asked before anything moves, and does what the drive cannot."""
+    """The operator at the rig: confirms each motion and does the manual work."""
 
     def ask(self, title: str, moves: str, todo: str) -> None:
         """Show a step and wait until it may begin; raises `Declined` where it may not.

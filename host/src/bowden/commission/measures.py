@@ -1,4 +1,4 @@
-"""What the short recordings of a commissioning say: directions, counts, scales and constants.
+"""Evaluates the short recordings of a commissioning: directions, counts, scales, constants.
 
 Pure functions of `Recording` and numbers; `steps` makes the recordings and judges the answers.
 Signs are PHYSICS' (docs/physics.md): positive load motion is the one that cable a produces, load
@@ -55,7 +55,7 @@ class Directions:
 
 
 def directions(recording: Recording) -> Directions:
-    """Tell the sensors' signs from a load turned by hand, first to its positive side, bridge off.
+    """Find the sensors' signs from a load turned by hand, first to its positive side, bridge off.
 
     The cables tie both pulleys, so the motor turns the same way; and with the motor off they only
     resist, so the work that they do on the load is negative.

@@ -1,4 +1,4 @@
-"""Run the steps of a commissioning in order, keep where it stands, end in model and configuration.
+"""Run the steps of a commissioning in order, keep its progress, end in model and configuration.
 
 What is done is in the folder's file and is not done again; a drive that has lost what was written
 meanwhile (a restart) gets it again. At the end the drive stores its configuration.

@@ -1,4 +1,4 @@
-"""Where a commissioning stands: a file in its folder, so that a run broken off goes on.
+"""Progress of a commissioning: a file in its folder, so that an interrupted run continues.
 
     commissioning: 1
     drive: {node_id: 16, serial_number: 42}
@@ -98,7 +98,7 @@ class CommissioningState(FilePart):
 
 
 def open_state(folder: Path, model: Path, drive: DriveIdentity) -> CommissioningState:
-    """Read where a commissioning stands, or begin one.
+    """Read the progress of a commissioning, or begin one.
 
     Raises
     ------

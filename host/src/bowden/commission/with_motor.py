@@ -1,4 +1,4 @@
-"""Steps with the bridge on: direction and constant of the motor, and what the cables are like.
+"""Steps with the bridge on: direction and constant of the motor, properties of the cables.
 
 Each says how much torque the motor is going to make before it makes any.
 """
@@ -36,7 +36,7 @@ LOCKED_RAD = 0.02
 
 
 def find_motor_direction(job: Job) -> list[StepFinding]:
-    """Find whether a positive torque turns the motor encoder up; mended by the operator."""
+    """Find whether positive torque turns the motor encoder up; the operator corrects the wires."""
     peak = min(0.5 * through_torque_nm(job.model), job.drive.read("motor_torque_limit"))
     profile = _ramps(peak, peak)
     name, mended = "motor direction", False

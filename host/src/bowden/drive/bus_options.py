@@ -116,7 +116,7 @@ def open_connection(options: BusOptions, limits: TimeLimits | None = None) -> Co
 
 
 def _hint(options: BusOptions, cause: BaseException) -> str:
-    """Return what usually helps."""
+    """Return advice on the usual cause."""
     number = cause.errno if isinstance(cause, OSError) else None
     if options.interface == DEFAULT_INTERFACE and number in (errno.ENODEV, errno.ENETUNREACH):
         return "; without a network, `ip route add 239.0.0.0/8 dev lo` (root) gives it a route"

@@ -1,7 +1,7 @@
 """The checks of `bowden doctor`: from the bus to the signs, each with what to do when it fails.
 
 Every check only reads; the bridge is not touched. `cli.doctor` shows the findings. A check that
-could not be made says so: it is never counted as passed.
+could not be made is reported as such and never counted as passed.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def check_drive(drive: Drive) -> Iterator[CheckResult]:
 
 
 def check_bus(drive: Drive) -> CheckResult:
-    """Listen: error frames mean a wrong bit rate or wiring; much traffic delays samples."""
+    """Count frames: error frames mean a wrong bit rate or wiring; much traffic delays samples."""
     connection = drive.connection
     errors_before = connection.error_frames
     load = BusLoad(connection)
@@ -98,7 +98,7 @@ def check_bus(drive: Drive) -> CheckResult:
 
 
 def check_node(drive: Drive) -> CheckResult:
-    """Ask for the device's name; when nothing answers, say what was heard instead."""
+    """Read the device's name; when nothing answers, report what was received instead."""
     try:
         name = drive.read_text("device_name")
     except DriveFailed as failure:
@@ -132,7 +132,7 @@ def check_dictionary(drive: Drive) -> CheckResult:
 
 
 def check_firmware(drive: Drive) -> CheckResult:
-    """Tell the version, why it started and whether it crashed."""
+    """Report the version, the cause of the start, and crashes."""
     version = drive.read_text("software_version")
     cause = ResetCause(drive.read_raw("reset_cause"))
     crashes = drive.read_raw("crash_record.crashes")
@@ -150,7 +150,7 @@ def check_firmware(drive: Drive) -> CheckResult:
 
 
 def check_configuration(drive: Drive) -> CheckResult:
-    """Ask whether the drive can run with its configuration, and where that came from."""
+    """Check that the drive can run with its configuration, and report where that came from."""
     if culprit := drive.read_raw("configuration_error"):
         return CheckResult(
             "configuration",
@@ -171,12 +171,15 @@ def check_configuration(drive: Drive) -> CheckResult:
 
 
 def check_faults(drive: Drive) -> CheckResult:
-    """Tell the present fault, or the past ones."""
+    """Report the present fault, or the past ones."""
     status = drive.read_raw("statusword")
     if is_fault(status):
         code = drive.read_raw("error_code")
         return CheckResult(
-            "faults", "failed", describe_emergency(code), "mend it; bowden record resets"
+            "faults",
+            "failed",
+            describe_emergency(code),
+            "remove its cause; bowden record resets it",
         )
     count = drive.read_raw("error_history.count")
     if count:
@@ -187,7 +190,7 @@ def check_faults(drive: Drive) -> CheckResult:
 
 
 def check_reference(drive: Drive) -> CheckResult:
-    """Ask where the angles count from: without a zero the tunnel is refused."""
+    """Report where the angles count from: without a zero the tunnel is refused."""
     found = angle_reference(drive)
     if found in UNKNOWN:
         todo = "move the load to its zero, then: bowden home"

@@ -4,7 +4,7 @@
 Transfers go through the `canopen` package, one at a time, each answer matched to its request
 (`transfers`). Reads are repeated when an answer is missing. So are writes of configuration and
 calibration, after a look whether the value is there; a command that is sent twice could act twice.
-When nothing answers, the error says what was heard instead.
+When nothing answers, the error says what was received instead.
 """
 
 from __future__ import annotations

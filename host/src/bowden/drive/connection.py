@@ -1,10 +1,10 @@
 """The bus: how it is opened, who reads it, and what time it is there.
 
 Everything of `bowden.drive` talks through one `Connection`. On a real bus a thread of its own does
-nothing but read, so that no frame waits while the rest of the program thinks; what it reads goes to
-`tap` (the recorder) at once and into a queue. All other work happens in the caller's thread, inside
-`receive`: nothing else needs a lock. With ``threaded=False`` frames are read in `receive` itself
-and `clock` may be a simulated one: tests run in virtual time.
+nothing but read, so that no frame waits while the rest of the program computes; what it reads goes
+to `tap` (the recorder) at once and into a queue. All other work happens in the caller's thread,
+inside `receive`: nothing else needs a lock. With ``threaded=False`` frames are read in `receive`
+itself and `clock` may be a simulated one: tests run in virtual time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a drive's supervision says: checks that fail now, that are latched, and why a reset failed.
+"""Reads a drive's supervision: checks that fail now, that are latched, and why a reset failed.
 
 Input: a `Drive`. Output: `FaultReport`, in words, with what to do. Nothing is written.
 """
@@ -69,7 +69,7 @@ class LoggedFault:
 
 @dataclass(frozen=True)
 class FaultReport:
-    """All that a drive says of its faults.
+    """Everything that a drive reports about its faults.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class FaultReport:
 
 
 def fault_report(drive: Drive) -> FaultReport:
-    """Ask a drive for its faults; DriveFailed where it does not answer."""
+    """Read a drive's faults; DriveFailed where it does not answer."""
     statusword = drive.read_raw("statusword")
     present = drive.read_raw("supervision_present")
     latched = drive.read_raw("supervision_latched")

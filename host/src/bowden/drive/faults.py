@@ -1,4 +1,4 @@
-"""What went wrong, in words: emergencies, SDO aborts, refused configurations; and what to do.
+"""Emergencies, SDO aborts and refused configurations in words, and what to do about each.
 
 Pure look-ups in the generated dictionary; used by `client` and the commands that report.
 """

@@ -1,7 +1,7 @@
 """The zero of a drive's angles: where it comes from, and setting it to where the rig stands.
 
 After a reset that the drive cannot prove to have been at standstill its zero is unknown, and it
-refuses the tunnel until it has been told (entry angle_reference).
+refuses the tunnel until the zero is set (entry angle_reference).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _DONE_S = 0.01  # several control ticks
 
 
 def angle_reference(drive: Drive) -> AngleReference:
-    """Ask a drive where its angles count from."""
+    """Read where a drive's angles count from."""
     return AngleReference(drive.read_raw("angle_reference"))
 
 

@@ -55,7 +55,7 @@ def identity_with(serial_number: int) -> Identity:
 
 
 def identity_of(drive: Drive) -> Identity:
-    """Ask a drive, by its node id, who it is.
+    """Read a drive's identity by its node id.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def identity_of(drive: Drive) -> Identity:
 
 
 def find_disputed(connection: Connection) -> list[Identity]:
-    """Return the drives that have heard another node under their own node id (fastscan).
+    """Return the drives that have received frames of another node with their own id (fastscan).
 
     Raises
     ------

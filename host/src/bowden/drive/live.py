@@ -125,7 +125,7 @@ class LiveSession:
         self._commands.put(command)
 
     def alive(self) -> None:
-        """Say that somebody watches and can stop the drive."""
+        """Report that the page is open, so that the drive can be stopped."""
         self._alive_at = self._clock()
 
     def snapshot(self) -> Snapshot:

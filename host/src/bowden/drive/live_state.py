@@ -1,4 +1,4 @@
-"""What can be asked of a `LiveSession`, and what it says of its drive. Data only."""
+"""Requests to a `LiveSession`, and its snapshot of the drive. Data only."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 The desired motor angle is the load angle times the ratio of the radii. The controller runs once a
 sample, on angles and through RPDO 1 over the bus, so it is late by some milliseconds: choose gains
-with which the motor does not ring.
+with which the motor does not oscillate.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
     Raises
     ------
     BadInput
-        A torque that the drive cannot be told.
+        A torque beyond what the drive's entry can hold.
     DriveFailed
         Another program runs the drive, a fault that cannot be reset, a configuration that cannot
         run, or a step not taken.
@@ -129,7 +129,7 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
         enable(drive, run)
         yield
     except BaseException:
-        # The first failure is the one to tell; without our heartbeat the drive stops itself.
+        # The first failure is reported; without our heartbeat the drive stops by itself.
         with suppress(DriveFailed):
             _stop_and_restore(drive, before)
         drive.connection.stop_heartbeat()
@@ -180,7 +180,7 @@ def safe_stop(drive: Drive) -> None:
     # After Ctrl-C, the answer to an interrupted transfer may still be on its way.
     drive.connection.listen(_ANSWERS_OUT_S)
     if drive.connection.silence_s(drive.node_id) > _SILENT_S:
-        drive.nmt("PRE-OPERATIONAL")  # it may hear us still: do not wait for answers first
+        drive.nmt("PRE-OPERATIONAL")  # it may still receive: do not wait for answers first
     try:
         if power_state(drive.read_raw("statusword")) in BRIDGE_ON:
             drive.write_raw("controlword", _QUICK_STOP)

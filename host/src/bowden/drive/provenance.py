@@ -1,4 +1,4 @@
-"""What a capture says of itself: what its PDOs carry, what the drive was told, who recorded it.
+"""Metadata of a capture: what its PDOs carry, the drive's settings, who recorded it.
 
 Reads the drive, writes nothing; `capture` puts the answer into the side file.
 """
@@ -115,7 +115,7 @@ def _field(entry: Entry, prefix: str) -> PdoField:
 
 
 def run_metadata(drive: Drive, run: Run | None) -> dict[str, str]:
-    """Tell what the drive is told to do, so that the recording can be judged without the drive."""
+    """Return the drive's mode and settings, so that the recording can be read without the drive."""
     if run is None:
         return {}
     law = {"compensation": CompensationLaw.word_of(drive.read_raw("compensation_law"))}

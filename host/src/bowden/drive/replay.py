@@ -125,7 +125,7 @@ class Replay:
 
 
 def read_replay(path: Path) -> tuple[list[ReplayedNode], Iterator[can.Message]]:
-    """Read what a recording's nodes answer, and the frames to send.
+    """Read the answers of a recording's nodes, and the frames to send.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Who is on the bus: every node that sends a heartbeat or answers an SDO request.
+"""Finds the nodes on the bus: every node that sends a heartbeat or answers an SDO request.
 
 Requests are paced, so that a slow adapter's queue does not overflow; all 127 ids take about a
 second.
@@ -49,7 +49,7 @@ class Node:
 
 
 def scan(connection: Connection) -> list[Node]:
-    """Ask every node id, listen, and ask those that are there who they are.
+    """Send a request to every node id, and read the identity of those that answer.
 
     Raises
     ------

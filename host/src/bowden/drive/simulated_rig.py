@@ -42,7 +42,7 @@ def own_rig(options: BusOptions, rig_arguments: Sequence[str], log_path: Path) -
     rig_arguments : sequence of str
         For the rig's own program.
     log_path : Path
-        What the rig says.
+        Gets the rig's output.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def _process(
 
 
 def _find(connection: Connection, process: subprocess.Popen[bytes], log_path: Path) -> int:
-    """Wait for the rig's node to speak and return its id."""
+    """Wait for the first frame of the rig's node and return its id."""
     deadline = time.monotonic() + _RIG_STARTS_WITHIN_S
     while not connection.nodes_heard:
         if process.poll() is not None:
@@ -128,7 +128,7 @@ def rig_command(
 
 
 def stop(process: subprocess.Popen[bytes]) -> None:
-    """End a rig politely, and at once where it does not listen."""
+    """Terminate a rig; kill it where it does not end in time."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
     try:

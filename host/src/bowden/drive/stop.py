@@ -21,13 +21,13 @@ _HEARTBEATS_S = 1.2  # longer than any sensible heartbeat period
 
 @dataclass(frozen=True)
 class Stopped:
-    """What became of a node.
+    """A node after the stop.
 
     Parameters
     ----------
     node_id : int
     power_state : str or None
-        CiA 402 state afterwards; None when it does not tell one.
+        CiA 402 state afterwards; None when it does not report one.
     """
 
     node_id: int
@@ -35,7 +35,7 @@ class Stopped:
 
     @property
     def confirmed(self) -> bool:
-        """Return whether the node has said that its bridge is off."""
+        """Return whether the node has confirmed that its bridge is off."""
         return self.power_state is not None and self.power_state not in BRIDGE_ON
 
 

@@ -1,4 +1,4 @@
-"""Watching a recording: waits for its trigger, tells the progress, knows why it has to end.
+"""Watches a recording: waits for its trigger, reports progress, decides when it ends.
 
 Handles frames through the connection; stores nothing of them (the reading thread writes the
 capture) and sends nothing.
@@ -67,14 +67,14 @@ class Progress:
 
 @dataclass(frozen=True)
 class SetMark:
-    """Somebody asks to mark this moment."""
+    """Request to mark this moment."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Stop:
-    """Somebody asks to end the recording; it is then complete, not cut."""
+    """Request to end the recording; it is then complete, not cut."""
 
 
 Request = SetMark | Stop

@@ -21,7 +21,7 @@ from bowden.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Calibration:
-    """The moved model and what moving it brought.
+    """The calibrated model, its posterior and its gaps.
 
     Parameters
     ----------
@@ -52,12 +52,12 @@ class Calibration:
 
     @property
     def nuisances(self) -> tuple[NuisanceEstimate, ...]:
-        """What the measurement itself was off by."""
+        """The nuisance numbers of the measurement."""
         return self.posterior.nuisances
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """What a reader has to know before the numbers are used."""
+        """Caveats of the result."""
         found = list(self.posterior.only_together)
         names = [one.quantity for one in self.held_out]
         for gap in self.held_out:

@@ -1,4 +1,4 @@
-"""How the errors of a recording's observations hang together, if the model is right.
+"""Covariance of the errors of a recording's observations, if the model is right.
 
 Paths that explain the given channels' readings as well as the best estimate are drawn once and
 pushed through the model; their spread, block by block, is the covariance of what the inputs do.
@@ -28,11 +28,11 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
 DRAWS = 48  # input paths: the degrees of freedom of the block covariance
-TAPER_S = 1.0  # beyond it so many draws know no correlation
+TAPER_S = 1.0  # beyond it so many draws resolve no correlation
 ANY_SHAPE, ROUGH_S = 1e-3, 1.0  # share of the draws' variance of any shape, and how long it lasts
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
-FINEST_S = 1e-3  # the model is asked no closer than this
-COARSE_S = 8e-3  # a law with rate or memory is asked no closer: it costs ten times more
+FINEST_S = 1e-3  # shortest step between simulated samples
+COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ def covariance(
     if correction is not None:
         offset, columns = correction, [*columns, DOUBTED * correction[None]]
     elif model.solver == "mesh" and segments:
-        # Whether a rig behaves as so many segments or as the continuum, nobody has measured.
+        # Whether a rig behaves as so many segments or as the continuum is not known.
         finer = MESH_FACTOR * (data.predict(with_segments(model, 2 * segments), numbers) - best)
         columns.append(finer[None])
     if data.is_thinned and correction is None:

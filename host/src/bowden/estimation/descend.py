@@ -34,7 +34,7 @@ def descend(
     scales: Scales,
     rounds: int = ROUNDS,
 ) -> Optimum | None:
-    """Search from one point; None where no rig answers there."""
+    """Search from one point; None where the model has no answer there."""
     x = problem.feasible(x)
     residuals = problem.residuals(x, noises)
     if residuals is None:
@@ -112,8 +112,8 @@ def jacobians(
 def principal_axes(problem: Problem, hessian: _Floats) -> _Floats:
     """Return axes along which the numbers are uncertain one by one, half a sigma long.
 
-    What two numbers do may cancel almost: only along the axis of both is the rest exact. Nuisance
-    numbers have axes of their own.
+    The effects of two numbers may nearly cancel: the difference is exact only along a common axis.
+    Nuisance numbers have axes of their own.
     """
     size, unit = problem.size, problem.unit
     axes = np.zeros((unit.size, unit.size))

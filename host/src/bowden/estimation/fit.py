@@ -35,7 +35,7 @@ MOST_SEGMENTS = 50  # of a law that is solved implicitly, while it is fitted
 
 @dataclass(frozen=True)
 class Fit:
-    """A fit and what it is judged by.
+    """A fit and its gaps.
 
     Parameters
     ----------

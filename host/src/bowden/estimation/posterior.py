@@ -1,4 +1,4 @@
-"""What is known after a fit: values, intervals, what the data cannot tell, the next fit's prior.
+"""The result of a fit: values, intervals, identifiability, the next fit's prior.
 
 Takes an `Optimum` of a `Problem`; intervals come from the covariance where the likelihood is
 parabolic and from its profile where it is not. A fit whose residual exceeds the noise floor gets no
@@ -26,8 +26,8 @@ _Floats = NDArray[np.float64]
 
 PARABOLIC = (0.75, 1.33)  # cost at an end of the interval over that of a parabola
 BISECTIONS = 5
-NOT_TOLD = 0.9  # of a prior's sigma: data that leave more have told nothing
-UNTOLD_FACTOR = 2.0  # a flat prior's number is told only if its interval is narrower either way
+NOT_TOLD = 0.9  # of a prior's sigma: a larger posterior means not identifiable
+UNTOLD_FACTOR = 2.0  # a flat prior's number is identifiable if its interval is narrower either way
 CORRELATED = 0.95
 VAGUE = 0.01  # of its value: a number better known than that needs no such sentence
 EXCEEDS = 3.0  # usual noise: a discrepancy beyond it means that the model does not hold
@@ -89,7 +89,7 @@ class NuisanceEstimate:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Everything a fit says.
+    """Everything that a fit yields.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Posterior:
     ) -> Model:
         """Return a model of these values with the posterior written into it, the next fit's prior.
 
-        A number that these recordings did not tell keeps the tolerance that it had. Where the
+        A number that these recordings did not determine keeps the tolerance that it had. Where the
         model does not hold, the covariance would be too narrow, and only the values are kept.
         """
         told = [i for i, one in enumerate(self.estimates) if one.identifiable]
@@ -258,7 +258,7 @@ def _reach(rise: Callable[[float], float], furthest: float) -> float:
 
 
 def _pairs(covariance: _Floats) -> list[tuple[int, int]]:
-    """List the pairs of numbers that are correlated beyond what can be told apart."""
+    """List the pairs of numbers that are too correlated to be determined singly."""
     sigma = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     correlation = covariance / np.outer(sigma, sigma)
     return [
@@ -275,7 +275,7 @@ def _is_wide(estimates: Sequence[Estimate], i: int, j: int) -> bool:
 
 
 def _together(estimates: Sequence[Estimate], i: int, j: int, covariance: _Floats) -> str:
-    """Return which combination of two numbers is told."""
+    """Return which combination of two numbers is identifiable."""
     first, second = (estimates[k].path.rpartition(".")[2] for k in (i, j))
     sign = "x" if float(covariance[i, j]) < 0.0 else "/"
     return f"Only {first} {sign} {second} is identifiable; its split follows from the tolerances."

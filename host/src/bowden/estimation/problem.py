@@ -70,7 +70,7 @@ class Problem:
         ]
 
     def residuals(self, x: _Floats, noises: Sequence[Covariance]) -> list[_Floats] | None:
-        """Return measured minus predicted of each recording; None where no rig answers."""
+        """Return measured minus predicted of each recording; None where the model has no answer."""
         return self.residuals_at([x], noises)[0]
 
     def residuals_at(
@@ -138,7 +138,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Optimum:
-    """The most probable point and what is known about it.
+    """The most probable point, with its Hessian, residuals and covariances.
 
     Parameters
     ----------

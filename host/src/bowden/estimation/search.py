@@ -1,4 +1,4 @@
-"""Where to begin and whether to go on: the most probable point of a `Problem`, from several starts.
+"""Finds the most probable point of a `Problem` from several starts.
 
 Numbers without a prior are scanned across their bounds, the weakest direction of the data is tried
 to both sides, and around the optimum every scale is looked at once more.
@@ -71,7 +71,7 @@ def solve(problem: Problem, *, progress: Progress | None = None) -> Optimum:
 def _scan(
     problem: Problem, x: _Floats, noises: Sequence[Covariance], scales: Scales
 ) -> list[_Floats]:
-    """Look along each number without a prior, all across its bounds; return the lowest valleys."""
+    """Scan each number without a prior across its bounds; return the lowest minima."""
     found: list[tuple[float, _Floats]] = []
     for i in range(problem.size):
         if problem.parameters.precision[i, i] != 0.0:
@@ -93,7 +93,7 @@ def _scan(
 
 
 def _look_around(problem: Problem, best: Optimum) -> Optimum:
-    """Look along each number at every scale, from its posterior sigma to its unit step.
+    """Scan each number at every scale, from its posterior sigma to its unit step.
 
     With friction that is higher at standstill the cost is jagged: a search ends in the nearest
     notch.
@@ -135,7 +135,7 @@ def _around(problem: Problem, best: Optimum) -> tuple[list[_Floats], list[int]]:
 
 
 def _along_valley(problem: Problem, best: Optimum) -> list[_Floats]:
-    """Return starts to both sides of an optimum along what the data know least of."""
+    """Return starts to both sides of an optimum along the least identifiable direction."""
     unit = problem.unit[: problem.size]
     inner = best.hessian[: problem.size, : problem.size] * np.outer(unit, unit)
     _, vectors = np.linalg.eigh(inner)

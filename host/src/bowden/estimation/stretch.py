@@ -1,4 +1,4 @@
-"""What the raw curve of force over stretch says of a cable's stiffness, beside the fit.
+"""A cable's stiffness as read off the raw curve of force over stretch, beside the fit.
 
 Takes the fitted `Model` and runs with the load locked; `quantities` puts it beside the estimate.
 """

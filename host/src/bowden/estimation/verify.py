@@ -1,4 +1,4 @@
-"""Return whether a model explains recordings that it has not seen, to their noise floor.
+"""Checks whether a model explains recordings that it has not seen, to their noise floor.
 
 No number of the model moves. What the measurement may be off by (zeros, hysteresis) is found, and a
 discrepancy of unknown shape is offered in each channel: the model passes where the recordings ask

@@ -4,7 +4,7 @@ Their discretised equations know one last moving node, which starts at the motor
 start at the load. Here the mesh of the whole model is run with that one thing taken from it: the
 segment at the load end never breaks away. `simulate_passive_load` runs either for a load that is a
 torsion spring, as in their experiments, and so shows what the second front changes: nothing while
-cables move as a whole, and the motor's torque whenever the load moves a cable that rests.
+cables move as a whole, and the motor's torque whenever the load moves a cable at standstill.
 
 Source: V. Agrawal, W. Peine, B. Yao, 2008 and 2010, as described by Borowski, Metz and Sergi; their
 text was not at hand, so the equations are those of the paper with k2 = N + 1.

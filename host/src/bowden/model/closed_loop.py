@@ -1,6 +1,6 @@
 """A controller closed over the model: the motor's torque follows from what the rig does.
 
-`Tunnel` is eq. (7) of the paper, on the angle it is asked to look at; `PiFollower` the position
+`Tunnel` is eq. (7) of the paper, on a chosen angle; `PiFollower` the position
 controller of Experiment 3. `simulate_closed_loop` steps the mesh with the controller in the loop
 and returns a `Trajectory`; the operator prescribes the load angle.
 
@@ -43,7 +43,7 @@ class Controller(Protocol):
 
 
 class Watched(Enum):
-    """Which angle the tunnel looks at."""
+    """The angle that the tunnel depends on."""
 
     LOAD_ANGLE = "load angle"
     MOTOR_ANGLE = "motor angle"

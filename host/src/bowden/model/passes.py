@@ -1,4 +1,4 @@
-"""Brings a simulation that feeds on its own answer to agree with itself, in few passes.
+"""Fixed-point iteration for simulations whose inputs depend on their own answer.
 
 Imports nothing of this package but the types. `simulation` gives it what was asked of the solver
 and what the answer asks for in turn; it proposes what to ask next.

@@ -3,7 +3,8 @@
 The first drive's clock is the recording's time. What another source sent is placed on it through
 the host's receive times: those of a drive by the straight line of its clock, those of other nodes
 as they are. Values between two frames are interpolated (states are held); where the next frame is
-further off than `GAP_PERIODS`, nothing is made up: those samples are left out, and that is told.
+further off than `GAP_PERIODS`, nothing is interpolated: those samples are left out, and the gap is
+reported.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ def align(
     keep : ndarray of bool, shape (n,)
         Samples for which every source has a value.
     findings : list of str
-        What is missing, one sentence a source.
+        Gaps, one sentence a source.
     """
     channels: dict[str, _Floats] = {}
     keep = np.ones(time_s.size, dtype=np.bool_)

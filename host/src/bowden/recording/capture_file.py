@@ -1,7 +1,7 @@
 """The logger's capture as a recording: raw CAN frames (BLF) and a JSON side file; needs no drive.
 
-What was lost, cut or is in doubt is told in the recording's metadata, and by `read_recording` to
-the user. `capture_writer` writes captures.
+Losses and other defects stand in the recording's metadata; `read_recording` warns of them.
+`capture_writer` writes captures.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bowden.recording.side_file import SideFile, read_side_file
 
 
 def read_capture(path: Path) -> Recording:
-    """Read a capture as a recording; what was lost or cut is told in its metadata.
+    """Read a capture as a recording; its metadata lists what was lost or cut.
 
     Raises
     ------

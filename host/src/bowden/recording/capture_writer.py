@@ -1,4 +1,4 @@
-"""Writing a capture: raw CAN frames as they come (BLF), whole or marked as cut, never silent.
+"""Writing a capture: raw CAN frames as they come (BLF), whole or marked as cut.
 
 A capture is written as ``NAME.part`` and gets its name when it is closed, so that a file with its
 own name is always whole. Cut short, it is closed and kept all the same, and says why. After a power
@@ -200,7 +200,7 @@ class _Blf(can.BLFWriter):
 
 
 def recover(part: Path, *, overwrite: bool = False) -> CaptureWriter:
-    """Make a whole capture of the ``.part`` that a killed recorder has left.
+    """Restore a capture from the ``.part`` that a killed recorder has left.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ def clock_finding(fit: ClockFit, duration_s: float) -> str | None:
 def device_seconds(
     device_time_us: int, host_time_s: float, first_us: int, first_host_s: float
 ) -> float:
-    """Return a device time, s from a first one; the host's time tells how often it wrapped."""
+    """Return a device time, s from a first one; the host's time shows how often it wrapped."""
     within_us = (device_time_us - first_us) % _WRAP_US
     wraps = round(((host_time_s - first_host_s) * 1e6 - within_us) / _WRAP_US)
     return (within_us + max(wraps, 0) * _WRAP_US) / 1e6

@@ -103,7 +103,7 @@ def _columns(path: Path, line: int, header: str) -> list[str]:
 
 @dataclass(frozen=True)
 class _Body:
-    """The text behind the header row; split into lines only to find the one to blame."""
+    """The text behind the header row; split into lines only to find a faulty one."""
 
     path: Path
     columns: list[str]
@@ -111,7 +111,7 @@ class _Body:
     first_line: int
 
     def numbers(self) -> NDArray[np.float64]:
-        """Parse all rows at once; only when that fails, look for the row to blame."""
+        """Parse all rows at once; only when that fails, find the faulty row."""
         table = self._parsed(self.text) if "#" not in self.text else None
         if table is None:
             table = self._parsed("\n".join(line for _, line in self._rows()))

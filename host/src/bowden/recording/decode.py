@@ -1,7 +1,7 @@
 """From raw CAN frames to samples: number them, find what was lost, put the fields in channels.
 
 Pure: takes frames and the side file's PDO layouts, gives a `Decoded`. A sample of which a PDO is
-missing is left out, never made up; the time then has a gap, which every later step can see.
+missing is left out, never interpolated; the gap in time is visible to every later step.
 """
 
 from __future__ import annotations

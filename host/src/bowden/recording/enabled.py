@@ -1,6 +1,6 @@
 """Which samples of a recording the drive's bridge was on for.
 
-The drive tells its CiA 402 state in the column ``status``. Recordings from elsewhere have none.
+The column ``status`` holds the drive's CiA 402 state. Recordings from elsewhere have none.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ def enabled(recording: Recording) -> NDArray[np.bool_] | None:
 def until_disabled(recording: Recording) -> Recording:
     """Return the recording up to the last sample with the drive enabled.
 
-    When the bridge opens, the motor is flung back within milliseconds: a quasi-static model knows
-    nothing of that. A recording in which the drive was never enabled stays whole.
+    When the bridge opens, the motor springs back within milliseconds, which a quasi-static model
+    does not describe. A recording in which the drive was never enabled stays whole.
     """
     on = enabled(recording)
     if on is None or not on.any() or on[-1]:

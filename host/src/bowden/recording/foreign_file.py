@@ -12,7 +12,7 @@
 
 What the description says is resolved here, when recording begins, into plain places of bits; a
 capture never needs the description again. `scale` and `offset` come on top of a DBC's own.
-Everything that does not fit together is told at once.
+All contradictions are reported together.
 """
 
 from __future__ import annotations

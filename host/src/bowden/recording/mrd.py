@@ -5,8 +5,8 @@ Reads files of `MRDLab/mis-tool-characterization` (O'Neill, Stephens, Kowalewski
 proximal end is our motor, the distal end our load. The runs of one set (names that differ in the
 last number only) share their zeros, the sets of one tool the tool. `mrd_file` reads the columns.
 
-The header is not to be trusted (it says milliseconds where the column holds seconds) and signs are
-not documented. What is found or assumed is written into the metadata under `import_...`:
+The header is unreliable (it says milliseconds where the column holds seconds) and signs are not
+documented. What is found or assumed is written into the metadata under `import_...`:
 
 - *Angle zeros* are the counters' own: they run on from run to run of a set, so that all its runs
   share one zero. The zeros of the two ends are not aligned with each other.
@@ -16,7 +16,7 @@ not documented. What is found or assumed is written into the metadata under `imp
 - *Signs*, one for all runs that are read together: the load's angle moves with the motor's; over
   many cycles nothing in the rig produces energy, so the motor puts work in and the load takes it
   out.
-- *Start-up*: the load jumps on and rings for up to half a second; that part is cut off.
+- *Start-up*: the load starts abruptly and oscillates for up to half a second; that part is cut off.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ def read_stand_run(path: Path, startup_s: float) -> StandRun:
 
 
 def _numbers(path: Path, numbered: list[tuple[int, str]]) -> _Floats:
-    """Parse all rows at once; only when that fails, look for the one to blame."""
+    """Parse all rows at once; only when that fails, find the faulty one."""
     try:
         rows = np.loadtxt([line for _, line in numbered], delimiter=",", ndmin=2, comments=None)
         if rows.shape[1] == COLUMNS and np.isfinite(rows).all():

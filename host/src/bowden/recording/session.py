@@ -7,7 +7,7 @@
     - {file: run_06.csv.gz, path: roll 90, notes: after the pause}
 
 Recordings of one group have one number where others have one each: the same sensor zeros, the same
-way of the cables, the same tool. `signals` and `estimation` read the groups; this module reads and
+path of the cables, the same tool. `signals` and `estimation` read the groups; this module reads and
 writes files only.
 """
 
@@ -86,9 +86,9 @@ class Session:
 def read_session(path: str | Path) -> Session:
     """Read a session file and its recordings.
 
-    Who says nothing of tool and path shares them with the rig (the group is the rig's name). Who
-    says nothing of zeros has zeros of its own (the group is the file's name), for sensors may be
-    zeroed between runs.
+    A recording without tool or path shares them with the rig (the group is the rig's name). One
+    without zeros has zeros of its own (the group is the file's name), since sensors may be zeroed
+    between runs.
 
     Raises
     ------

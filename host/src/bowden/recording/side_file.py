@@ -1,4 +1,4 @@
-"""The JSON side file of a capture: all that is needed to read its raw frames, and how it went.
+"""The JSON side file of a capture: what is needed to read its raw frames, and how it ended.
 
 Named like the capture with ``.json`` behind it (``run.blf.json``). It holds the PDO layouts, so
 that a capture can be read long after the object dictionary has moved on, and without a drive.
@@ -169,7 +169,7 @@ def read_side_file(capture: Path) -> SideFile:
 
 
 def _refuse_later(path: Path, text: bytes) -> None:
-    """Say of a file of a later version that it is one, not what else it has that is unknown."""
+    """Report a file of a later version as such, instead of its unknown keys."""
     try:
         tree = json.loads(text)
     except ValueError:

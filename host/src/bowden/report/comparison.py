@@ -142,8 +142,8 @@ def _details(
     pauses = (
         [
             paragraph(
-                f"The recording pauses {len(one.time_gaps)} times, longest "
-                f"{max(length for _, length in one.time_gaps):.3g} s; the model moves straight on."
+                f"The recording has {len(one.time_gaps)} gaps in time, longest "
+                f"{max(length for _, length in one.time_gaps):.3g} s; the model bridges them."
             )
         ]
         if one.time_gaps

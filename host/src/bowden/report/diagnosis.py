@@ -38,10 +38,10 @@ PLACES = 8
 LEAST_SHOWN = 0.01  # of probability
 TITLES = {
     "named": "What the model lacks",
-    "complete": "Nothing is missing",
-    "unlisted": "Something unknown is missing",
+    "complete": "The model explains these recordings",
+    "unlisted": "An effect outside the catalogue is missing",
     "ambiguous": "More than one explanation",
-    "insufficient_excitation": "These recordings cannot tell",
+    "insufficient_excitation": "These recordings would show no effect",
     "bad_data": "These data cannot be trusted",
 }
 
@@ -110,7 +110,7 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         found.append((_amount(gap, gap.after), "with the law" if diagnosis.learned else what))
     found.append((_amount(gap, gap.noise_floor), "noise floor of these data"))
     if gap.noise_floor > 0.0:
-        found.append((f"{gap.after / gap.noise_floor:.2f} ×", "what is left, in floors"))
+        found.append((f"{gap.after / gap.noise_floor:.2f} ×", "gap after, in noise floors"))
     if diagnosis.verdict == "named":
         found.append((percent(min(one.confidence for one in diagnosis.effects)), "confidence"))
     return found
@@ -125,9 +125,9 @@ def _plural(things: tuple[object, ...]) -> str:
 
 
 def _stops(diagnosis: Diagnosis) -> list[Section]:
-    """Put first what makes everything else doubtful."""
+    """Show first the faults that put all other results in doubt."""
     stops = [one.text for one in diagnosis.quality if one.severity == "stop"]
-    return [Section("Before anything else", [items(stops)])] if stops else []
+    return [Section("Check this first", [items(stops)])] if stops else []
 
 
 def _budget(diagnosis: Diagnosis) -> list[Section]:
@@ -149,9 +149,9 @@ def _budget(diagnosis: Diagnosis) -> list[Section]:
 def _explanation(names: str) -> str:
     """Return an explanation of the posterior in words."""
     if names == "nothing":
-        return "nothing is missing"
+        return "no effect is missing"
     if names == "unlisted":
-        return "something that the catalogue has not"
+        return "an effect outside the catalogue"
     return " and ".join(_title(name) for name in names.split(" + "))
 
 
@@ -193,7 +193,7 @@ def _parameter_row(one: NamedEffect, name: str, value: Value) -> list[str]:
 
 
 def _confused(diagnosis: Diagnosis, name: str) -> str:
-    """Return what these data cannot tell it from, and what it is taken for in general."""
+    """Return the effects that it is mistaken for: with these data, and in general."""
     here = sorted(
         {_title(x) for group in diagnosis.cannot_tell_apart if name in group for x in group}
         - {_title(name)}
@@ -202,9 +202,9 @@ def _confused(diagnosis: Diagnosis, name: str) -> str:
     separated = [x for x in usual if x not in here]
     text = ""
     if here:
-        text += f"These recordings cannot tell it from {_series_of(here)}. "
+        text += f"These recordings do not distinguish it from {_series_of(here)}. "
     if separated:
-        text += f"Often taken for {_series_of(separated)}, which these recordings do tell from it."
+        text += f"Often mistaken for {_series_of(separated)}; these recordings distinguish them."
     return text.strip()
 
 
@@ -230,10 +230,10 @@ def _before_and_after(diagnosis: Diagnosis) -> list[Section]:
     ]
     body = [
         paragraph(
-            "Each stretch is predicted by a fit that has not seen it. The noise floor is what "
-            "counts, sensor noise and the simulator's own error leave of a model that is right."
+            "Each stretch is predicted by a fit that has not seen it. The noise floor is the "
+            "gap of a correct model: encoder counts, sensor noise and the simulator's own error."
         ),
-        table(["", "calibrated", "with the effect", "noise floor", "left, in floors"], rows),
+        table(["", "calibrated", "with the effect", "noise floor", "gap, in noise floors"], rows),
     ]
     improved = bool(diagnosis.effects) or diagnosis.learned is not None
     if not improved:
@@ -291,10 +291,10 @@ def _ranking(diagnosis: Diagnosis) -> list[Section]:
     named = {one.name for one in diagnosis.effects}
     return [
         Section(
-            "What was tried",
+            "Candidates",
             [
                 paragraph(
-                    "Every effect of the catalogue was looked at; the most promising were fitted "
+                    "Every effect of the catalogue was screened; the most promising were fitted "
                     "together with the calibration. The gain is that of the best set that holds "
                     "it: how much more likely it makes stretches that its fit has not seen than "
                     "the calibrated model does (natural logarithm, all stretches together)."

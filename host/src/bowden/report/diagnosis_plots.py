@@ -41,7 +41,7 @@ RANKED = 14
 
 
 def before_and_after(one: Series, points: int, *, improved: bool) -> go.Figure:
-    """Draw a channel, and what either model leaves of it, over time.
+    """Draw a channel, and the residual of either model, over time.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def before_and_after(one: Series, points: int, *, improved: bool) -> go.Figure:
         ("calibrated model", one.before, BEFORE),
         *([("with the effect", one.after, AFTER)] if improved else []),
     ]
-    left = [("calibrated model leaves", one.measured - one.before, BEFORE)]
+    left = [("residual, calibrated", one.measured - one.before, BEFORE)]
     if improved:
         left.append(("with the effect", one.measured - one.after, AFTER))
     plot = make_subplots(
@@ -76,7 +76,7 @@ def before_and_after(one: Series, points: int, *, improved: bool) -> go.Figure:
     plot.update_yaxes(title_text=f"{name} ({'rad' if angle else 'N m'})", row=1)
     reach = 1.15 * scale * float(np.quantile(np.abs(left[0][1]), 0.998))
     reach = max(reach, 3.0 * scale * float(np.median(one.sigma)))
-    plot.update_yaxes(title_text=f"left over ({unit})", row=2, range=[-reach, reach])
+    plot.update_yaxes(title_text=f"residual ({unit})", row=2, range=[-reach, reach])
     plot.update_xaxes(title_text="time (s)", row=2)
     plot.update_xaxes(range=_window(one))
     for row, legend in ((1, "legend"), (2, "legend2")):
@@ -134,7 +134,7 @@ def _window(one: Series) -> list[float]:
 
 
 def residual_map(found: ResidualMap) -> go.Figure:
-    """Draw the mean disagreement over angle and velocity, in sigmas."""
+    """Draw the mean residual over angle and velocity, in sigmas."""
     degrees = np.degrees(found.angle_edges_rad)
     reach = max(2.0, float(np.nanquantile(np.abs(found.mean), 0.97)))
     rows = found.velocity_edges_rad_s
@@ -172,7 +172,7 @@ def places(found: Sequence[Place]) -> go.Figure:
     plot = go.Figure()
     for text, shares, colour in (
         ("share of the time", [one.share_of_time for one in ordered], _LIGHT),
-        ("share of the disagreement (squared)", [one.share_of_gap for one in ordered], _BLUE),
+        ("share of the squared residual", [one.share_of_gap for one in ordered], _BLUE),
     ):
         plot.add_bar(
             y=[one.condition for one in ordered],
@@ -213,7 +213,7 @@ def waterfall(steps: Sequence[BudgetStep], quantity: str) -> go.Figure:
         )
     )
     dress(plot, height=110 + 34 * len(steps))
-    plot.update_xaxes(title_text=f"gap that is left, RMS on unseen stretches ({unit})")
+    plot.update_xaxes(title_text=f"remaining gap, RMS on held-out stretches ({unit})")
     plot.update_yaxes(automargin=True, ticksuffix="  ", showgrid=False)
     plot.update_layout(bargap=0.3, showlegend=False, margin={"r": 90, "t": 16})
     return plot
@@ -232,7 +232,7 @@ def _step_title(step: str) -> str:
 
 
 def ranking(ranked: Sequence[Ranked], named: Collection[str]) -> go.Figure:
-    """Draw what the best candidates gain on unseen stretches; what the verdict names is blue."""
+    """Draw the gain of the best candidates on held-out stretches; named ones are blue."""
     shown = list(ranked[:RANKED])[::-1]
     labels = [
         CATALOGUE[one.name].title + (f", {one.variant}" if one.variant else "")

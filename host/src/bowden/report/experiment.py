@@ -112,7 +112,7 @@ def _figures(experiment: Experiment, level: int) -> Section:
 def _locked(experiment: Experiment, level: int) -> list[Section]:
     return [
         Section(
-            "Motor's loop, and what arrives",
+            "Motor's loop, and the torque at the load",
             [
                 paragraph(
                     "Left: the motor winds up cable that stretches behind its friction. Right: "

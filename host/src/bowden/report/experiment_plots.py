@@ -39,7 +39,7 @@ class _Panel:
 
 
 def locked_load(cases: Sequence[Case]) -> go.Figure:
-    """Draw the motor's loop, and what arrives at the load (Figs. 3 and 4)."""
+    """Draw the motor's loop, and the torque at the load (Figs. 3 and 4)."""
     plot = make_subplots(rows=1, cols=2, horizontal_spacing=0.11)
     for case, colour in zip(cases, _SERIES, strict=False):
         run, ratio = case.trajectory, pulley_ratio(case.model)

@@ -146,7 +146,7 @@ def gaps_table(runs: Sequence[MeasuredRun]) -> tuple[tuple[str, ...], list[list[
 
 
 def beside_locked(runs: Sequence[MeasuredRun]) -> go.Figure:
-    """Draw the motor's loop and what arrives at a locked load (Figs. 3 and 4)."""
+    """Draw the motor's loop and the torque at a locked load (Figs. 3 and 4)."""
     plot = make_subplots(rows=1, cols=2, horizontal_spacing=0.11)
     for run, colour in zip(runs, _SERIES * len(runs), strict=False):
         torque, ratio = 1e3 * run.recording.motor_torque_nm, pulley_ratio(run.model)
@@ -310,7 +310,7 @@ def _dressed(plot: go.Figure, height: int) -> go.Figure:
 
 
 _WORDS = {
-    "locked": "Left: motor angle over motor torque. Right: what arrives at the locked load. Solid "
+    "locked": "Left: motor angle over motor torque. Right: torque at the locked load. Solid "
     "lines are measured, dashed ones are the model's.",
     "backlash": "By how much the motor lags behind the load. The height of a loop is the backlash.",
     "tunnel": "The torque that reaches the operator over the load angle, and what the motor made.",

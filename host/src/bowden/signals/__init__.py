@@ -1,5 +1,5 @@
-"""What samples can mean: paths behind counts, noise, motion, and what the model makes of them.
+"""Interpretation of samples: paths behind counts, noise, motion, and the model's prediction.
 
-Pure functions over a `Recording`'s arrays and a `Model`. Nothing here knows a hypothesis;
-`bowden.estimation` weighs models by what is found here.
+Pure functions over a `Recording`'s arrays and a `Model`. Nothing here depends on a hypothesis;
+`bowden.estimation` compares models with these results.
 """

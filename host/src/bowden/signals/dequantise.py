@@ -1,12 +1,12 @@
-"""What a sensor really saw: the path behind an encoder's counts, and how well it is known.
+"""Estimates the path behind an encoder's counts, and its uncertainty.
 
 Pure functions over arrays; `propagate` pushes the uncertainty through the model, `search` fits to
-the estimates. A count of the load encoder just after a reversal is worth up to 0.63 N m of load
-torque (square-root law), yet an encoder tells far more than its counts: when the reading changes,
-the angle is on the edge between two counts, to within what it moves in a sample. Only inside a turn
-or at standstill is it unknown within a count. So: a path through boxes one count wide
-(`smooth_path`), which never leaves them, and whose best estimate turns only where the counts do:
-friction and play remember a turn of a hundredth of a count for as long as the pair rests.
+the estimates. Just after a reversal a count of the load encoder changes the load torque by up to
+0.63 N m (square-root law), yet an encoder carries more information than its counts: when the
+reading changes, the angle is on the edge between two counts, to within what it moves in a sample.
+Only inside a turn or at standstill is it unknown within a count. So: a path through boxes one count
+wide (`smooth_path`), which never leaves them, and whose best estimate turns only where the counts
+do: friction and play remember a turn of a hundredth of a count for as long as the pair rests.
 
 Torque channels with white noise are smoothed in the same way, within three standard deviations,
 because friction depends on extremes: noise on an input would be rectified. The measured side of a
@@ -113,7 +113,7 @@ def dequantise(
     expected_quantum: float | None = None,
     felt: _Floats | None = None,
 ) -> Estimated:
-    """Estimate what a sensor saw from what it said.
+    """Estimate the true values behind a sensor's readings.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def grid(values: _Floats, expected_quantum: float | None = None) -> float | None
     gaps = gaps[gaps > 0.1 * float(np.median(gaps))]
     found = float(np.mean(gaps[gaps < 1.5 * float(gaps.min())]))
     reach, near = levels - levels[0], 8.0
-    while True:  # the further apart two readings, the better they tell the count
+    while True:  # the further apart two readings, the better they determine the count
         used = reach <= near * found
         count = np.round(reach[used] / found)
         if count.any():
@@ -183,7 +183,7 @@ def grid(values: _Floats, expected_quantum: float | None = None) -> float | None
 
 
 def _misfit(levels: _Floats, quantum: float) -> float:
-    """RMS distance of readings from a grid, in counts; its zero is where they like it best."""
+    """RMS distance of readings from a grid, in counts; the grid's zero is fitted."""
     turns = np.exp(2j * np.pi * levels / quantum)
     zero = np.angle(turns.mean()) / (2 * np.pi)
     return float(np.sqrt(np.mean((np.mod(levels / quantum - zero + 0.5, 1.0) - 0.5) ** 2)))

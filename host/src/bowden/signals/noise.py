@@ -52,7 +52,7 @@ def noise_sigma(values: NDArray[np.float64], time_s: NDArray[np.float64]) -> flo
 
 
 def effective_samples(residual: NDArray[np.float64]) -> float:
-    """Count how many independent samples a correlated residual is worth.
+    """Return the number of independent samples in a correlated residual.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
-"""How much of a gap is noise, sample by sample: the local noise of each predicted channel.
+"""Local noise of each predicted channel: how much of a gap is noise, sample by sample.
 
 Takes a model, a mode and a recording; simulates it some two dozen times; returns frozen results.
 What is pushed through the model are paths that fit the given channels' readings as well as the best
 estimate does (`dequantise`), so that errors keep their correlation: from edge to edge of a count,
-over a whole rest. Friction makes the noise local: just after a reversal a count is worth a hundred
-times what it is worth while the pair slides (the square-root law, PHYSICS, Experiment 2).
+over a whole rest. Friction makes the noise local: just after a reversal a count changes the torque
+a hundred times as much as while the pair slides (the square-root law, PHYSICS, Experiment 2).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Return whether a motion repeats itself, and how well a channel does from cycle to cycle.
+"""Finds the cycles of a periodic motion, and how well a channel repeats from cycle to cycle.
 
-Pure functions over arrays. What differs between cycles of one motion no model of that motion can
-explain: it is the floor under every gap of a rig that is driven periodically.
+Pure functions over arrays. No model of the motion explains differences between its cycles: they are
+the floor of every gap of a rig that is driven periodically.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Who may use the page: this machine, one browser that was shown the address, that page only.
+"""Access control of the page: this machine, the browser that opened the address, that page.
 
 The address that the command prints has a token that works once; it is exchanged for a cookie. A
 page of another site can reach a port of this machine, but it has neither the cookie (SameSite) nor

@@ -1,7 +1,7 @@
 """The page over HTTP: static files, reports of the folder, and one WebSocket for everything live.
 
-Only `Access` decides who gets an answer. The first page has the drive; a second one looks on and
-may stop it. What the page is sent thirty times a second: the new samples, and the state.
+Only `Access` decides who gets an answer. The first page controls the drive; a second one can watch
+and stop it. Thirty times a second each page gets the new samples and the state.
 """
 
 from __future__ import annotations

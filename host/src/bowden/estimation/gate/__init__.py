@@ -1,4 +1,4 @@
-"""The data gate: whether recordings can be trusted to speak of this rig, before anything is fitted.
+"""The data gate: checks that recordings are usable for this rig, before anything is fitted.
 
 Every command that takes recordings asks `check.check_data` first. Recordings and a model in,
 findings out; a finding that stops means ``bad_data`` and exit status 2.

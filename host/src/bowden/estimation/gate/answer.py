@@ -26,7 +26,7 @@ _Floats = NDArray[np.float64]
 STEP_S = 5e-3
 LONGEST_S = 60.0  # of a recording that units are read from: they do not change on the way
 PLAY_RAD = 0.03  # at the load: what backlash and eccentric wheels may add to an angle
-LEAST_NM = 0.01  # what no gate need explain of a torque
+LEAST_NM = 0.01  # below it no difference of a torque is explained
 FRICTION_SIGMA = 0.3  # of the logarithm of friction: rigs of one kind, and effects on it
 
 
@@ -58,8 +58,8 @@ def thinned(one: Recording, longest_s: float = np.inf) -> Recording:
 def usable_mode(one: Recording, mode: Mode) -> Mode | None:
     """Return the mode in which the gate simulates; None where the channels allow none.
 
-    The command's own where it can be: that is where the model is used. With both angles given the
-    torques hang on the angles' zeros, so there it is the last choice.
+    The command's own mode where possible. With both angles given the torques depend on the angles'
+    zeros, so that mode is the last choice.
     """
     order = [mode, Mode.TORQUE_POSITION, Mode.POSITION_TORQUE, Mode.POSITION_POSITION]
     if mode is Mode.POSITION_POSITION:
@@ -101,8 +101,8 @@ def answer(
 ) -> Answer | None:
     """Simulate a recording; None where the model cannot run it.
 
-    `any_friction`: rigs of the kind count as the model, for who asks after units. What comes and
-    goes on the way, a clipped cell say, would pass for less friction.
+    `any_friction`: more or less friction counts as the model, for checks of units. A fault during
+    the recording, such as a clipped cell, could be mistaken for less friction.
     """
     try:
         trajectory = simulate_recording(model, mode, one)

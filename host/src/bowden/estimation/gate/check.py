@@ -1,6 +1,6 @@
 """The data gate itself: every check on every recording, what stops first.
 
-`check_data` for who wants the findings, `admit` for who wants data or a refusal.
+`check_data` returns the findings, `admit` the warnings or a refusal.
 """
 
 from __future__ import annotations
@@ -50,8 +50,7 @@ def check_data(model: Model, recordings: Sequence[Recording], mode: Mode) -> tup
 def admit(model: Model, recordings: Sequence[Recording], mode: Mode) -> tuple[Finding, ...]:
     """Return the warnings about recordings, or refuse them.
 
-    A recording that is too short for a verdict is admitted: a fit's intervals tell how little it
-    says.
+    A recording that is too short for a verdict is admitted: the fit's intervals become wide.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What goes wrong on the way: a zero that steps, a cell at the end of its range, another clock.
+"""Faults during a recording: a zero that steps, a saturated cell, another clock.
 
 Takes a recording, the model's answer to it (`answer`) and returns findings. Each fault is an
 alternative that is weighed against the recording as it is, a smooth discrepancy free on both sides
@@ -25,7 +25,7 @@ from bowden.signals.noise import effective_samples, noise_sigma
 _Floats = NDArray[np.float64]
 
 CELL = "load_torque_nm"
-#: Odds of ten thousand to one: a hundred for the dear false stop, a hundred for the rare fault.
+#: Odds of 10 000 to 1: 100 for the cost of a false stop, 100 for the prior of the fault.
 SURE = math.log(1e4)
 
 AROUND = 8  # samples on either side of a jump
@@ -44,7 +44,7 @@ LEAST_VISIT = 4  # thinned samples
 DROP = 0.3  # of what is unexplained elsewhere: less may be the model's
 
 CLOCKS = np.linspace(-0.02, 0.02, 81)
-LEAST_CLOCK = 2e-3  # no quartz is that bad, and less does not spoil a minute
+LEAST_CLOCK = 2e-3  # beyond any quartz; smaller errors do not matter within a minute
 #: Of log-likelihood. Play at the load, missing in the model, reaches 32 (development seeds).
 SURE_CLOCK = 40.0
 HINT = 4.0  # of log-likelihood: worth simulating again

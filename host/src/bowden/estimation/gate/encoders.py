@@ -26,7 +26,7 @@ DIGIT = 1e-3  # how near a step must be to 1, 2 or 5 times a power of ten to be 
 
 @dataclass(frozen=True)
 class Steps:
-    """What the steps of an angle's readings tell.
+    """The steps of an angle's readings, against those of the model file's encoder.
 
     Parameters
     ----------

@@ -9,8 +9,8 @@ Takes arrays, returns log-likelihoods; `units` asks it under each mistake that a
 where `geometry` is what the pulleys' ratio alone says of an angle, and `smooth` is a sum of the
 known arguments (`Arguments`): what an effect that the model lacks may add, in proportion to what
 the model does predict. `rigs` is what more or less friction would change: a torque that just
-reaches a locked load, or just does not, is no gain. So an effect cannot pass for a unit, nor hide
-one.
+reaches a locked load, or just does not, is no gain. So an effect is not mistaken for a wrong unit,
+nor does it hide one.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ class ChannelReading:
         if self.geometric:
             smooth += [*arguments.torques.T]
         columns = [elastic, np.ones(time_s.size), late, *smooth, *prediction.rigs]
-        # An angle's zero is anybody's.
+        # An angle's zero is arbitrary.
         zero = ZERO_SIGMA * size if not self.geometric else 1e6
         sigmas = [np.inf, zero, DELAY_SIGMA_S, *[SMOOTH_SIGMA * size] * len(smooth)]
         sigmas += [1.0] * len(prediction.rigs)
@@ -284,7 +284,7 @@ class _Fit:
 def _log_prior(gain: float, sigma: float) -> float:
     """Return the logarithm of how likely such a gain is, found to such a sigma.
 
-    Over the likelihood's own height: a gain that the data do not tell costs nothing.
+    Over the likelihood's own height: a gain that the data do not determine costs nothing.
     """
     relative = sigma / gain if gain > 0.0 else math.inf
     if relative < _NARROW:  # the product of two normal densities of log gain

@@ -36,7 +36,7 @@ class Finding:
     found, expected : str
         In words, with units.
     severity : str
-        ``stop``: nothing that is fitted to it can be assumed. ``warn``: good to know.
+        ``stop``: every number fitted to it would be wrong. ``warn``: the fit goes on.
     """
 
     what: str

@@ -19,8 +19,8 @@ from bowden.recording.recording import Recording
 
 MOTOR_ENDS, LOAD_ENDS = (ANGLES[0], TORQUES[0]), (ANGLES[1], TORQUES[1])
 
-USUAL = math.log(1e-3)  # log prior of a mistake that people make
-RARE = math.log(1e-5)  # of one that has been seen
+USUAL = math.log(1e-3)  # log prior of a usual mistake
+RARE = math.log(1e-5)  # log prior of an unusual mistake
 TORQUE_CONSTANT = "torque_constant_nm_per_a"  # in a recording's metadata, after any prefix
 
 
@@ -116,7 +116,7 @@ def _in_unit(
 
 
 def of_free_scale(name: str, factor: float, log_prior: float) -> Mistake:
-    """Return the mistake of a torque in a unit that nobody listed."""
+    """Return the mistake of a torque in an unlisted unit."""
     words = f"{NAMES[name]} seems to be {_many(factor)}"
     if name == TORQUES[0] and factor > 1.0:
         words += f": in A, for a torque constant of {1.0 / factor:.2g} N m/A?"

@@ -20,7 +20,7 @@ from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
 from bowden.signals.noise import effective_samples
 
-#: A false stop is a hundred times as dear as a fault that is missed, which shows later.
+#: A false stop costs a hundred times as much as a missed fault, which shows later.
 STOP_LOG_ODDS = math.log(100.0)
 EXPLAINED = 0.15  # of the prediction: what is left where a recording needs no other reading
 SURPRISE = 4.5  # of a gain, likewise: three sigmas
@@ -29,7 +29,7 @@ MOST_SURPRISE = 12.5  # five sigmas, likewise
 FAR_OFF = 6.0  # times what a model usually lacks
 ANOTHER_RIG = replace(RIGHT, log_prior=math.log(0.01))  # units are right, the model is not
 TORQUE_SIGMA = 0.15  # of the logarithm of a torque's own scale: constants, cells
-FEWEST = 8.0  # independent samples: a few strokes are worth so many
+FEWEST = 8.0  # independent samples: as in a few strokes
 _SCALES = np.exp(np.linspace(math.log(1e-4), math.log(1e4), 37))
 _REFINED = np.exp(np.linspace(-0.5, 0.5, 11))
 _FREE = RARE - math.log(math.log(_SCALES[-1] / _SCALES[0]) / GAIN_SIGMA)
@@ -90,7 +90,7 @@ class Readings:
         best, _, mistake = max(tried, key=lambda each: each[0])
         lost = self.left_by(RIGHT, MOST_SURPRISE) > FAR
         if lost and (best - right < STOP_LOG_ODDS or self.left_by(mistake) > EXPLAINED):
-            # Perhaps a unit that no list has.
+            # Perhaps an unlisted unit.
             for name in TORQUES:
                 if name in self.one.channels:
                     tried += self._free_scale(name, right)

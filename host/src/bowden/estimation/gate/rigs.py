@@ -1,4 +1,4 @@
-"""Return whether recordings contradict each other: a torque's gain over the model, one by one.
+"""Checks that recordings do not contradict each other: a torque's gain over the model.
 
 A model that is wrong about its rig is wrong about it in every recording alike. Takes a `Model`
 and recordings, returns findings; simulates each recording once.

@@ -1,4 +1,4 @@
-"""Return whether each sensor works: saturation, dropouts and spikes, seen in one channel by itself.
+"""Checks each sensor by itself: saturation, dropouts and spikes.
 
 Looks at one `Recording` without a model; returns findings.
 """

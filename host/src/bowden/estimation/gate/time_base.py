@@ -18,7 +18,7 @@ GAP_SHARE = 0.3  # of a recording's time
 
 
 def check_time_base(one: Recording, name: str) -> Iterator[Finding]:
-    """Look at the times; after ``empty``, ``short`` or ``not_finite`` nothing else is told."""
+    """Look at the times; after ``empty``, ``short`` or ``not_finite`` nothing else is checked."""
     if one.time_s.size < 2:
         yield Finding("empty", name, f"{one.time_s.size} samples", "at least 2 samples", "stop")
         return

@@ -1,4 +1,4 @@
-"""Return whether units, signs and places of channels are this rig's, against geometry and model.
+"""Checks units, signs and places of channels against geometry and model.
 
 Takes a `Model` and one `Recording`, returns findings. Each way to write a recording wrongly
 (`mistakes`) is undone and the model asked again (`readings`); how well it then explains what was

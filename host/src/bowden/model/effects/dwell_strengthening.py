@@ -1,6 +1,6 @@
-"""Friction that grows while the pair rests and is rubbed off again as it slides.
+"""Friction that grows at standstill and wears off again in sliding.
 
-A state z from 0 (rubbed off, as `mu_d` has it) to 1 (rested for long) follows the ageing law of
+A state z from 0 (worn off, friction `mu_d`) to 1 (long at standstill) follows the ageing law of
 rate-and-state friction, which needs no threshold between rest and motion:
 
     dz/dt = (1 - z)/dwell_s - z |v|/distance_m,      mu (1 + a z)
@@ -85,7 +85,7 @@ def _numbers(rise: str, rests: str, rubs: str) -> tuple[Parameter, ...]:
     )
 
 
-AT_REST_M_PER_S = 5e-4  # a load that turns by 5 mrad a second half rests
+AT_REST_M_PER_S = 5e-4  # a load below 5 mrad/s counts half as at standstill
 
 
 EFFECT = Effect(

@@ -1,9 +1,9 @@
-"""What an encoder gets wrong: its zero, and once a turn where it sits off centre.
+"""Encoder errors: its zero, and once a turn where it is mounted off centre.
 
 An offset moves nothing but an angle's zero. In an open-loop simulation no torque changes with it;
 it shows in the predicted angle of the other pulley, as a constant, and in whatever depends on an
-angle: a tunnel, gravity, eccentricity, friction along the stroke. Where angles are compared by
-their course only, an offset alone cannot be seen.
+angle: a tunnel, gravity, eccentricity, friction along the stroke. Where angles are compared without
+their zeros, an offset alone is not visible.
 """
 
 from __future__ import annotations

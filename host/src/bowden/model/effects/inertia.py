@@ -2,9 +2,9 @@
 
 Motor: what reaches the cables is the motor's torque less J times its acceleration. With its torque
 given, the mesh solves for the acceleration as it goes along (`mesh.events.pull_of_mass`), in steps
-in which a motor rings on sliding cables as it does; faster ringing, on the short part of a cable
-that slides just after a reversal, dies out. With its angle given, the acceleration is that of
-`derivative`.
+that resolve the motor's oscillation on sliding cables; faster oscillation, on the short part of a
+cable that slides just after a reversal, is damped. With its angle given, the acceleration is that
+of `derivative`.
 
 Load: the cell sits behind the handle's inertia and reads the cables' torque less J times the
 acceleration.
@@ -86,7 +86,7 @@ MOTOR = Effect(
     signature="torque in proportion to acceleration, growing with frequency squared",
     excited_by=("acceleration",),
     confused_with=("load_inertia", "viscous_friction", "amplifier_lag", "time_delay"),
-    leeway=ONE_OF_SEVERAL,  # how soon it stops ringing is one law of several
+    leeway=ONE_OF_SEVERAL,  # the damping law is one of several
     known_to=TO_A_TENTH,
 )
 

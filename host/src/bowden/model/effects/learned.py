@@ -1,4 +1,4 @@
-"""A law that no name fits, learned from recordings: a table over one argument.
+"""A law that no effect of the catalogue describes, learned from recordings: a table.
 
 `law_of` makes the `Effect` of a place, its arguments and its knots; a model file holds it as
 
@@ -30,7 +30,7 @@ DIRECTION = "direction"
 MOVED_RAD = 1e-3  # load: less than that is noise, not a change of direction
 MOST_KNOTS = 33  # what the drive's tables hold
 LEAST_FACTOR = -0.95  # of mu, added: friction does not vanish
-ROUNDS = 20  # of a fixed point that shrinks by the slope of the law
+ROUNDS = 20  # iterations of a fixed point, whose error shrinks by the slope of the law
 
 
 @dataclass(frozen=True)

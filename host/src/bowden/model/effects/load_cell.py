@@ -1,4 +1,4 @@
-"""What the load cell gets wrong: gain, offset, drift, hysteresis; all on its reading."""
+"""Load cell errors: gain, offset, drift, hysteresis; all on its reading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effects of others: from an installed package or from a file of the user's.
+"""User-defined effects: from an installed package or from a file.
 
 A package names them as entry points of the group ``bowden.effects``, each an `Effect`; a file
 (``--effects my_effects.py``) lists them in ``EFFECTS``. Both run their author's code. What is added

@@ -1,4 +1,4 @@
-"""The paper's experiments, as the model sees them: what is imposed, what comes out, what it means.
+"""The paper's experiments on the model: imposed signals, simulation, findings.
 
 Pure functions over a `Model`; no file, no plot. `signals` makes what is imposed, `variants` the
 models of a series, `locked_load`, `tunnel` and `follower` are Experiments 1, 2 and 3. `bowden
