@@ -189,6 +189,53 @@ def test_a_flipped_bit_falls_back_to_the_image_before() -> None:
     assert Store().found == [1, 2, 3]
 
 
+@pytest.mark.parametrize("slot", [0, 1, 15, 16, 17, 31])
+@pytest.mark.parametrize("word", [0, 1], ids=["header", "sequence"])
+def test_a_flipped_bit_in_the_head_of_the_newest_image_is_told(slot: int, word: int) -> None:
+    store = Store()
+    saves = (
+        slot if slot >= SLOTS // 2 else SLOTS + slot
+    )  # a slot of sector 0: the second time round
+    for value in [*range(saves), 9999]:
+        if lib.store_is_full(store.raw):
+            lib.erase(lib.store_sector_to_erase(store.raw), 32768)
+            lib.store_erased(store.raw)
+        assert store.save([value])
+    assert store.raw.newest == slot
+    for bit in range(32):
+        lib.memory[slot * SLOT_WORDS + word] ^= 1 << bit
+        after = Store()
+        assert after.found == [saves - 1]
+        assert after.raw.damaged, f"bit {bit}"
+        lib.memory[slot * SLOT_WORDS + word] ^= 1 << bit
+    assert Store().found == [9999]
+    assert not Store().raw.damaged
+
+
+@pytest.mark.parametrize("bit", range(32))
+def test_a_flipped_bit_in_the_sequence_of_the_only_image_is_told(bit: int) -> None:
+    assert Store().save([1, 2, 3])
+    lib.memory[1] ^= 1 << bit
+    assert Store().found == []
+    assert Store().raw.damaged
+
+
+def test_a_save_cut_short_after_an_erase_that_was_cut_short_is_told() -> None:
+    """What the erase has left behind the first slots must not make the save look older."""
+    store, last = fill()
+    lib.erase(lib.store_sector_to_erase(store.raw), 5 * SLOT_WORDS)
+    store = Store()
+    assert not store.save([7])
+    assert lib.store_is_full(store.raw)  # so the sector is erased whole before it is used
+    lib.erase(lib.store_sector_to_erase(store.raw), 32768)
+    lib.store_erased(store.raw)
+    lib.budget = 3
+    assert not store.save([7])
+    lib.budget = FOR_EVER
+    assert Store().found == [last]
+    assert Store().raw.damaged
+
+
 @pytest.mark.parametrize("words", [0, IMAGE_WORDS + 1])
 def test_an_image_that_does_not_fit_is_refused(words: int) -> None:
     assert not lib.store_begin(Store().raw, ffi.new("uint32_t[]", words + 1), words, False)

@@ -3,8 +3,8 @@
 
 #include "flash.h"
 
-#define MARK 0xB0E00000u /* of slots of this size */
-#define MARK_LOG 0xB0E10000u
+#define MARK 0xB0E00000u     /* of slots of this size */
+#define MARK_LOG 0x4F1E0000u /* far from the other: no few flipped bits make one of the other */
 #define MARK_BITS 0xFFFF0000u
 #define HEAD_WORDS 2u
 #define ALL_SLOTS (FLASH_SECTORS * STORE_SLOTS)
@@ -51,12 +51,21 @@ static uint32_t whole_image(uint32_t slot) {
     return words > 0 && word_at(slot, HEAD_WORDS + words) == check ? words : 0;
 }
 
-/* The first slot after `slot` that nobody has begun, across the end of the area; ALL_SLOTS: none.
- */
-static uint32_t blank_slot_after(uint32_t slot) {
+/* A slot is free when nobody has begun it or one behind it in its sector. So in a sector the slots
+ * are begun in order since it was erased, also when an erase was cut short. */
+static bool is_free(uint32_t slot) {
+    bool blank = true;
+    for (uint32_t at = slot; at % STORE_SLOTS != 0 || at == slot; at++) {
+        blank = blank && word_at(at, 0) == FLASH_BLANK;
+    }
+    return blank;
+}
+
+/* The first free slot after `slot`, across the end of the area; ALL_SLOTS: none. */
+static uint32_t free_slot_after(uint32_t slot) {
     for (uint32_t step = 1; step < ALL_SLOTS; step++) {
         const uint32_t at = (slot + step) % ALL_SLOTS;
-        if (word_at(at, 0) == FLASH_BLANK) {
+        if (is_free(at)) {
             return at;
         }
     }
@@ -69,12 +78,22 @@ static bool is_asked_for(uint32_t slot) {
     return header != FLASH_BLANK && (header & MARK_BITS) != MARK_LOG;
 }
 
+/* Is there a whole image in the sector that begins with slot `first`? */
+static bool holds_an_image(uint32_t first) {
+    bool found = false;
+    for (uint32_t i = STORE_SLOTS; i > 0 && !found; i--) {
+        found = whole_image(first + i - 1u) > 0;
+    }
+    return found;
+}
+
 /* Slots are used in order: is the one after the newest image begun? Then a save was cut short, or
- * it is spoiled since. The first slot of the other sector may still hold what is older, and says so
- * by its sequence; that of a save cut short is greater, also half programmed or blank. */
+ * it is spoiled since. Only the first slot of the other sector may hold what is older: then that
+ * sector holds a whole image, which is older too, and was begun no later than it. What stands in a
+ * slot that is not whole is never trusted. */
 static bool is_followed(const store_t *store) {
     const uint32_t next = (store->newest + 1u) % ALL_SLOTS;
-    const bool is_older = next % STORE_SLOTS == 0 && word_at(next, 1) < store->sequence;
+    const bool is_older = next % STORE_SLOTS == 0 && holds_an_image(next);
     return is_asked_for(next) && !is_older;
 }
 
@@ -105,8 +124,8 @@ uint32_t store_open(store_t *store, uint32_t *image) {
     for (uint32_t word = 0; word < words; word++) {
         image[word] = word_at(store->newest, HEAD_WORDS + word);
     }
-    store->slot = blank_slot_after(store->newest % ALL_SLOTS);
-    if (words == 0 && word_at(0, 0) == FLASH_BLANK) {
+    store->slot = free_slot_after(store->newest % ALL_SLOTS);
+    if (words == 0 && is_free(0)) {
         store->slot = 0;
     }
     return words;
@@ -121,9 +140,9 @@ uint32_t store_sector_to_erase(const store_t *store) {
 }
 
 void store_erased(store_t *store) {
-    store->slot = blank_slot_after(store->newest % ALL_SLOTS);
+    store->slot = free_slot_after(store->newest % ALL_SLOTS);
     const uint32_t first = store_sector_to_erase(store) * STORE_SLOTS;
-    if (store->slot == ALL_SLOTS && word_at(first, 0) == FLASH_BLANK) {
+    if (store->slot == ALL_SLOTS && is_free(first)) {
         store->slot = first;
     }
 }
@@ -167,7 +186,7 @@ static void finish(store_t *store) {
         store->sequence++;
         store->damaged = false;
     }
-    store->slot = blank_slot_after(store->slot);
+    store->slot = free_slot_after(store->slot);
     store->progress = whole ? STORE_DONE : STORE_FAILED;
 }
 
@@ -180,7 +199,7 @@ store_progress_t store_step(store_t *store) {
         flash_program(store->slot / STORE_SLOTS,
                       store->slot % STORE_SLOTS * STORE_SLOT_WORDS + store->word, value);
     if (!fine) {
-        store->slot = blank_slot_after(store->slot);
+        store->slot = free_slot_after(store->slot);
         store->word = 0;
         store->check = CHECK_SEED;
         store->tries++;

@@ -1,10 +1,10 @@
 /* store.h: keeps one image of words across power-off, whole or not at all.
  *
- * Two flash sectors of equal slots. Each save takes the next blank slot and ends with a check word;
+ * Two flash sectors of equal slots. Each save takes the next free slot and ends with a check word;
  * the image with the highest sequence number whose check holds is the one that counts. So when the
  * power goes in mid-save the last whole image is still there. A sector holds STORE_SLOTS images:
  * with 10 000 erase cycles that is 320 000 saves. Erasing takes seconds, so a start never does
- * it: a save that finds no blank slot names the sector to erase. Knows no image's meaning.
+ * it: a save that finds no free slot names the sector to erase. Knows no image's meaning.
  */
 #ifndef BOWDEN_STM32F405_STORE_H
 #define BOWDEN_STM32F405_STORE_H
@@ -36,7 +36,7 @@ typedef struct {
  * words, 0 when there is none. */
 uint32_t store_open(store_t *store, uint32_t *image);
 
-/* Is there no blank slot? Then the sector of store_sector_to_erase(), which does not hold the image
+/* Is there no free slot? Then the sector of store_sector_to_erase(), which does not hold the image
  * that counts, must be erased and store_erased() called before the next save. */
 bool store_is_full(const store_t *store);
 uint32_t store_sector_to_erase(const store_t *store);
