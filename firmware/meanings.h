@@ -295,6 +295,21 @@ typedef enum {
 } quick_stop_option_t;
 enum { QUICK_STOP_OPTION_COUNT = 3 };
 
+/* how a shutdown from operation enabled takes the torque away */
+typedef enum {
+    SHUTDOWN_OPTION_AT_ONCE = 0, /* bridge off at once */
+    SHUTDOWN_OPTION_BY_SLEW = 1, /* by motor_torque_slew, within 200 ms; then the bridge goes off */
+} shutdown_option_t;
+enum { SHUTDOWN_OPTION_COUNT = 2 };
+
+/* how disable operation takes the torque away */
+typedef enum {
+    DISABLE_OPERATION_OPTION_AT_ONCE = 0, /* bridge off at once */
+    DISABLE_OPERATION_OPTION_BY_SLEW =
+        1, /* by motor_torque_slew, within 200 ms; then the bridge goes off */
+} disable_operation_option_t;
+enum { DISABLE_OPERATION_OPTION_COUNT = 2 };
+
 /* how a halt takes the torque away; operation stays enabled */
 typedef enum {
     HALT_OPTION_BY_SLEW = 1, /* by motor_torque_slew, within 200 ms */

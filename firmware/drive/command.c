@@ -33,7 +33,7 @@ void command_note(command_t *command, drive_state_t state, uint16_t controlword,
 }
 
 state_command_t command_in_force(const command_t *command, drive_state_t state, bool operational,
-                                 bool quick_stop_ramps) {
+                                 const command_ramps_t *ramps) {
     if (state_bridge_on(state) && (command->left_operational || !operational)) {
         return COMMAND_DISABLE_VOLTAGE;
     }
@@ -41,11 +41,29 @@ state_command_t command_in_force(const command_t *command, drive_state_t state, 
     if (asked == COMMAND_NONE) {
         asked = state_command(command->controlword);
     }
-    if (asked == COMMAND_QUICK_STOP && !quick_stop_ramps) {
+    if (asked == COMMAND_QUICK_STOP && !ramps->quick_stop) {
         return COMMAND_DISABLE_VOLTAGE;
     }
     const bool may_enable = state_bridge_on(state) || (operational && command->armed);
     return asked == COMMAND_ENABLE_OPERATION && !may_enable ? COMMAND_SWITCH_ON : asked;
+}
+
+state_command_t command_slow_down(command_t *command, drive_state_t state, state_command_t wanted,
+                                  const command_ramps_t *ramps, bool torque_gone) {
+    if (state != STATE_OPERATION_ENABLED) {
+        command->slows = COMMAND_NONE;
+        return wanted;
+    }
+    const bool ramped = (wanted == COMMAND_SHUTDOWN && ramps->shutdown) ||
+                        (wanted == COMMAND_SWITCH_ON && ramps->disable_operation);
+    if (ramped &&
+        (command->slows == COMMAND_NONE || after(state, wanted) < after(state, command->slows))) {
+        command->slows = wanted;
+    }
+    if (command->slows == COMMAND_NONE || (!ramped && command_lowers(state, wanted))) {
+        return wanted;
+    }
+    return torque_gone ? command->slows : COMMAND_NONE;
 }
 
 void command_done(command_t *command) {

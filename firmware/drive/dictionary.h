@@ -12,7 +12,7 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x14D2A161)
+#define DICTIONARY_HASH UINT32_C(0x45B7FAB2)
 
 /* Rows of DICTIONARY. */
 #define DICTIONARY_COUNT 252
@@ -219,6 +219,8 @@ typedef struct {
     uint16_t controlword;                              /* 0x6040 */
     uint16_t statusword;                               /* 0x6041 */
     int16_t quick_stop_option;                         /* 0x605A */
+    int16_t shutdown_option;                           /* 0x605B */
+    int16_t disable_operation_option;                  /* 0x605C */
     int16_t halt_option;                               /* 0x605D */
     int8_t mode_of_operation;                          /* 0x6060 */
     int8_t mode_of_operation_display;                  /* 0x6061 */

@@ -79,7 +79,7 @@ static void note_command(drive_t *drive) {
 
 static state_command_t effective_command(const drive_t *drive) {
     return command_in_force(&drive->asked, drive->state, is_operational(drive),
-                            drive->parameters.quick_stop_ramps);
+                            &drive->parameters.ramps);
 }
 
 bool drive_is_halted(const drive_t *drive) {
@@ -94,6 +94,12 @@ void drive_receive(drive_t *drive, const can_frame_t *frame) {
         drive->dictionary.controlword = withheld;
     }
     note_command(drive);
+}
+
+/* Does the torque follow what is wanted? Not while it stops. */
+static bool follows(const drive_t *drive) {
+    return drive->state == STATE_OPERATION_ENABLED && !drive_is_halted(drive) &&
+           drive->asked.slows == COMMAND_NONE;
 }
 
 /* Does this command lead to the next higher state? Then the configuration must stand. */
@@ -199,7 +205,9 @@ static supervision_inputs_t watched(drive_t *drive, const board_sensors_t *senso
 
 static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late) {
     const drive_state_t before = drive->state;
-    const state_command_t wanted = effective_command(drive);
+    const bool torque_gone = drive->command.torque_unm == 0;
+    const state_command_t wanted = command_slow_down(
+        &drive->asked, before, effective_command(drive), &drive->parameters.ramps, torque_gone);
     const bool waits = drive->took_configuration && !command_lowers(before, wanted);
     const supervision_inputs_t inputs = watched(drive, sensors, leads_up(before, wanted), late);
     supervision_t *supervision = &drive->supervision;
@@ -208,7 +216,7 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late
                               (state_events_t){
                                   .fault = supervision->present != 0,
                                   .fault_reset = drive->asked.fault_reset,
-                                  .quick_stop_done = drive->command.torque_unm == 0,
+                                  .quick_stop_done = torque_gone,
                               });
     const uint32_t fresh = supervision_latch(supervision, &drive->node, &inputs);
     if (fresh != 0) {
@@ -242,7 +250,7 @@ static int32_t tunnel_angle_urad(drive_t *drive) {
 }
 
 static int32_t target_torque_unm(drive_t *drive) {
-    if (drive->state != STATE_OPERATION_ENABLED || drive_is_halted(drive)) {
+    if (!follows(drive)) {
         return 0;
     }
     switch (drive->dictionary.mode_of_operation) {
@@ -264,6 +272,8 @@ static void step_command(drive_t *drive, int32_t wanted_unm) {
     torque_course_t course = TORQUE_FOLLOWS;
     if (drive->state == STATE_QUICK_STOP_ACTIVE) {
         course = parameters->quick_stop;
+    } else if (drive->asked.slows != COMMAND_NONE) {
+        course = TORQUE_STOPS_BY_SLEW;
     } else if (drive_is_halted(drive)) {
         course = parameters->halt;
     }
@@ -282,8 +292,7 @@ static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
     return rendering_step(
         &drive->rendering, &drive->transmission,
         &(rendering_inputs_t){
-            .active = drive->state == STATE_OPERATION_ENABLED && !drive_is_halted(drive) &&
-                      dictionary->mode_of_operation != MODE_OF_OPERATION_NONE,
+            .active = follows(drive) && dictionary->mode_of_operation != MODE_OF_OPERATION_NONE,
             .load_cell_broken = (sensors->faults & BOARD_FAULT_LOAD_CELL) != 0,
             .load_cell_saturated = cell_unm == PUBLISH_I24_MAX || cell_unm == -PUBLISH_I24_MAX,
             .load_cell_counts = sensors->load_cell_counts,

@@ -52,7 +52,13 @@ parameters_t parameters_of(const dictionary_t *dictionary) {
                 .slew_unm_per_s = dictionary->motor_torque_slew_unm_per_s,
                 .stop_ticks = dictionary->quick_stop_time_ms * TORQUE_COMMAND_TICKS_PER_MS,
             },
-        .quick_stop_ramps = dictionary->quick_stop_option != QUICK_STOP_OPTION_AT_ONCE,
+        .ramps =
+            {
+                .quick_stop = dictionary->quick_stop_option != QUICK_STOP_OPTION_AT_ONCE,
+                .shutdown = dictionary->shutdown_option != SHUTDOWN_OPTION_AT_ONCE,
+                .disable_operation =
+                    dictionary->disable_operation_option != DISABLE_OPERATION_OPTION_AT_ONCE,
+            },
         .quick_stop = stop_course(dictionary->quick_stop_option),
         .halt = stop_course(dictionary->halt_option),
         .tunnel_angle_source = dictionary->tunnel_angle_source,

@@ -13,6 +13,7 @@
 #include "../core/transmission.h"
 #include "../core/tunnel.h"
 #include "../meanings.h"
+#include "command.h"
 #include "dictionary.h"
 #include "fallback.h"
 #include "torque_command.h"
@@ -30,7 +31,7 @@ typedef struct {
     bool load_cell_inverted;
     int32_t load_cell_zero_counts;
     torque_command_settings_t torque;
-    bool quick_stop_ramps; /* false: it opens the bridge at once */
+    command_ramps_t ramps;
     torque_course_t quick_stop, halt;
     uint8_t tunnel_angle_source;
     tunnel_t tunnel;

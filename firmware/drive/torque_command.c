@@ -29,10 +29,9 @@ void torque_command_step(torque_command_t *command, const torque_command_setting
     if (course == TORQUE_FOLLOWS) {
         target_unm = fixed_clamp(wanted_unm, -settings->limit_unm, settings->limit_unm);
         command->limited = target_unm != wanted_unm;
-        command->stop_step_unm = 0;
     } else {
         const bool by_slew = course == TORQUE_STOPS_BY_SLEW;
-        if (command->stop_step_unm == 0) {
+        if (course != command->course) {
             command->stop_step_unm =
                 stop_step_unm(command->torque_unm,
                               by_slew ? TORQUE_COMMAND_STOP_MAX_TICKS : settings->stop_ticks);
@@ -41,6 +40,7 @@ void torque_command_step(torque_command_t *command, const torque_command_setting
         const bool slew_is_sooner = by_slew && step_unm > command->stop_step_unm;
         step_unm = slew_is_sooner ? step_unm : command->stop_step_unm;
     }
+    command->course = course;
     command->torque_unm =
         fixed_clamp(target_unm, command->torque_unm - step_unm, command->torque_unm + step_unm);
 }

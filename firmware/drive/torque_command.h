@@ -1,7 +1,8 @@
 /* torque_command.h: the motor torque that is commanded, on its way to the one that is wanted.
  *
  * While it follows it keeps the torque limit and the slew limit. While it stops (quick stop, halt)
- * it goes to 0 along a straight line whose duration is bounded, whatever the slew limit is. Pure.
+ * it goes to 0 along a straight line whose duration is bounded, whatever the slew limit is; another
+ * way to stop begins a line of its own. Pure.
  */
 #ifndef BOWDEN_DRIVE_TORQUE_COMMAND_H
 #define BOWDEN_DRIVE_TORQUE_COMMAND_H
@@ -30,9 +31,10 @@ typedef enum {
 
 typedef struct {
     int32_t torque_unm;
-    uint32_t slew_rest;    /* of the last division of the slew by the tick rate */
-    int32_t stop_step_unm; /* a tick, while it stops; 0: it does not */
-    bool limited;          /* the torque limit cuts the wanted torque */
+    uint32_t slew_rest;     /* of the last division of the slew by the tick rate */
+    int32_t stop_step_unm;  /* a tick, while it stops */
+    torque_course_t course; /* of the last tick */
+    bool limited;           /* the torque limit cuts the wanted torque */
 } torque_command_t;
 
 /* The bridge is off: no torque, nothing to remember. */

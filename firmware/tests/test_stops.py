@@ -221,6 +221,78 @@ def test_quick_stop_option_1_goes_by_the_slew_but_within_200_ms() -> None:
     assert ticks_until_off(slow) == pytest.approx(200 * TICKS_PER_MS, abs=2)
 
 
+SHUTDOWN_OPTION, DISABLE_OPTION = 0x605B, 0x605C
+RAMPED = {  # controlword: its option code, the state that follows
+    SHUTDOWN: (SHUTDOWN_OPTION, READY),
+    DISABLE_OPERATION: (DISABLE_OPTION, SWITCHED_ON),
+}
+
+
+@pytest.mark.parametrize("word", RAMPED)
+@pytest.mark.parametrize(("slew_unm_per_s", "ticks"), [(20_000_000, 40), (100_000, 800)])
+def test_shutdown_and_disable_operation_can_go_by_the_slew_within_200_ms(
+    word: int, slew_unm_per_s: int, ticks: int
+) -> None:
+    option, state = RAMPED[word]
+    drive, before_ua = running(0.2, (option, 1, 2), (TORQUE_SLEW, slew_unm_per_s, 4), ticks=8400)
+    currents = [before_ua]
+    drive.write(CONTROLWORD, 0, word, 2)
+    while (found := drive.tick()).bridge_enabled:
+        currents.append(found.motor_current_ua)
+    assert len(currents) - 1 == pytest.approx(ticks, abs=2)  # 0.2 N m by 20 N m/s; 200 ms
+    assert currents[-1] == 0
+    assert all(a >= b for a, b in pairwise(currents))
+    assert drive.state == state
+
+
+@pytest.mark.parametrize("word", RAMPED)
+def test_without_their_option_they_open_the_bridge_at_once(word: int) -> None:
+    drive, _ = running()
+    drive.write(CONTROLWORD, 0, word, 2)
+    assert not drive.tick().bridge_enabled
+
+
+@pytest.mark.parametrize(
+    ("stronger", "most_ms"), [(DISABLE, 0), (QUICK_STOP, 50), (SHUTDOWN, 0), (ENABLE, 200)]
+)
+def test_what_slows_down_is_overtaken_by_stronger_stops_only(stronger: int, most_ms: int) -> None:
+    """The shutdown here opens the bridge at once; who enables again waits for the stop's end."""
+    drive, _ = running(0.2, (DISABLE_OPTION, 1, 2), (TORQUE_SLEW, 100_000, 4), ticks=8400)
+    drive.write(CONTROLWORD, 0, DISABLE_OPERATION, 2)
+    slowed_ua = drive.tick(10 * TICKS_PER_MS).motor_current_ua
+    drive.write(CONTROLWORD, 0, stronger, 2)
+    ticks = 1
+    while (found := drive.tick()).bridge_enabled:
+        ticks += 1
+        assert found.motor_current_ua <= slowed_ua
+        assert ticks <= most_ms * TICKS_PER_MS + 2
+
+
+def test_a_quick_stop_in_a_slow_halt_takes_its_own_time() -> None:
+    drive, _ = running(0.2, (HALT_OPTION, 1, 2), (TORQUE_SLEW, 100_000, 4), ticks=8400)
+    drive.write(CONTROLWORD, 0, HALT, 2)
+    drive.tick(10 * TICKS_PER_MS)
+    drive.write(CONTROLWORD, 0, QUICK_STOP, 2)
+    assert ticks_until_off(drive) <= 50 * TICKS_PER_MS + 2
+
+
+@pytest.mark.parametrize(
+    ("index", "value", "abort"),
+    [
+        (QUICK_STOP_OPTION, 3, 0x06090031),
+        (QUICK_STOP_OPTION, 6, 0x06090031),  # to stay in quick stop active: the bridge stays on
+        (SHUTDOWN_OPTION, 2, 0x06090031),
+        (DISABLE_OPTION, -1, 0x06090032),
+        (HALT_OPTION, 0, 0x06090032),
+        (0x605E, 2, 0x06010002),  # a fault opens the bridge at once, whatever the host prefers
+    ],
+)
+def test_other_option_codes_are_refused(index: int, value: int, abort: int) -> None:
+    answer = Drive().write(index, 0, value & 0xFFFF, 2)
+    assert answer[0] == 0x80
+    assert struct.unpack_from("<I", answer, 4)[0] == abort
+
+
 @pytest.mark.parametrize(("option", "ticks"), [(1, 40), (2, 200)])
 def test_halt_takes_the_torque_away_and_gives_it_back(option: int, ticks: int) -> None:
     drive, before_ua = running(0.2, (HALT_OPTION, option, 2))

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0x14D2A161
+HASH = 0x45B7FAB2
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -113,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x14d2a161, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x45b7fab2, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -264,10 +264,10 @@ TABLE = Table(
         Entry(0x6040, 0, 'controlword', 'u16', 'rw', 'command', 0, high=65535, pdo='rx', meaning=meanings.Controlword, doc="CiA 402; the drive's state follows it. One that stops is obeyed also from an RPDO that is short, refused or waits for SYNC. Operation enabled takes a rising edge of bit 3 after NMT start"),
         Entry(0x6041, 0, 'statusword', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', meaning=meanings.Statusword, doc='CiA 402; bits 0 to 3, 5 and 6 are the state'),
         Entry(0x605A, 0, 'quick_stop_option', 'i16', 'rw', 'config', 2, high=2, persist=True, meaning=meanings.QuickStopOption, doc='how a quick stop takes the torque away; then the drive is in switch on disabled'),
-        Entry(0x605B, 0, 'shutdown_option', 'i16', 'const', 'identity', 0, low=-32768, high=32767, doc='0: bridge off at once'),
-        Entry(0x605C, 0, 'disable_operation_option', 'i16', 'const', 'identity', 0, low=-32768, high=32767, doc='0: bridge off at once'),
+        Entry(0x605B, 0, 'shutdown_option', 'i16', 'rw', 'config', 0, high=1, persist=True, meaning=meanings.ShutdownOption, doc='how a shutdown from operation enabled takes the torque away'),
+        Entry(0x605C, 0, 'disable_operation_option', 'i16', 'rw', 'config', 0, high=1, persist=True, meaning=meanings.DisableOperationOption, doc='how disable operation takes the torque away'),
         Entry(0x605D, 0, 'halt_option', 'i16', 'rw', 'config', 2, low=1, high=2, persist=True, meaning=meanings.HaltOption, doc='how a halt takes the torque away; operation stays enabled'),
-        Entry(0x605E, 0, 'fault_reaction_option', 'i16', 'const', 'identity', 0, low=-32768, high=32767, doc='0: bridge off at once'),
+        Entry(0x605E, 0, 'fault_reaction_option', 'i16', 'const', 'identity', 0, low=-32768, high=32767, doc='0: bridge off at once, before anything else; a bridge that has failed is not trusted with a ramp'),
         Entry(0x6060, 0, 'mode_of_operation', 'i8', 'rw', 'command', -1, low=-2, pdo='rx', meaning=meanings.ModeOfOperation, doc='what the drive does while its bridge is on'),
         Entry(0x6061, 0, 'mode_of_operation_display', 'i8', 'ro', 'state', 0, low=-128, high=127, pdo='tx', meaning=meanings.ModeOfOperation, doc='the mode that runs now'),
         Entry(0x6502, 0, 'supported_modes', 'u32', 'const', 'identity', 196608, high=4294967295, doc="manufacturer's modes only"),

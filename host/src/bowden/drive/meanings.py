@@ -276,6 +276,20 @@ class QuickStopOption(NamedValue):
     IN_TIME = 2, 'in quick_stop_time'
 
 
+class ShutdownOption(NamedValue):
+    """How a shutdown from operation enabled takes the torque away."""
+
+    AT_ONCE = 0, 'bridge off at once'
+    BY_SLEW = 1, 'by motor_torque_slew, within 200 ms; then the bridge goes off'
+
+
+class DisableOperationOption(NamedValue):
+    """How disable operation takes the torque away."""
+
+    AT_ONCE = 0, 'bridge off at once'
+    BY_SLEW = 1, 'by motor_torque_slew, within 200 ms; then the bridge goes off'
+
+
 class HaltOption(NamedValue):
     """How a halt takes the torque away; operation stays enabled."""
 
