@@ -29,7 +29,8 @@ law_answer_t law_adaptive_hysteresis_step(law_adaptive_hysteresis_t *law,
             load_motion_part_unm(error_unm, zeta_q15) / (ADAPTATION_TIMES * law->integral_ticks);
         law->amplitude_unm = fixed_clamp(law->amplitude_unm + step_unm, 0, 2 * law->friction_unm);
     }
-    const int32_t friction_unm = load_motion_part_unm(law->amplitude_unm, zeta_q15);
+    const int32_t friction_unm =
+        load_motion_friction_unm(inputs->sliding, law->amplitude_unm, zeta_q15);
     return (law_answer_t){
         .motor_torque_unm = fixed_add(inputs->naive_unm, friction_unm, &saturations),
     };

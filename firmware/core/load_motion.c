@@ -2,6 +2,7 @@
 #include "load_motion.h"
 
 #define ONE_Q15 32768
+#define ONE_Q14 16384       /* of sliding_factor_t */
 #define SMOOTHING_PER_S 200 /* the lag of the sign, 5 ms */
 
 load_motion_t load_motion_of(const transmission_t *transmission, const sliding_t *sliding,
@@ -21,6 +22,13 @@ load_motion_t load_motion_of(const transmission_t *transmission, const sliding_t
 
 int32_t load_motion_part_unm(int32_t whole_unm, int32_t q15) {
     return (int32_t)((int64_t)whole_unm * q15 / ONE_Q15);
+}
+
+int32_t load_motion_friction_unm(const sliding_t *sliding, int32_t friction_unm, int32_t q15) {
+    uint32_t saturations = 0; /* a friction beyond the range is beyond the motor */
+    const int64_t factor_q14 = sliding->factor[q15 > 0 ? 1 : 0].q14;
+    const int32_t whole_unm = fixed_saturate(friction_unm * factor_q14 / ONE_Q14, &saturations);
+    return load_motion_part_unm(whole_unm, q15);
 }
 
 void load_motion_step(load_motion_t *motion, const estimator_t *estimator, int32_t load_arc_nm) {

@@ -42,4 +42,7 @@ void load_motion_step(load_motion_t *motion, const estimator_t *estimator, int32
 /* `whole_unm` times a Q15 number. */
 int32_t load_motion_part_unm(int32_t whole_unm, int32_t q15);
 
+/* The same of a friction, which is other by the pair's factor for the direction of `q15`. */
+int32_t load_motion_friction_unm(const sliding_t *sliding, int32_t friction_unm, int32_t q15);
+
 #endif

@@ -259,7 +259,12 @@ def stroke(cycles: float = 3.0, ticks: int = 12_000) -> NDArray[np.float64]:
     return np.asarray(0.35 * swell * np.sin(np.linspace(0.0, 2 * math.pi * cycles, ticks)))
 
 
-def error_nm(rig_mu: float, model_mu: float, factor: float, cell: bool = False) -> float:
+INVERSION = CompensationLaw.MODEL_INVERSION
+
+
+def error_nm(
+    rig_mu: float, model_mu: float, factor: float, law: CompensationLaw = INVERSION
+) -> float:
     """RMS of the rendered torque, of a tunnel's wall at 0.5 N m, after the first cycle."""
     friction = ffi.new("uint32_t[2]", [round(factor * ONE_Q14)] * 2)
     loop = Controlled(
@@ -267,9 +272,10 @@ def error_nm(rig_mu: float, model_mu: float, factor: float, cell: bool = False) 
         model=settings(mu_d=model_mu, motor_dead_band_unm=500, load_dead_band_nm=65_345),
     )
     loop.inputs.friction_q14 = friction
+    loop.inputs.law = law
     angle = stroke()
     wanted = -1.0 * np.sin(angle / 0.35 * math.pi / 2)
-    found = loop.run(wanted, angle, cell=cell)
+    found = loop.run(wanted, angle)
     return float(np.sqrt(np.mean((found - wanted)[4000:] ** 2)))
 
 
@@ -281,6 +287,24 @@ def test_a_factor_renders_as_well_as_the_true_friction(factor: float) -> None:
     found = error_nm(MU * factor, MU, factor)
     assert found <= 1.2 * truth
     assert found < 0.75 * without
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.4])
+def test_feed_forward_takes_the_factor_as_other_friction(factor: float) -> None:
+    """Coulomb feed-forward knows nothing of the pair but its friction: the error is the truth's."""
+    law = CompensationLaw.COULOMB
+    truth = error_nm(MU * factor, MU * factor, 1.0, law)
+    # The closed form for one radius, F = 2 T0 m, and the path's own sum differ by a thousandth.
+    assert error_nm(MU * factor, MU, factor, law) == pytest.approx(truth, rel=0.01)
+    assert error_nm(MU * factor, MU, 1.0, law) > 3.0 * truth
+
+
+@pytest.mark.parametrize(
+    "law", [CompensationLaw.SMOOTH_INVERSE, CompensationLaw.ADAPTIVE_HYSTERESIS]
+)
+def test_the_published_laws_take_the_factor_too(law: CompensationLaw) -> None:
+    for factor in (0.7, 1.4):
+        assert error_nm(MU * factor, MU, factor, law) < 0.8 * error_nm(MU * factor, MU, 1.0, law)
 
 
 def test_a_factor_of_one_changes_no_bit() -> None:
@@ -295,7 +319,7 @@ def test_a_factor_of_one_changes_no_bit() -> None:
 # ---- in the drive ----
 
 
-def configured(law: CompensationLaw = CompensationLaw.MODEL_INVERSION) -> Drive:
+def configured(law: CompensationLaw = INVERSION) -> Drive:
     drive = Drive()
     drive.values.mode_of_operation = -2
     drive.values.target_torque_unm = 50_000
