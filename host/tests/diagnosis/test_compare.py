@@ -134,6 +134,18 @@ def test_the_rig_goes_on_from_where_it_was_left() -> None:
     assert np.abs(virgin.load_torque_nm - second.load_torque_nm).max() > 0.1
 
 
+def test_what_the_cables_hold_from_earlier_is_no_gap_once_strokes_have_erased_it() -> None:
+    """A stroke of the rig before the recording is known to nobody who has only the recording."""
+    whole = experiment_2(MODEL)
+    held = whole.select(slice(3000, None))
+    figures = compare(MODEL, [held]).figures
+    assert figures.gap > 5.0 * figures.noise_floor
+    settled = held.since(2.0)
+    assert compare(MODEL, [settled]).figures.gap < 1e-6
+    gained = settled.with_channels(load_torque_nm=1.1 * settled.load_torque_nm)
+    assert compare(MODEL, [gained]).figures.gap > 0.05
+
+
 def test_one_sample_is_refused() -> None:
     recording = experiment_2(MODEL)
     short = recording.select(slice(1))

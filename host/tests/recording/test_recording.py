@@ -49,6 +49,18 @@ def test_channels_are_replaced_and_samples_selected_without_touching_the_origina
     assert late["strain"].tolist() == [14, 16]
 
 
+def test_the_first_seconds_go_before_the_recording_and_stay_with_it() -> None:
+    late = motor_only().since(1.0)
+    assert late.time_s.tolist() == [1.0, 1.5]
+    assert late.before is not None
+    assert late.before.motor_angle_rad.tolist() == [0, 1]
+    changed = late.with_channels(strain=[0, 0]).without_channels(["strain"]).select(slice(2))
+    assert changed.before is late.before
+    assert motor_only().since(0.0).before is None
+    with pytest.raises(BadInput, match=r"^r: found 1.5 s; accepted: more than 1.5 s"):
+        motor_only().since(1.5)
+
+
 def test_a_recording_reaches_other_processes() -> None:
     back = pickle.loads(pickle.dumps(motor_only()))
     assert back.motor_angle_rad.tolist() == [0, 1, 2, 3]

@@ -76,11 +76,14 @@ class DriveBench:
         return run
 
     def diagnose(self, model: Model, run: LawRun) -> Diagnosis:
-        """Find what the model lacks to explain the recording."""
+        """Find what the model lacks to explain the recording, but for its first strokes.
+
+        The cables still hold tensions of the round before, and of what was done since.
+        """
         with stages("diagnosing") as tell:
             found = diagnose(
                 model,
-                [until_disabled(run.recording)],
+                [until_disabled(run.recording).since(SETTLE_S)],
                 seed=self.seed,
                 names=self.names,
                 progress=tell,

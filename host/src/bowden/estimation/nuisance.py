@@ -59,6 +59,8 @@ class Nuisance:
 
 def as_given(recording: Recording, numbers: Sequence[tuple[Nuisance, float]]) -> Recording:
     """Turn readings of given channels back into what the model is given."""
+    if recording.before is not None and numbers:  # no jump where the recording begins
+        recording = recording.with_before(as_given(recording.before, numbers))
     for one, value in numbers:
         values = recording[one.channel]
         if one.kind == "zero":

@@ -39,6 +39,9 @@ class Recording:
         The ``# key: value`` lines or the side file's fields.
     source : str
         Where it came from, for messages.
+    before : Recording, optional
+        What the rig did just before, as far as it was recorded: a simulation runs through it first,
+        and nothing in it is judged. See `since`.
     **named : array_like of shape (n,)
         Channels as keyword arguments; they go before `channels` of the same name.
 
@@ -52,6 +55,7 @@ class Recording:
     channels: Mapping[str, _Floats]
     metadata: Mapping[str, str]
     source: str
+    before: Recording | None
 
     def __init__(
         self,
@@ -60,6 +64,7 @@ class Recording:
         *,
         metadata: Mapping[str, str] | None = None,
         source: str = "recording",
+        before: Recording | None = None,
         **named: ArrayLike,
     ) -> None:
         time = np.asarray(time_s, dtype=np.float64)
@@ -78,6 +83,7 @@ class Recording:
             ("channels", held),
             ("metadata", dict(metadata or {})),
             ("source", source),
+            ("before", before),
         ):
             object.__setattr__(self, field, value)
 
@@ -144,12 +150,12 @@ class Recording:
     ) -> Recording:
         """Return the recording with channels added or replaced, by mapping or by keyword."""
         changed = {**self.channels, **(channels or {}), **named}
-        return Recording(self.time_s, changed, metadata=self.metadata, source=self.source)
+        return self._with(self.time_s, changed)
 
     def without_channels(self, names: Iterable[str]) -> Recording:
         """Return the recording without some channels; names that it does not have are ignored."""
         left = {name: values for name, values in self.channels.items() if name not in set(names)}
-        return Recording(self.time_s, left, metadata=self.metadata, source=self.source)
+        return self._with(self.time_s, left)
 
     def select(self, samples: slice | NDArray[np.generic]) -> Recording:
         """Return some of the samples, in every channel.
@@ -159,11 +165,47 @@ class Recording:
         samples : slice or ndarray of int or bool
             As numpy indexes; rising, so that time still increases.
         """
+        chosen = {name: values[samples] for name, values in self.channels.items()}
+        return self._with(self.time_s[samples], chosen)
+
+    def since(self, seconds: float) -> Recording:
+        """Return the recording without its first seconds, which stand in `before`.
+
+        Cables hold tensions of what was done to them before a recording began. The first strokes
+        erase them: after those a simulation from virgin cables is as right as it can be.
+
+        Parameters
+        ----------
+        seconds : float, s
+            From the first sample; 0 or more.
+
+        Raises
+        ------
+        BadInput
+            Fewer than two samples are left.
+        """
+        first = int(np.searchsorted(self.time_s, self.time_s[0] + seconds))
+        if first == 0:
+            return self
+        if self.time_s.size - first < 2:
+            length_s = float(self.time_s[-1] - self.time_s[0])
+            raise BadInput(self.source, f"{length_s:.3g} s", f"more than {seconds:g} s")
+        earlier = self.select(slice(first))
+        return self.select(slice(first, None)).with_before(earlier)
+
+    def with_before(self, before: Recording | None) -> Recording:
+        """Return the same recording with other samples of what the rig did just before."""
         return Recording(
-            self.time_s[samples],
-            {name: values[samples] for name, values in self.channels.items()},
+            self.time_s,
+            self.channels,
             metadata=self.metadata,
             source=self.source,
+            before=before,
+        )
+
+    def _with(self, time_s: _Floats, channels: Mapping[str, ArrayLike]) -> Recording:
+        return Recording(
+            time_s, channels, metadata=self.metadata, source=self.source, before=self.before
         )
 
 

@@ -31,9 +31,9 @@ def simulate_recording(
     model : Model
     mode : Mode
     recording : Recording
-        The rig is virgin at its first sample, unless `before` is given: both cables at their
-        initial tension. Where both angles are given, the simulator takes them to agree there, since
-        two encoders seldom share a zero.
+        The rig is virgin at its first sample, both cables at their initial tension, unless
+        `before` is given here or in the recording (`Recording.since`). Where both angles are given,
+        the simulator takes them to agree there, since two encoders seldom share a zero.
     before : Recording, optional
         What the rig did just before, from virgin; the model runs through it first.
 
@@ -51,6 +51,7 @@ def simulate_recording(
     time_s = recording.time_s
     series = _given(recording, mode)
     lead = 0
+    before = recording.before if before is None else before
     if before is not None:
         lead = before.time_s.size
         step = float(np.median(np.diff(before.time_s))) if lead > 1 else 1.0
