@@ -364,3 +364,25 @@ def test_counters_that_wrap_move_the_model_on() -> None:
     moved_m = 39 * 2 * math.pi / 10000 * 0.104
     arc_m = drive.raw.transmission.load.arc_nm * 1e-9
     assert arc_m == pytest.approx(moved_m, abs=2e-9)
+
+
+def test_a_tpdo_on_sync_has_the_values_of_the_tick_in_which_the_sync_came() -> None:
+    drive = Drive()
+    drive.tick()
+    for number in (0x1800, 0x1801, 0x1802):
+        assert drive.write(number, 2, 1, 1)[0] == 0x60
+    drive.nmt(NMT_START)
+    drive.tick(10)
+    drive.frames()
+    for counts in (100, 200):
+        drive.sensors.load_encoder_counts = counts - 1
+        drive.tick(7)
+        assert not [f for f in drive.frames() if f.cob_id in (0x190, 0x290, 0x390)]
+        drive.send(0x80, b"")
+        drive.sensors.load_encoder_counts = counts
+        now_us = drive.sensors.time_us
+        drive.tick()
+        sent = {f.cob_id: bytes(f.data) for f in drive.frames()}
+        assert struct.unpack_from("<I", sent[0x190], 4)[0] == now_us
+        angle_urad = struct.unpack_from("<i", sent[0x390], 1)[0]
+        assert angle_urad == round(counts * 2e6 * math.pi / 10_000)

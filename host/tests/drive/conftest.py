@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -112,6 +113,9 @@ class Lent(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         self._bus.send(msg, timeout)
+
+    def send_periodic(self, *arguments: Any, **options: Any) -> Any:
+        return self._bus.send_periodic(*arguments, **options)
 
 
 @pytest.fixture

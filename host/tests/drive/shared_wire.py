@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import can
 from bowden_rig.bench import Bench
@@ -43,6 +44,8 @@ class SharedWire(can.BusABC):
         self._fast = fast_by_ppm * 1e-6
         self._owed = 0.0
         self._ready: deque[can.Message] = deque()
+        self.periodic: list[Periodic] = []
+        self.lose: Callable[[can.Message, Bench], bool] = lambda _frame, _bench: False
 
     @property
     def time_s(self) -> float:
@@ -50,7 +53,8 @@ class SharedWire(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
         for one in self.benches:
-            one.to_drive.append(msg)
+            if not self.lose(msg, one):
+                one.to_drive.append(msg)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         end = self.ticks + round((timeout or 0.0) / TICK_S)
@@ -58,8 +62,13 @@ class SharedWire(can.BusABC):
             self._tick()
         return self._ready.popleft() if self._ready else None
 
+    def send_periodic(self, msgs: Any, period: float, **_options: Any) -> Any:  # type: ignore[override]
+        return Periodic(self, msgs, period)
+
     def _tick(self) -> None:
         self.ticks += 1
+        for task in self.periodic:
+            task.send_if_due()
         self._owed += self._fast
         again = self._owed >= 1.0
         self._owed -= float(again)
@@ -71,3 +80,20 @@ class SharedWire(can.BusABC):
                 self._ready.append(frame)
         if self._sender is not None:
             self._ready.extend(self._sender(self.time_s))
+
+
+class Periodic(can.broadcastmanager.CyclicSendTaskABC):
+    """A message that the host sends again and again, in the wire's time."""
+
+    def __init__(self, wire: SharedWire, messages: Any, period_s: float) -> None:
+        super().__init__(messages, period_s)
+        self._wire, self._next = wire, wire.ticks + 1
+        wire.periodic.append(self)
+
+    def stop(self) -> None:
+        self._wire.periodic.remove(self)
+
+    def send_if_due(self) -> None:
+        if self._wire.ticks >= self._next:
+            self._next += round(self.period / TICK_S)
+            self._wire.send(self.messages[0])

@@ -39,6 +39,7 @@ EXAMPLES = """examples:
   bowden record touch.blf --start-on-motion 0.02 --pre-trigger 1 --duration 10
   bowden record night.blf --stop-on-fault                   until a fault, q or Ctrl-C
   bowden record arm.blf --node 16 --node 17 --foreign bench.yaml --duration 30
+  bowden record arm.blf --node 16 --node 17 --sync --duration 30
 
 --foreign names a YAML file; paths in it are relative to it:
   strain gauge:
@@ -89,6 +90,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--foreign", type=Path, metavar="YAML", help="other nodes whose frames become channels"
     )
+    parser.add_argument(
+        "--sync",
+        action="store_true",
+        help="all drives sample at the same moments, by a SYNC that this command sends",
+    )
     parser.add_argument("--note", help="kept with the recording")
     parser.add_argument("--overwrite", action="store_true", help="replace OUT if it is there")
     add_json_argument(parser)
@@ -120,6 +126,7 @@ def run(args: argparse.Namespace) -> int:
             job,
             notes,
             foreign=foreign,
+            sync=args.sync,
             overwrite=args.overwrite,
             on_end=report,
         )
@@ -142,6 +149,7 @@ def record_to(
     metadata: dict[str, str],
     *,
     foreign: Sequence[ForeignSource] = (),
+    sync: bool = False,
     overwrite: bool = False,
     on_end: Callable[[Capture], None] | None = None,
 ) -> Capture:
@@ -169,6 +177,7 @@ def record_to(
                 run=job,
                 metadata=metadata,
                 foreign=foreign,
+                sync=sync,
                 overwrite=overwrite,
                 on_progress=tell,
                 requests=lambda: _requests(keys()),

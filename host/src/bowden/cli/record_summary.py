@@ -30,6 +30,7 @@ def summary(capture: Capture, path: Path) -> dict[str, object]:
         "emergencies": side.emergencies,
         "findings": side.findings,
         "nodes": [side.node_id, *(other.node_id for other in side.others)],
+        "sampling": "timer" if side.sync_counter is None else "sync",
         "foreign": [source.name for source in side.foreign],
     }
 

@@ -18,6 +18,7 @@ from bowden.drive.follow import Follower
 from bowden.drive.position_follower import following_sender
 from bowden.drive.power import Run, powered, require_unused
 from bowden.drive.provenance import read_layouts, run_metadata, side_file
+from bowden.drive.sync import missing_sync_hint, require_ours, sampling_by_sync, sync_sent
 from bowden.drive.torque_profile import profile_sender
 from bowden.drive.watch import Progress, Request, Span, Watch
 from bowden.errors import BadInput, DriveFailed
@@ -56,6 +57,7 @@ def record(
     run: Run | None = None,
     metadata: Mapping[str, str] | None = None,
     foreign: Sequence[ForeignSource] = (),
+    sync: bool = False,
     overwrite: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
     requests: Callable[[], Iterable[Request]] | None = None,
@@ -78,6 +80,9 @@ def record(
         Kept with the recording.
     foreign : sequence of ForeignSource
         Other nodes of the bus whose frames become channels.
+    sync : bool
+        Have all drives sample at the same moments, by a SYNC that the host sends with the first
+        drive's sample period.
     overwrite : bool
         Replace an unfinished recording of that name.
     on_progress : callable, optional
@@ -93,12 +98,19 @@ def record(
         A path that cannot be written, or not to the end.
     DriveFailed
         A drive failed, restarted or vanished, or the bus did; what was recorded is kept and says
-        that it was cut.
+        that it was cut. With `sync`, also a drive that sends samples for another program.
     """
     drives = [drive] if isinstance(drive, Drive) else list(drive)
     span = span if isinstance(span, Span) else Span(span)
     session = _Session(
-        drives, path, span, run, metadata=metadata or {}, foreign=foreign, overwrite=overwrite
+        drives,
+        path,
+        span,
+        run,
+        metadata=metadata or {},
+        foreign=foreign,
+        sync=sync,
+        overwrite=overwrite,
     )
     watch = Watch(session.followers, session.writer, on_progress, requests, session.senders)
     try:
@@ -126,26 +138,32 @@ class _Session:
         *,
         metadata: Mapping[str, str],
         foreign: Sequence[ForeignSource],
+        sync: bool,
         overwrite: bool,
     ) -> None:
-        self.drives, self.path, self.span, self.run = drives, path, span, run
+        self.drives, self.path, self.span, self.run, self.sync = drives, path, span, run, sync
         self.triggered = span.start_on_motion_rad is None
         self.ended = "duration over"
         if run is not None:
             for drive in drives:
                 require_unused(drive)
-        layouts = [read_layouts(drive) for drive in drives]
+        self.layouts = layouts = [read_layouts(drive) for drive in drives]
         self.followers = [Follower(drive, one) for drive, one in zip(drives, layouts, strict=True)]
         side = side_file(drives, layouts, {**metadata, **run_metadata(drives[0], run)})
         # A drive that sends samples already does so for someone else: then we only listen to it.
         self.ours = [
             drive for drive in drives if run is not None or drive.next_nmt_state() != "OPERATIONAL"
         ]
+        if sync:
+            require_ours(drives, self.ours)
+        self.hint = "" if sync else missing_sync_hint(self.ours)
         self.senders = [_sender(one, run) for one in self.followers] if run is not None else []
         for drive in self.ours:
             drive.nmt("PRE-OPERATIONAL")
-        counters = self._counters() if self.triggered else {}
-        side = side.with_counters("counter_before", counters)
+        counters = self._counters()
+        side = side.with_counters("counter_before", counters if self.triggered else {})
+        if sync:
+            side = side.with_counters("sync_counter", counters).with_one_period()
         self.writer = CaptureWriter(
             path,
             side.model_copy(update={"foreign": list(foreign)}),
@@ -158,8 +176,13 @@ class _Session:
         writer = self.writer
         try:
             with ExitStack() as sampling:
+                if self.sync:
+                    sampling.enter_context(sampling_by_sync(self.drives, self.layouts))
                 for drive in self.ours:
                     sampling.enter_context(_sampling(drive, self.run))
+                if self.sync:
+                    connection, period_s = self.drives[0].connection, writer.side.sample_period_s
+                    sampling.enter_context(sync_sent(connection, period_s))
                 self._watch(watch)
             writer.side = writer.side.with_counters("counter_after", self._counters())
         except KeyboardInterrupt as stop:
@@ -173,7 +196,7 @@ class _Session:
             self.ended = str(failure)
             writer.note(cut=self.ended)
             raise DriveFailed(
-                f"{failure}; what was recorded until then is kept and marked as cut"
+                f"{failure}{self.hint}; what was recorded until then is kept and marked as cut"
             ) from failure
         except BadInput:
             self.raise_unwritten()

@@ -63,6 +63,7 @@ def _metadata(decoded: Decoded, side: SideFile) -> dict[str, str]:
     if decoded.clock:
         told["clock_drift_ppm"] = f"{decoded.clock.drift_ppm:.3g}"
     optional = {
+        "sampling": _sampling(side),
         "other_nodes": " ".join(map(str, decoded.others)),
         "clock_finding": decoded.clock and clock_finding(decoded.clock, decoded.duration_s),
         "findings": "; ".join(decoded.findings),
@@ -72,6 +73,13 @@ def _metadata(decoded: Decoded, side: SideFile) -> dict[str, str]:
         "cut": side.cut,
     }
     return told | {key: text for key, text in optional.items() if text}
+
+
+def _sampling(side: SideFile) -> str | None:
+    """Return how the samples of several drives belong together, where they were taken by SYNC."""
+    if side.sync_counter is None:
+        return None
+    return "synchronous: every drive samples in the control tick in which it receives a SYNC"
 
 
 def _losses(prefix: str, decoded: Decoded) -> dict[str, str]:

@@ -24,6 +24,7 @@ from bowden.recording.losses import (
     number_samples,
 )
 from bowden.recording.side_file import MarkNote, OtherDrive, PdoLayout, SideFile
+from bowden.recording.synchronous import sync_finding, synchronous_series
 
 #: Fields that place a sample and are not measurements.
 _COUNTER, _LOW_BYTE, _DEVICE_TIME = "sample_counter", "sample_counter_low", "device_time"
@@ -177,6 +178,12 @@ def _with_others(
             continue
         if finding := clock_finding(other.clock, other.duration_s):
             findings.append(f"{name}: {finding}")
+        if finding := sync_finding(side, drive):
+            findings.append(finding)
+        theirs = other.number, other.channels
+        if paired := synchronous_series(decoded.number, decoded.time_s, side, drive, theirs):
+            series.append(paired)
+            continue
         host_s = other.clock.host_time_s(other.time_s + other.start_s)
         time_s = clock.device_time_s(host_s) - decoded.start_s
         held = frozenset(f.column for pdo in drive.pdos for f in pdo.fields if f.scale == 1.0)

@@ -102,10 +102,15 @@ class OtherDrive(_Part):
     pdos: list[PdoLayout]
     counter_before: int | None = None
     counter_after: int | None = None
+    sync_counter: int | None = None
 
 
 class SideFile(_Part):
-    """Everything that the side file holds."""
+    """Everything that the side file holds.
+
+    `sync_counter` is a drive's sample counter before the first SYNC; None: it samples by its own
+    timer.
+    """
 
     format: int = Field(default=FORMAT, ge=1, le=FORMAT)
     bowden: str
@@ -118,6 +123,7 @@ class SideFile(_Part):
     pdos: list[PdoLayout]
     counter_before: int | None = None
     counter_after: int | None = None
+    sync_counter: int | None = None
     samples: int | None = None
     lost: dict[str, Lost] | None = None
     clock: Clock | None = None
@@ -132,11 +138,17 @@ class SideFile(_Part):
     metadata: dict[str, str] = Field(default_factory=dict)
 
     def with_counters(self, field: str, by_node: Mapping[int, int]) -> SideFile:
-        """Return it with the drives' sample counters, before or after, where they are known."""
+        """Return it with the drives' sample counters in a field, where they are known."""
         others = [
             other.model_copy(update={field: by_node.get(other.node_id)}) for other in self.others
         ]
         return self.model_copy(update={field: by_node.get(self.node_id), "others": others})
+
+    def with_one_period(self) -> SideFile:
+        """Return it with the first drive's sample period for all drives, as SYNC gives it."""
+        period = {"sample_period_s": self.sample_period_s}
+        others = [other.model_copy(update=period) for other in self.others]
+        return self.model_copy(update={"others": others})
 
 
 def side_path(capture: Path) -> Path:
