@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels bench bench-faults bench-diagnosis bench-feel bench-calibration bench-data-gate lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels transcripts bench bench-faults bench-diagnosis bench-feel bench-calibration bench-data-gate lock clean
 .PHONY: setup setup-firmware setup-baselines native
 
 help: ## list the targets
@@ -58,6 +58,9 @@ native: setup ## build the firmware as a shared library for this machine
 
 docs: native ## build the documentation site, with executed notebooks, into build/docs
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs build/docs
+
+transcripts: native wheels ## write into the pages what their commands print (PAGES="first-hour new-user-wheels new-user-repository"); minutes
+	$(BIN)/python -m tools.transcripts $(PAGES)
 
 wheels: setup ## build dist/bowden-*.whl and dist/bowden_rig-*.whl (with the compiled firmware)
 	rm -rf dist && $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation -w dist ./host ./rig

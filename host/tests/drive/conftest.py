@@ -4,15 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import can
 import pytest
-from bowden.cli import doctor
-from bowden.cli import node as node_command
-from bowden.cli import scan as scan_command
-from bowden.drive import client
-from bowden.drive.bus_options import BusOptions
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
 from bowden.model import format_model, table_1
@@ -22,6 +16,8 @@ from bowden_rig.rig.parameters import Operator, Rig
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
 from bowden_rig.virtual_bus import VirtualBus
+
+from tools.lent_rig import lent_rig
 
 
 def open_rig(drop: Loss | None = None, motion: str = "sine") -> tuple[Drive, VirtualBus]:
@@ -90,43 +86,11 @@ def silent() -> Iterator[Callable[..., tuple[Connection, SilentBus]]]:
         connection.close()
 
 
-class Unclosed:
-    """Lends one bus to one command after the other."""
-
-    def __init__(self, bus: VirtualBus) -> None:
-        self.bus = bus
-
-    def open(self, options: BusOptions) -> Connection:
-        bus = Lent(self.bus)
-        return Connection(
-            bus, adapter=options.adapter(), clock=lambda: self.bus.time_s, threaded=False
-        )
-
-
-class Lent(can.BusABC):
-    def __init__(self, bus: VirtualBus) -> None:
-        super().__init__(channel="lent")
-        self._bus = bus
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        return self._bus.recv(timeout)
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        self._bus.send(msg, timeout)
-
-    def send_periodic(self, *arguments: Any, **options: Any) -> Any:
-        return self._bus.send_periodic(*arguments, **options)
-
-
 @pytest.fixture
-def bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualBus]:
-    with VirtualBus(Bench(SimulatedRig(), make_target("native"))) as bus:
-        lender = Unclosed(bus)
-        for module in (client, scan_command, doctor, node_command):
-            monkeypatch.setattr(module, "open_connection", lender.open)
+def bus() -> Iterator[VirtualBus]:
+    """Lend a rig to every command that opens a bus."""
+    with lent_rig() as bus:
         yield bus
-        bus.advance(0.01)  # what was sent last has to arrive
-        assert not bus.bench.actuators.bridge_enabled
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from bowden.drive.fault_report import failures
 from bowden.drive.meanings import Supervision
 from bowden_rig.virtual_bus import VirtualBus
 
-from host.tests.drive.conftest import Unclosed
+from tools.lent_rig import Lender
 
 
 def send(bus: VirtualBus, cob_id: int, data: bytes) -> None:
@@ -37,7 +37,7 @@ def another_master_enables(bus: VirtualBus) -> None:
 
 @pytest.fixture
 def stoppable(bus: VirtualBus, monkeypatch: pytest.MonkeyPatch) -> VirtualBus:
-    opened: Callable[[BusOptions], Connection] = Unclosed(bus).open
+    opened: Callable[[BusOptions], Connection] = Lender(bus).open
     monkeypatch.setattr(stop_command, "open_connection", opened)
     return bus
 
