@@ -24,7 +24,7 @@ LAST_WORDS_S: Final = 0.02  # for an EMCY that is on its way
 
 
 class Benches:
-    """Builds benches for one test, booted, and judges them at its end.
+    """Builds benches for one test, booted, and checks them at its end.
 
     A test that provokes an error says so beforehand: ``benches.expected = {0x8130}``.
 

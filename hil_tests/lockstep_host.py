@@ -1,7 +1,7 @@
 """A host in lock-step with the bench: NMT, expedited SDO and PDOs by hand, in virtual time.
 
-Speaks the wire format itself instead of using the product's client, so that tests of the drive do
-not depend on it, and in one thread, so that they are bit-reproducible. Goes by a `Wire`: a
+Implements the wire format itself instead of using the product's client, so that tests of the drive
+do not depend on it, and in one thread, so that they are bit-reproducible. Goes by a `Wire`: a
 `VirtualBus`, or a real bus in wall-clock time (`targets.hardware`).
 """
 

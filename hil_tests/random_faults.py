@@ -277,7 +277,7 @@ class Mix:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run laws in turn, a minute each; tell the progress on stderr."""
+    """Run laws in turn, a minute each; show the progress on stderr."""
     parser = argparse.ArgumentParser(
         prog="python -m hil_tests.random_faults",
         description=__doc__,

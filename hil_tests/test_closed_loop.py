@@ -1,4 +1,4 @@
-"""The loop closed in virtual time: hidden in the rig, named by the diagnosis, applied, felt less.
+"""The loop closed in virtual time: an effect hidden in the rig is named, applied and compensated.
 
 The drive is the real firmware; the diagnosis sees what was recorded over CAN and the lab's model.
 """
@@ -20,7 +20,7 @@ from bowden_rig.virtual_bus import VirtualBus
 HIDDEN_RAD = float(HIDDEN.partition("=")[2])
 
 
-def test_a_named_effect_makes_the_tunnel_truer(tmp_path: Path) -> None:
+def test_a_named_effect_reduces_the_rendering_error(tmp_path: Path) -> None:
     rig = parameters.Rig()
     for setting in (*RIG, HIDDEN):
         rig = parameters.changed(rig, setting)
@@ -33,9 +33,9 @@ def test_a_named_effect_makes_the_tunnel_truer(tmp_path: Path) -> None:
     assert found.verdict == "named"
     (effect,) = found.effects
     assert effect.name == "wrap_angle_change"
-    # How much is wrap, how much coefficient and how much pretension only the tolerances tell: 3 %
-    # of either is 0.3 of ten radians; two sigmas of both. What friction they make together,
-    # T0 mu (L/R + extra), the recording tells.
+    # Only the product of wrap, coefficient and pretension is identifiable; the split follows from
+    # the tolerances: 3 % of either is 0.3 of ten radians; two sigmas of both. What friction they
+    # make together, T0 mu (L/R + extra), the recording tells.
     extra_rad = effect.parameters["extra_wrap_rad"].value
     assert extra_rad == pytest.approx(HIDDEN_RAD, abs=0.9)
     model = found.model

@@ -89,7 +89,7 @@ def test_the_law_that_is_configured_is_the_law_that_runs(benches: Benches) -> No
     assert wanted == pytest.approx(expected, abs=5.2 * 0.5 * 5e-3)
 
 
-def test_a_load_cell_that_saturates_in_mid_motion_costs_a_rung_and_not_the_tunnel(
+def test_a_load_cell_that_saturates_in_mid_motion_costs_a_fallback_level_and_not_the_tunnel(
     benches: Benches,
 ) -> None:
     benches.expected = {WARNING}

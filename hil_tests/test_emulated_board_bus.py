@@ -1,4 +1,4 @@
-"""What the board puts on its bus after the bus was away: nothing that tells of a time long past."""
+"""Frames that the board sends after the bus has failed: none is outdated."""
 
 from __future__ import annotations
 

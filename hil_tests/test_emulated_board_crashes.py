@@ -1,4 +1,4 @@
-"""What can go wrong in the program or with its power: bridge off in time, told, started anew.
+"""Faults of the program and of its power: bridge off in time, reported, restarted.
 
 The ELF is the one that is flashed; its faults are made by overwriting instructions or memory behind
 its back. The times are those of docs/hardware.md.
@@ -180,7 +180,7 @@ def test_crashes_are_counted_until_power_off() -> None:
         assert record(board)["count"] == count
     board.chip.pin_reset()
     board.run(0.05)
-    assert board.state() == 0x40  # told once, but still there to be looked at
+    assert board.state() == 0x40  # sent once, but still readable
     assert record(board)["count"] == 2
     board.target.reset()
     board.run(0.05)
@@ -224,7 +224,7 @@ def test_the_reset_cause_is_that_of_this_start_alone() -> None:
     assert board.reset_cause() == 1
 
 
-def test_a_brown_out_is_told() -> None:
+def test_a_brown_out_is_reported() -> None:
     board = Board()
     board.run(0.05)
     board.chip.set_supply_mv(1500)

@@ -1,4 +1,4 @@
-"""A debugger halts the flashed board: no current that nobody controls, whatever the timer does."""
+"""A debugger halts the flashed board: no uncontrolled current, whatever the timer does."""
 
 from __future__ import annotations
 

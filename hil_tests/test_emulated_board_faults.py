@@ -1,4 +1,4 @@
-"""What can go wrong around the chip: bridge off in time, the fault told, a restart works.
+"""Faults around the chip: bridge off in time, the fault reported, a restart works.
 
 Converter, encoders, load cell, clock and bus; the program itself is test_emulated_board_crashes.py.
 The times are those of docs/hardware.md.
@@ -208,8 +208,8 @@ def faults(board: Board) -> list[int]:
 @pytest.mark.parametrize(
     ("kind", "size"), [("stuck", 0.0), ("sign", 0.0), ("offset", 3.0), ("offset", -3.0)]
 )
-def test_a_current_sensor_that_lies_is_found_in_a_few_periods(kind: str, size: float) -> None:
-    """It was 16 A after 1.5 ms and 37 A after a second, with the bridge on and nothing told."""
+def test_a_wrong_current_sensor_is_found_in_a_few_periods(kind: str, size: float) -> None:
+    """Without the check: 16 A after 1.5 ms and 37 A after a second, with the bridge on."""
     board = running(0.1)
     start_us = board.chip.time_us
     board.chip.break_current_sense(kind, size)
@@ -366,7 +366,7 @@ def test_a_babbling_node_that_drowns_the_host_stops_the_motor() -> None:
     heartbeat.stop()
 
 
-def test_a_babbling_node_that_speaks_to_us_cannot_stall_the_loops() -> None:
+def test_a_babbling_node_with_our_identifier_cannot_stall_the_loops() -> None:
     """The shortest accepted frame back to back: 20 000 interrupts a second."""
     board = running()
     board.chip.reset_accounts()
@@ -380,7 +380,7 @@ def test_a_babbling_node_that_speaks_to_us_cannot_stall_the_loops() -> None:
     assert board.chip.bridge().enabled
 
 
-def test_frames_that_are_lost_are_told() -> None:
+def test_lost_frames_are_reported() -> None:
     """A flood while a slow core takes its configuration: more than the ring holds."""
     board = Board(options=Options(cycles_per_instruction=4.0))
     board.chip.set_babbling(can.Message(arbitration_id=0x080, is_extended_id=False))

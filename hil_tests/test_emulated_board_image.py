@@ -1,4 +1,4 @@
-"""A program in the flash that is not the one that was built: told, and its bridge never goes on."""
+"""A damaged program in the flash: reported, and its bridge never goes on."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def send(board: Board, cob_id: int, data: bytes) -> None:
 
 
 def try_to_enable(board: Board) -> None:
-    """Do what a host would do, fault resets between, and listen to no answer."""
+    """Send what a host would send, with fault resets between, and ignore the answers."""
     send(board, 0, bytes([NMT_START, NODE_ID]))
     for word in (0x00, 0x80, 0x06, 0x07, 0x0F):
         send(board, 0x200 + NODE_ID, bytes([word, 0, TORQUE_MODE & 0xFF, 0, 0, 0]))

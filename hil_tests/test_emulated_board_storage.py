@@ -122,9 +122,7 @@ def test_a_save_without_room_says_busy_and_the_next_is_kept() -> None:
     before_s = board.bench.time_s
     frames = board.run(ERASE_S)
     beats = [before_s, *(m.timestamp for m in frames if m.arbitration_id == 0x710)]
-    assert (
-        max(b - a for a, b in itertools.pairwise(beats)) < 0.11
-    )  # it goes on to say that it lives
+    assert max(b - a for a, b in itertools.pairwise(beats)) < 0.11  # its heartbeat goes on
     assert board.restarts() == []
     save(board, 5_000_000)
     restart(board)
@@ -147,7 +145,7 @@ def test_the_clock_goes_on_while_room_is_made() -> None:
 
 
 @pytest.mark.parametrize("rubbish", [b"\x5a", b"\0"])
-def test_a_chip_full_of_something_else_starts_at_once_with_the_defaults_and_says_so(
+def test_a_flash_full_of_other_data_starts_at_once_with_the_defaults_and_a_warning(
     rubbish: bytes,
 ) -> None:
     board = Board()

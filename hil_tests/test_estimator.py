@@ -1,5 +1,6 @@
-"""The drive's estimate of its cables against a rig that is not its model: load torque, slip, slack,
-confidence, and what an encoder's tick may and may not do to it.
+"""The drive's estimate of its cables against a rig that is not its model.
+
+Load torque, slip, slack, confidence, and the influence of an encoder's count.
 
 The rig is the simulated one (distributed masses, bristle friction, noise); the truth is the rig's.
 The drive is the natively built one, configured over the bus as a lab does it.

@@ -18,7 +18,7 @@ ENABLED = Actuators(bridge_enabled=True)
 QUIET = Sensing(load_cell_noise_nm=0.0, current_noise_a=0.0)
 
 
-def test_person_reaches_forty_degrees_against_the_friction() -> None:
+def test_operator_reaches_forty_degrees_against_the_friction() -> None:
     rig = SimulatedRig()
     counts = [rig.step(ENABLED).load_encoder_counts for _ in range(4 * 4000)]
     reached_deg = 360.0 / 10000 * np.array(counts[8000:])
@@ -26,7 +26,7 @@ def test_person_reaches_forty_degrees_against_the_friction() -> None:
     assert -41.6 < reached_deg.min() <= -40.0
 
 
-def test_person_waits_for_the_bridge_and_stops_with_it() -> None:
+def test_operator_waits_for_the_bridge_and_stops_with_it() -> None:
     rig = SimulatedRig()
     waiting = [rig.step(Actuators()).load_encoder_counts for _ in range(4000)]
     assert set(waiting) == {0}

@@ -1,4 +1,4 @@
-"""Cases of the dynamic rig: what a lab hands in, honest, repeatable, and like the continuum."""
+"""Cases of the dynamic rig: a lab's files without the truth, repeatable, like the continuum."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_case_depends_on_its_seed_alone() -> None:
 
 
 @pytest.mark.parametrize(("kind", "names"), [("complete", 0), ("single", 1), ("pair", 2)])
-def test_a_recording_does_not_tell_the_truth(kind: str, names: int) -> None:
+def test_a_recording_does_not_contain_the_truth(kind: str, names: int) -> None:
     case = draw_case(4, kind, length_s=SHORT_S)
     assert len(case.truth.effects) == names
     text = case.csv_text() + case.model_yaml.replace("motor_inertia", "")
@@ -66,7 +66,7 @@ def test_a_delay_is_told_as_the_rig_has_it() -> None:
 
 
 @pytest.mark.parametrize("name", ["friction_flicker", "intermittent_encoder_slip"])
-def test_what_no_catalogue_has_is_seen(name: str) -> None:
+def test_an_effect_outside_the_catalogue_is_visible(name: str) -> None:
     case = draw_case(3, "unlisted", name, 4.0)
     assert case.truth.kind == "unlisted"
     assert case.truth.strength > 1.0
@@ -114,6 +114,6 @@ def test_a_drive_that_cannot_tell_the_torque_is_refused() -> None:
         record(strong, there_and_back(), 1)
 
 
-def test_who_makes_cases_knows_nothing_of_who_looks() -> None:
+def test_the_maker_of_cases_imports_nothing_of_the_diagnosis() -> None:
     for source in Path(rig_cases.__file__).parent.glob("*.py"):
         assert not re.search(r"^\s*(from|import) bowden\b", source.read_text("utf-8"), re.M), source

@@ -9,7 +9,7 @@ from bowden_rig.virtual_bus import VirtualBus
 from hil_tests.benches import Benches
 from hil_tests.lockstep_host import NMT_RESET_NODE, LockstepHost, SdoAbort
 
-pytestmark = pytest.mark.needs(SIMULATED_RIG)  # a real board's configuration is not ours to change
+pytestmark = pytest.mark.needs(SIMULATED_RIG)  # a real board's configuration must not be changed
 
 Host = LockstepHost[VirtualBus]
 
@@ -105,7 +105,7 @@ def test_the_last_faults_survive_power_off_and_touch_no_configuration(benches: B
     assert number(host, ORIGIN, 1) == 0  # a log is no configuration
 
 
-def test_a_log_that_grows_leaves_what_was_saved(benches: Benches) -> None:
+def test_a_growing_log_leaves_the_saved_configuration(benches: Benches) -> None:
     benches.expected = {COMMAND_LATE}
     host = benches()
     host.write(PRETENSION, 0, 7_000_000, 4)

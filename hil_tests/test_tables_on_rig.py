@@ -1,4 +1,4 @@
-"""Effects that go to the drive as tables make its rendering truer, on the simulated rig.
+"""Effects that go to the drive as tables reduce its rendering error, on the simulated rig.
 
 The drive has no load cell to help: what it renders is what its model is worth. The truth to reach
 is a rig without the effect whose drive has that rig's true model.

@@ -1,4 +1,4 @@
-"""A rig on a workbench in virtual time: its wires may be swapped, its hand and weights are told.
+"""A rig on a workbench in virtual time: swapped wires, and an operator who follows instructions.
 
 `Miswired` stands between board and firmware, as swapped wires, wrong decoders and wrong sensor
 scales do; `Fitter` is the operator who does what `bowden commission` asks for.

@@ -7,6 +7,6 @@ their goals in docs/performance.md.
 
 import os
 
-# One core for everybody, before numpy is loaded: the dense solve would take all of them.
+# One core for every subject, before numpy is loaded: the dense solve would take all of them.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")

@@ -177,12 +177,12 @@ def _each(todo: list[Job], workers: int) -> Iterator[dict[str, Result]]:
         yield from map(run, todo)
         return
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:  # in the order in which they end: one slow case keeps nobody waiting
+    try:  # in the order in which they end
         for done in as_completed([pool.submit(run, job) for job in todo]):
             yield done.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        for worker in active_children():  # a case takes minutes, and nobody waits for it any more
+        for worker in active_children():  # a case takes minutes, and its result is not needed
             worker.terminate()
 
 

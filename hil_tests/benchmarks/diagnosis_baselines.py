@@ -1,4 +1,4 @@
-"""What others would do with the same cases: regression of the gap on a library, and "viscous".
+"""Baselines on the same cases: regression of the gap on a library, and "viscous".
 
 Every baseline gets the gap that OUR calibration leaves (so miscalibration is not held against it),
 in the channel that disagrees most, and one library of terms; each term is mapped to the effect of

@@ -38,7 +38,7 @@ EXCEPTION_NAMES = {
 
 
 class CanFault(enum.IntEnum):
-    """What can be wrong with the bus; see ``machine_can_fault`` in api.h."""
+    """Faults of the bus; see ``machine_can_fault`` in api.h."""
 
     NONE = 0
     NO_ACK = 1

@@ -30,7 +30,7 @@ def read_rows(file: Path) -> list[Outcome]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run, tell the progress on stderr, write what was asked for."""
+    """Run, show the progress on stderr, write the requested files."""
     parser = argparse.ArgumentParser(
         prog="python -m hil_tests.fault_campaign",
         description=__doc__,

@@ -1,6 +1,6 @@
-"""Effects that are in no catalogue, to see whether a diagnosis says "I don't know this one".
+"""Effects that are in no catalogue, to test the verdict "unlisted".
 
-None is a catalogue effect in disguise: each depends on something that no catalogue law knows (the
+None is similar to a catalogue effect: each depends on something that is in no catalogue law (the
 direction at a place, random moments, the square or cube of a torque, a resonance), so that the
 best catalogue effect leaves a good part of the gap.
 """

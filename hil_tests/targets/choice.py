@@ -11,9 +11,9 @@ HARDWARE: Final = "hardware"
 
 
 def capabilities_of(name: str, allow_motion: bool) -> frozenset[str]:
-    """Tell what the target of that name can do, without making one.
+    """Return the capabilities of the target of that name, without making one.
 
-    `allow_motion` matters to a real board alone: a simulated rig cannot hurt anybody.
+    `allow_motion` matters only for a real board: a simulated rig is harmless.
     """
     if name == HARDWARE:
         return frozenset({MOTION}) if allow_motion else frozenset()

@@ -32,7 +32,7 @@ def tunnel_torque_nm(load_angle_rad: np.ndarray) -> np.ndarray:
 
 
 def experiment_2(model: Model, seconds: float = 8.0) -> Recording:
-    """Experiment 2: the tunnel under a hand that moves 40 degrees at 0.5 Hz, as the model says."""
+    """Experiment 2: the tunnel under an operator who moves 40 degrees at 0.5 Hz, by the model."""
     time_s = np.arange(round(seconds * 1000)) * 1e-3
     load = np.radians(40.0) * np.sin(2 * np.pi * 0.5 * time_s)
     inputs = Inputs(time_s=time_s, motor_torque_nm=tunnel_torque_nm(load), load_angle_rad=load)
@@ -49,7 +49,7 @@ def wiggle(model: Model) -> Recording:
 
 
 def as_recording(trajectory: Trajectory, source: str = "made by the model") -> Recording:
-    """Take a simulated run for a measured one."""
+    """Return a simulated run as a measured one."""
     return Recording(
         trajectory.time_s,
         motor_angle_rad=trajectory.motor_angle_rad,

@@ -39,7 +39,7 @@ def test_a_command_that_fails_ends_the_writing() -> None:
         assert run('[ "$there" ] && echo kept') == "kept\n"
         with pytest.raises(CommandFailed, match="no-such-file"):
             run("/bin/cat no-such-file")
-    with pytest.raises(CommandFailed, match=r"(?s)status 2.*no-such\.yaml"):
+    with pytest.raises(CommandFailed, match=r"(?s)status 2.*run\.csv"):
         run_here("bowden compare no-such.yaml run.csv")
 
 

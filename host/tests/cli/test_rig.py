@@ -62,7 +62,7 @@ def test_scan_and_record(flags: list[str], tmp_path: Path) -> None:
     assert state["power_state"] == "switch on disabled"
 
 
-def test_the_rig_ends_politely(rig: subprocess.Popen[str]) -> None:
+def test_the_rig_ends_on_a_signal(rig: subprocess.Popen[str]) -> None:
     rig.send_signal(signal.SIGINT)
     assert rig.wait(30) == 0
 
@@ -89,7 +89,7 @@ def test_a_recording_whose_rig_is_killed_is_cut_and_kept(
     assert not list(tmp_path.glob("*.tmp"))
 
 
-def test_a_rig_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rig_that_is_not_installed_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bowden.drive.simulated_rig.find_spec", lambda _name: None)
     with pytest.raises(ValueError, match="no simulated rig in this installation"):
         rig_command(BusOptions())

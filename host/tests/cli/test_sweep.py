@@ -1,4 +1,4 @@
-"""Sweeps from arguments to the finished table: locally, interrupted and gone on with, on Dask."""
+"""Sweeps from arguments to the finished table: locally, interrupted and continued, on Dask."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Tired(Fitter):
         super().ask(title, moves, todo)
 
 
-def test_every_wrong_sign_and_scale_is_found_and_named_and_the_model_is_right(
+def test_every_wrong_sign_and_scale_is_named_and_the_model_is_right(
     nominal: Path, tmp_path: Path
 ) -> None:
     wiring = Wiring(

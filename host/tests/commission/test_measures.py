@@ -1,4 +1,4 @@
-"""What short recordings say of wiring, scales and constants, against closed forms."""
+"""Wiring, scales and constants from short recordings, against closed forms."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def moved_by_hand(load: np.ndarray = LOAD, torque_nm: np.ndarray | float = 0.0) 
 @pytest.mark.parametrize("load", [1, -1])
 @pytest.mark.parametrize("motor", [1, -1])
 @pytest.mark.parametrize("cell", [1, -1])
-def test_each_sign_is_told_apart_from_the_others(load: int, motor: int, cell: int) -> None:
+def test_each_sign_is_found_independently_of_the_others(load: int, motor: int, cell: int) -> None:
     true = moved_by_hand()
     read = true.with_channels(
         load_angle_rad=load * true.load_angle_rad,
@@ -62,7 +62,7 @@ def test_each_sign_is_told_apart_from_the_others(load: int, motor: int, cell: in
     assert (found.load_encoder, found.motor_encoder, found.load_cell) == (load, motor, cell)
 
 
-def test_a_load_that_stands_still_tells_no_sign() -> None:
+def test_a_load_at_standstill_shows_no_sign() -> None:
     with pytest.raises(BadInput, match=r"load angle that moved by 0\.070 rad"):
         directions(moved_by_hand(0.05 * LOAD))
 

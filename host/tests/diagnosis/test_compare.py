@@ -122,7 +122,7 @@ def test_uneven_time_and_a_pause_are_no_gap_of_the_model() -> None:
     assert one.time_gaps[0][1] == pytest.approx(0.5, abs=0.02)
 
 
-def test_the_rig_goes_on_from_where_it_was_left() -> None:
+def test_the_rig_continues_from_where_it_was_left() -> None:
     whole = experiment_2(MODEL)
 
     first, second = whole.select(slice(3000)), whole.select(slice(3000, 8000))

@@ -1,4 +1,4 @@
-"""What goes wrong in a lab: each ends in one clear line, nothing half-written, the drive safe."""
+"""Faults of a lab's day: each ends in one clear line, nothing half-written, the drive safe."""
 
 from __future__ import annotations
 

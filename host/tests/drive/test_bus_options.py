@@ -1,4 +1,4 @@
-"""Which bus: python-can's flags, our default, and what is said when it cannot be opened."""
+"""The bus: python-can's flags, the default, and the error when it cannot be opened."""
 
 from __future__ import annotations
 
@@ -71,11 +71,11 @@ def test_a_bit_rate_of_zero_is_refused() -> None:
         (BusOptions("pcan", "PCAN_USBBUS1"), can.CanInitializationError("no dongle"), "no dongle"),
     ],
 )
-def test_a_bus_that_cannot_be_opened_is_told_with_what_helps(
+def test_a_bus_that_cannot_be_opened_is_reported_with_advice(
     monkeypatch: pytest.MonkeyPatch, options: BusOptions, cause: Exception, told: str
 ) -> None:
     def refuse(**_arguments: object) -> None:
-        raise can.CanInitializationError("python-can's own words") from cause
+        raise can.CanInitializationError("python-can's own text") from cause
 
     monkeypatch.setattr(module.can, "Bus", refuse)
     with pytest.raises(DriveFailed) as failure:

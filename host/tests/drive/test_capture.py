@@ -1,4 +1,4 @@
-"""Recording the real firmware: nothing lost, or all losses told; cut short, but kept."""
+"""Recording the real firmware: nothing lost, or all losses reported; cut short, but kept."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_every_frame_dropped_on_purpose_is_reported(
 def test_only_listening_does_not_touch_the_bridge(rig: MakeRig, tmp_path: Path) -> None:
     drive, bus = rig()
     capture = record(drive, tmp_path / "run.blf", 0.5)
-    # 0.5 s have 501 ends of milliseconds; the drive sends until it hears that it is over.
+    # 0.5 s have 501 ends of milliseconds; the drive sends until it gets the stop command.
     assert capture.side.samples in (501, 502)
     assert capture.decoded.losses.total == 0
     assert not bus.bench.actuators.bridge_enabled
@@ -186,7 +186,7 @@ def test_durations_that_make_no_sense_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_simulated_rig_may_be_without_processor_time_for_seconds(
+def test_a_simulated_rig_may_get_no_processor_time_for_seconds(
     rig: MakeRig, tmp_path: Path
 ) -> None:
     drive, bus = rig()

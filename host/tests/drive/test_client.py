@@ -1,4 +1,4 @@
-"""Talking to a drive: values by name, and an error that says what is wrong when nothing answers."""
+"""Access to a drive: values by name, and an error with the cause when nothing answers."""
 
 from __future__ import annotations
 
@@ -81,32 +81,32 @@ def test_another_dictionary_is_refused(rig: MakeRig, monkeypatch: pytest.MonkeyP
         drive.check_dictionary()
 
 
-def test_a_silent_bus_is_told(silent: MakeSilent) -> None:
+def test_a_silent_bus_is_reported(silent: MakeSilent) -> None:
     connection, _ = silent()
     with pytest.raises(DriveFailed, match=r"node 16 does not answer and the bus is silent"):
         Drive(connection).read("cable_pretension")
 
 
-def test_a_wrong_node_id_is_told_with_the_ids_that_are_there(rig: MakeRig) -> None:
+def test_a_wrong_node_id_is_reported_with_the_ids_that_are_there(rig: MakeRig) -> None:
     drive, _ = rig()
     with pytest.raises(DriveFailed, match=r"node 20 is not there; heard from node 16: .*--node"):
         Drive(drive.connection, 20).check_dictionary()
 
 
-def test_a_stopped_node_is_told(rig: MakeRig) -> None:
+def test_a_stopped_node_is_reported(rig: MakeRig) -> None:
     drive, _ = rig()
     drive.nmt("STOPPED")
     with pytest.raises(DriveFailed, match="NMT stopped"):
         drive.read("cable_pretension")
 
 
-def test_error_frames_are_told(silent: MakeSilent) -> None:
+def test_error_frames_are_reported(silent: MakeSilent) -> None:
     connection, _ = silent(frames=[can.Message(is_error_frame=True)])
     with pytest.raises(DriveFailed, match="the bus reports errors: check bit rate"):
         Drive(connection).read("cable_pretension")
 
 
-def test_an_adapter_that_cannot_send_is_told(silent: MakeSilent) -> None:
+def test_an_adapter_that_cannot_send_is_reported(silent: MakeSilent) -> None:
     connection, _ = silent(sends_fail=True)
     with pytest.raises(DriveFailed, match=r"cannot send .transmit buffer full"):
         Drive(connection).read("cable_pretension")
@@ -119,7 +119,7 @@ def test_node_ids_that_canopen_does_not_have_are_refused(silent: MakeSilent, nod
         Drive(connection, node_id)
 
 
-def test_malformed_frames_harm_nobody(silent: MakeSilent) -> None:
+def test_malformed_frames_are_ignored(silent: MakeSilent) -> None:
     frames = [frame(cob_id, bytes(n)) for cob_id in (0x590, 0x710, 0x90, 0) for n in range(9)]
     connection, _ = silent(frames=frames)
     drive = Drive(connection)
@@ -169,7 +169,7 @@ def test_the_reading_thread_gives_every_frame_in_order_to_tap_and_caller() -> No
     assert [int.from_bytes(m.data, "little") for m in tapped] == list(range(500))
 
 
-def test_a_reader_that_dies_is_told_at_every_later_call() -> None:
+def test_a_reader_that_fails_is_reported_at_every_later_call() -> None:
     class Broken(can.BusABC):
         def __init__(self) -> None:
             super().__init__(channel="broken")

@@ -39,7 +39,7 @@ def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     assert "bowden drive" in shown.err
 
 
-def test_info_tells_past_errors(bus: VirtualBus, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_shows_past_errors(bus: VirtualBus, capsys: pytest.CaptureFixture[str]) -> None:
     bus.bench.target.send(
         can.Message(arbitration_id=0x210, data=b"\x00", is_extended_id=False)  # too short
     )

@@ -1,4 +1,4 @@
-"""`bowden doctor`: each thing that can be wrong is found, and what to do is said."""
+"""`bowden doctor`: each fault is found and comes with advice."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_fresh_drive_is_well_but_not_configured(capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.usefixtures("bus")
-def test_a_wrong_node_id_ends_with_what_was_heard(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_node_id_ends_with_what_was_received(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "--node", "20", "--json"]) == 3
     found = json.loads(capsys.readouterr().out)
     assert found["failed"] == ["node"]

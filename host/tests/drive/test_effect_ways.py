@@ -1,4 +1,4 @@
-"""How effects go to the drive: each of the catalogue says it, and tables are the effects' laws."""
+"""How effects go to the drive: every effect of the catalogue has a way, and tables are its law."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_every_effect_says_how_it_goes_to_the_drive_and_twenty_go() -> None:
     assert sum(way.how != "not" for way in WAYS.values()) >= 20
 
 
-def test_the_page_tells_the_same() -> None:
+def test_the_page_says_the_same() -> None:
     page = (DOCS / "compensation.md").read_text(encoding="utf-8")
     for name, way in WAYS.items():
         assert f"| `{name}` | {way.how} | {way.why} |" in page
@@ -75,7 +75,7 @@ def test_cogging_repeats_once_a_pole() -> None:
     assert table.values[0] == table.values[-1]
 
 
-def test_gravity_is_what_the_load_feels_on_top_of_the_cables() -> None:
+def test_gravity_is_a_torque_at_the_load_added_to_the_cables() -> None:
     (table,) = tables("gravity_imbalance", amplitude_nm=0.5, phase_rad=0.2)
     angle = np.linspace(-1.0, 1.0, 101)
     assert table.at(angle) == pytest.approx(-0.5 * np.sin(angle + 0.2), abs=0.5 * 0.196**2 / 8)
@@ -167,7 +167,7 @@ def test_tables_beyond_eight_are_left_out_by_name() -> None:
     assert sum(reduced.entries[f"table_place.{n}"] != 0 for n in range(1, 9)) == len(reduced.tables)
 
 
-def test_no_table_is_none_and_says_so() -> None:
+def test_a_model_without_tables_writes_none() -> None:
     found = table_entries(())
     assert found == {"table_version": 0.0, **{f"table_place.{n}": 0.0 for n in range(1, 9)}}
     with pytest.raises(BadInput, match="34 knots"):
@@ -176,7 +176,7 @@ def test_no_table_is_none_and_says_so() -> None:
         DriveTable(TablePlace.LOAD_TORQUE, np.array([math.nan]))
 
 
-def test_the_forecast_tells_what_is_left_out_does() -> None:
+def test_the_forecast_shows_the_influence_of_what_is_left_out() -> None:
     model = table_1().with_effect("viscous_friction", {"mu_v_s_per_m": 0.3})
     plain = forecast(table_1(), table_1())
     assert plain.drive_error_nm == 0

@@ -1,4 +1,4 @@
-"""The zero of the angles as the host sees it: told, refused, set."""
+"""The zero of the angles as the host sees it: reported, refused, set."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_power_on_is_a_zero(rig: Make) -> None:
     assert check_reference(drive).state == "ok"
 
 
-def test_a_lost_zero_is_told_and_the_tunnel_refused_in_words(rig: Make) -> None:
+def test_a_lost_zero_is_reported_and_the_tunnel_refused_in_words(rig: Make) -> None:
     drive, _ = after_a_reset_in_motion(rig)
     finding = check_reference(drive)
     assert (finding.state, finding.todo) == (

@@ -104,7 +104,7 @@ def test_a_page_that_is_lost_stops_the_motor(rig: MakeRig, live: Make) -> None:
     run_for(session, 0.3)
     lost_s = bus.time_s
     while bus.bench.actuators.bridge_enabled and bus.time_s < lost_s + 5:
-        session.turn()  # nobody says alive
+        session.turn()  # `alive` is not called
     assert bus.time_s - lost_s < ALIVE_WITHIN_S + 0.2
     session.turn()
     assert "the page was not watched" in session.snapshot().message
@@ -143,7 +143,7 @@ def test_whatever_ends_the_session_the_bridge_is_off(
     assert drive.nmt_state == "PRE-OPERATIONAL"
 
 
-def test_a_fault_is_told_with_its_fix(rig: MakeRig, live: Make) -> None:
+def test_a_fault_is_reported_with_its_fix(rig: MakeRig, live: Make) -> None:
     drive, bus = rig()
     session = live(drive)
     session.request(StartMotor(TUNNEL))
@@ -184,7 +184,7 @@ def test_recording_while_watching(rig: MakeRig, live: Make, tmp_path: Path) -> N
     assert "no recording under way" in session.snapshot().message
 
 
-def test_a_drive_that_vanishes_is_said_and_survived(rig: MakeRig, live: Make) -> None:
+def test_a_drive_that_vanishes_is_reported(rig: MakeRig, live: Make) -> None:
     gone: list[bool] = []
     drive, _ = rig(drop=lambda _frame: bool(gone))
     session = live(drive)

@@ -27,13 +27,13 @@ def test_an_unknown_word_is_refused_with_those_that_there_are() -> None:
         CompensationLaw.named("magic", "--compensation")
 
 
-def test_a_value_of_a_newer_drive_is_told_and_not_guessed() -> None:
+def test_a_value_of_a_newer_drive_is_shown_and_not_guessed() -> None:
     assert StorageState.describe(9) == "unknown (9)"
     assert ModeOfOperation.word_of(-77) == "unknown (-77)"
     assert ModeOfOperation.word_of(-1) == "tunnel"
 
 
-def test_several_bits_are_all_told_and_none_is_silent() -> None:
+def test_several_bits_are_all_named_and_no_bit_gives_no_text() -> None:
     found = CompensationFallback.CELL_BROKEN | CompensationFallback.ENCODER_SLIPPED
     told = CompensationFallback.describe(found)
     assert told == "the load cell is reported broken, an encoder has slipped"

@@ -53,7 +53,7 @@ def test_whatever_ends_the_block_the_bridge_is_off(
     assert not bus.bench.actuators.bridge_enabled
 
 
-def test_a_host_that_dies_stops_the_drive(rig: MakeRig) -> None:
+def test_a_host_that_ends_stops_the_drive(rig: MakeRig) -> None:
     drive, bus = rig()
     with pytest.raises(DriveFailed), powered(drive, TUNNEL):  # noqa: PT012
         drive.connection.stop_heartbeat()  # as if killed: nothing is sent any more
@@ -66,7 +66,7 @@ def test_a_host_that_dies_stops_the_drive(rig: MakeRig) -> None:
         raise DriveFailed("the test is over")
 
 
-def test_torques_that_stop_coming_stop_a_drive_whose_host_still_beats(rig: MakeRig) -> None:
+def test_a_late_rpdo_stops_a_drive_whose_host_heartbeat_goes_on(rig: MakeRig) -> None:
     drive, bus = rig(motion="locked")
     with powered(drive, PROFILE):
         torque_sender(drive)(0.05)
@@ -78,7 +78,7 @@ def test_torques_that_stop_coming_stop_a_drive_whose_host_still_beats(rig: MakeR
     assert drive.read_raw("rpdo1_communication.event_timer") == 0  # as it was
 
 
-def test_a_host_that_lives_keeps_the_drive_running(rig: MakeRig) -> None:
+def test_a_running_host_keeps_the_drive_running(rig: MakeRig) -> None:
     drive, bus = rig(motion="still")
     with powered(drive, TUNNEL):
         drive.connection.listen(2.0)
@@ -107,7 +107,7 @@ def test_a_configuration_that_cannot_run_is_named(rig: MakeRig) -> None:
     assert not bus.bench.actuators.bridge_enabled
 
 
-def test_a_drive_that_does_not_confirm_is_told(rig: MakeRig) -> None:
+def test_a_drive_that_does_not_confirm_is_reported(rig: MakeRig) -> None:
     dead: list[bool] = []
     drive, bus = rig(drop=lambda _: bool(dead))
     with (
@@ -115,12 +115,12 @@ def test_a_drive_that_does_not_confirm_is_told(rig: MakeRig) -> None:
         powered(drive, TUNNEL),
     ):
         dead.append(True)
-    # The drive hears us still: leaving operational has turned it off.
+    # The drive still receives: leaving operational has turned it off.
     bus.advance(0.01)
     assert not bus.bench.actuators.bridge_enabled
 
 
-def test_a_silent_drive_is_told_to_stop_before_anything_is_asked(rig: MakeRig) -> None:
+def test_a_stop_is_sent_before_an_answer_is_awaited(rig: MakeRig) -> None:
     dead: list[bool] = []
     drive, bus = rig(drop=lambda _: bool(dead))
     with pytest.raises(DriveFailed), powered(drive, TUNNEL):  # noqa: PT012

@@ -1,4 +1,4 @@
-"""However a recording begins and ends: what there is is kept, said, and the drive is safe."""
+"""Beginnings and ends of recordings: the samples are kept and summarised, the drive is safe."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ def test_a_fault_ends_a_recording_that_waits_for_one(rig: MakeRig, tmp_path: Pat
 
 
 def killed(path: Path, drive: Drive) -> Path:
-    """Leave what a recorder leaves that is killed after 1 s."""
+    """Leave the files of a recorder that is killed after 1 s."""
     done: list[CaptureWriter] = []
 
     class Killed(BaseException):

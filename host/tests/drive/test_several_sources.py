@@ -178,7 +178,7 @@ def test_other_nodes_become_channels_on_the_drive_s_clock(
     assert set(recording["room_temperature_c"]) == {25.0}
 
 
-def test_where_another_node_is_silent_nothing_is_made_up(
+def test_where_another_node_is_silent_nothing_is_interpolated(
     description: Path, tmp_path: Path, connect: Connect
 ) -> None:
     wire = SharedWire([bench(16)], others(silent_from_s=1.0, silent_to_s=1.5))
@@ -254,7 +254,7 @@ def test_two_drives_are_both_enabled_and_both_left_safe(tmp_path: Path, connect:
         ("imu.eds", "DataType=0x0003", "DataType=soon", "imu.eds"),
     ],
 )
-def test_what_does_not_fit_together_is_told(
+def test_contradictions_are_reported(
     description: Path, file: str, before: str, after: str, told: str
 ) -> None:
     path = description.parent / file

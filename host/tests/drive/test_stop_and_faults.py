@@ -74,7 +74,7 @@ def test_a_command_that_meets_a_live_bridge_says_so(
     main(["stop"])
 
 
-def test_faults_tells_present_and_latched_and_what_to_do(
+def test_faults_shows_present_and_latched_and_what_to_do(
     stoppable: VirtualBus, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stoppable.advance(0.01)
@@ -88,7 +88,7 @@ def test_faults_tells_present_and_latched_and_what_to_do(
     stoppable.advance(0.06)
     for word in (0x06, 0x07, 0x0F):
         send(stoppable, 0x210, struct.pack("<Hb", word, -2) + bytes(3))
-    stoppable.advance(0.6)  # nobody speaks
+    stoppable.advance(0.6)  # no frame is sent
     assert not stoppable.bench.actuators.bridge_enabled
     send(stoppable, 0x000, b"\x01\x10")
     assert main(["faults", "--json"]) == 0

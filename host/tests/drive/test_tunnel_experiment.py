@@ -24,7 +24,7 @@ TUNNEL = PrescribedTunnel(
 
 
 def recording(friction_nm: float, active: int = 5) -> Recording:
-    """Ten seconds at 1 kHz of a load that is dragged against dry friction of the cables."""
+    """Ten seconds at 1 kHz of a load moved against dry friction of the cables."""
     time = np.arange(10_000) * 1e-3
     angle = 0.7 * np.sin(np.pi * time)
     felt = TUNNEL.wanted_nm(angle) - friction_nm * np.sign(np.cos(np.pi * time))
@@ -145,7 +145,7 @@ def test_on_a_rig_of_its_own_and_in_real_time(
         pytest.skip(shown.err.splitlines()[-1])
     assert status == 0
     (law,) = json.loads(shown.out)["laws"]
-    # The dry friction 2 r_load T0 mu L/R at 5 N, felt where nothing is wanted; 3 %: the inertia of
+    # The dry friction 2 r_load T0 mu L/R at 5 N, felt in the dead zone; 3 %: the inertia of
     # the motor, which the load carries along.
     assert law["dead_zone_friction_nm"] == pytest.approx(1.56 * 0.1 / 0.21, rel=0.03)
     assert "ready" in (tmp_path / "rig.log").read_text()

@@ -114,7 +114,7 @@ def test_five_recordings_hold_back_whole_ones() -> None:
     assert calibration.held_out[0].after == pytest.approx(5e-3, rel=0.3)
 
 
-def test_progress_is_told() -> None:
+def test_progress_is_reported() -> None:
     told: list[tuple[str, float]] = []
     calibrate(
         MODEL,

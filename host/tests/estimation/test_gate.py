@@ -1,4 +1,4 @@
-"""What is wrong with a recording is said, and what is right is left in peace."""
+"""Faults of a recording are named, and good recordings have no findings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def sensed(run: Recording) -> Recording:
 
 
 def busy(model: Model = MODEL) -> Recording:
-    """A hand on the load, a sine of torque at the motor."""
+    """An operator moves the load, a sine of torque at the motor."""
     time_s = np.arange(8000) * 1e-3
     load = 0.6 * np.sin(2 * np.pi * 0.4 * time_s)
     torque = 0.15 * np.sin(2 * np.pi * 0.31 * time_s)
@@ -159,7 +159,7 @@ def test_levels_of_torque_and_rests_are_no_dropouts(digits: int, sigma_nm: float
     assert check_data(MODEL, [recording], MODE) == ()
 
 
-def test_spikes_are_told() -> None:
+def test_spikes_are_found() -> None:
     torque = RUN.load_torque_nm.copy()
     torque[[1000, 2500, 4000]] += 2.0
     found = check_data(MODEL, [replace(RUN, load_torque_nm=torque)], MODE)

@@ -1,4 +1,4 @@
-"""Faults on the way through a recording are named, with an effect missing in the model and without.
+"""Faults during a recording are named, with an effect missing in the model and without.
 
 What is recorded is the model's own answer, with counts and noise; a missing effect is put into the
 rig that records and left out of the model that is asked.
@@ -68,7 +68,7 @@ def test_without_a_fault_nothing_stops(model: str) -> None:
     assert [one.text for one in found if one.severity == "stop"] == []
 
 
-def test_the_moment_and_size_of_a_step_are_told() -> None:
+def test_the_moment_and_size_of_a_step_are_found() -> None:
     found = check_data(MODEL, [stepped(RUNS["complete"])], Mode.TORQUE_POSITION)
     (step,) = [one for one in found if one.what == "zero_step"]
     assert "at 10 s" in step.found

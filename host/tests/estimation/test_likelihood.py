@@ -43,7 +43,7 @@ def test_an_edge_says_where_an_encoder_is_to_a_small_part_of_a_count() -> None:
     assert seen.sigma[angle].min() < 0.2 * count
 
 
-def test_standstill_of_an_encoder_tells_nothing() -> None:
+def test_an_encoder_at_standstill_gives_no_observation() -> None:
     _, read = run()
     still = read.with_channels(motor_angle_rad=np.zeros(read.time_s.size))
     assert not np.any(Data.of(still, 0, MODEL, MODE).observations.channel == 1)

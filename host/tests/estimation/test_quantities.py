@@ -154,13 +154,13 @@ def test_pretension_with_the_load_locked_and_moving() -> None:
         assert one.value == pytest.approx(T0, rel=0.01)
 
 
-def test_two_runs_tell_more_than_one() -> None:
+def test_two_runs_give_narrower_intervals_than_one() -> None:
     one = of(estimate("pretension", truth(), [locked(seed=1)]), "pretension_n")
     two = of(estimate("pretension", truth(), [locked(seed=1), locked(seed=2)]), "pretension_n")
     assert half_width(two) < 0.85 * half_width(one)  # 1/sqrt 2 but for luck
 
 
-def test_what_a_run_does_not_tell_is_said() -> None:
+def test_what_a_run_does_not_determine_is_reported() -> None:
     rigid = as_printed()
     found = estimate("friction", rigid.with_values({"friction.mu_d": 0.3}), [_still()])
     one = of(found, "mu_d")

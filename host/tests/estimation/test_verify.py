@@ -1,4 +1,4 @@
-"""A model that made a recording passes; one that lacks something fails, and says where."""
+"""A model that made a recording passes; one that lacks an effect fails, with the place."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_missing_effect_fails_in_its_channel() -> None:
     torque, angle = found.channels
     assert not found.passes
     assert not torque.passes
-    # The motor's angle says nothing of what was added at the load.
+    # The motor's angle does not depend on what was added at the load.
     assert angle.passes
     assert torque.discrepancy > 0.01
 

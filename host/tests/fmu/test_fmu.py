@@ -1,4 +1,4 @@
-"""The FMU says what `simulate` says, to an FMI checker's and a C program's satisfaction."""
+"""The FMU gives the numbers of `simulate`, in an FMI checker and in a C program."""
 
 from __future__ import annotations
 

@@ -169,7 +169,7 @@ def test_the_tunnel_is_eq_7() -> None:
     )
 
 
-def test_the_hand_feels_friction_where_a_tunnel_was_asked_for() -> None:
+def test_the_operator_feels_friction_where_a_tunnel_was_asked_for() -> None:
     plain, viscous = run_experiment("2").cases
     load = plain.trajectory.load_torque_nm
     assert load.min() == pytest.approx(-4.66096, abs=1e-5)  # outward at -0.2 N m, cable a slack

@@ -49,7 +49,7 @@ def test_a_virgin_cable_takes_the_tension_of_its_travel(tension: float) -> None:
 
 
 @pytest.mark.parametrize(("direction", "breakthrough"), [(1, 44.817), (-1, 2.2313)])
-def test_the_far_end_feels_a_pull_at_the_capstan_ratio(direction: int, breakthrough: float) -> None:
+def test_the_far_end_gets_a_pull_at_the_capstan_ratio(direction: int, breakthrough: float) -> None:
     limit = T0 * np.exp(direction * M)
     assert limit == pytest.approx(breakthrough, rel=1e-4)
     before = pull_of_one_cable(float(limit * (1 - direction * 1e-6)))

@@ -1,4 +1,4 @@
-"""Captures: raw frames back to samples; gaps, cuts and damage are told, never papered over."""
+"""Captures: raw frames back to samples; gaps, cuts and damage are reported."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_samples_come_back_with_signs_units_and_time(tmp_path: Path) -> None:
     assert recording.metadata["sample_rate_hz"] == "1000"
 
 
-def test_a_sample_that_lacks_a_pdo_is_a_gap_and_is_told(tmp_path: Path) -> None:
+def test_a_sample_that_lacks_a_pdo_is_a_gap_and_is_reported(tmp_path: Path) -> None:
     frames = list(frames_of(range(300)))
     del frames[3 * 150 + 2], frames[3 * 100 + 1], frames[3 * 50]  # TPDO3, TPDO2 and TPDO1
     recording = read_capture(capture(tmp_path / "run.blf", frames))

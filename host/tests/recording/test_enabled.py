@@ -1,4 +1,4 @@
-"""Where the drive opened its bridge, a recording ends for those who know no free motor."""
+"""A recording ends, for models without a free motor, where the drive opened its bridge."""
 
 from __future__ import annotations
 

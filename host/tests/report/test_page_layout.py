@@ -1,4 +1,4 @@
-"""Reports on a phone, on a wide screen, in the dark and without eyes.
+"""Reports on a phone, on a wide screen, in dark mode and for screen readers.
 
 Layout is measured by headless Chromium, where there is one (Debian package chromium).
 """

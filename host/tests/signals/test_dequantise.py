@@ -42,7 +42,7 @@ def counted(angle: np.ndarray, count: float = COUNT) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_a_moving_encoder_tells_much_more_than_its_counts(name: str) -> None:
+def test_a_moving_encoder_is_known_far_better_than_its_counts(name: str) -> None:
     angle = MOTIONS[name]
     found = dequantise(TIME_S, counted(angle))
     error = (found.values - angle) / COUNT
@@ -97,7 +97,7 @@ def test_a_recording_may_begin_with_motion_that_is_still_slow() -> None:
 
 
 def test_a_recording_may_end_with_motion_that_has_turned() -> None:
-    """Down to a stop, and for a second back by a quarter of a count: no count tells."""
+    """Down to a stop, and for a second back by a quarter of a count: no count shows it."""
     down = -0.1 * np.minimum(TIME_S, 5.0)
     found = dequantise(TIME_S, counted(down + COUNT / 4 * np.clip(TIME_S - 5.0, 0.0, None)))
     drawn = [found.draw(np.random.default_rng(seed)) for seed in range(24)]
@@ -120,8 +120,8 @@ def test_what_seems_to_rest_may_move_where_its_torque_drifts(drifts: bool) -> No
 
 
 @pytest.mark.parametrize("alone", [True, False])
-def test_a_hand_backs_up_in_a_rest_where_its_torque_alone_comes_back(alone: bool) -> None:
-    """A torque that follows the other end's says nothing about the operator."""
+def test_an_operator_moves_back_at_a_rest_where_only_their_torque_returns(alone: bool) -> None:
+    """A torque that follows the other end's is no evidence of the operator's motion."""
     hump = 200.0 * np.clip(1.0 - ((TIME_S - 2.9) / 0.08) ** 2, 0.0, None)
     felt = np.stack([hump, np.zeros(TIME_S.size) if alone else hump])
     found = dequantise(TIME_S, counted(stop_and_go()), felt=felt)
@@ -136,7 +136,7 @@ def test_a_hand_backs_up_in_a_rest_where_its_torque_alone_comes_back(alone: bool
     assert backs > 1 / 4 if alone else backs == 0.0
 
 
-def test_a_hand_that_rests_on_the_edge_between_two_counts_stands() -> None:
+def test_an_operator_at_rest_on_the_edge_between_two_counts_is_at_standstill() -> None:
     """In either count it is a rest; taken for slow motion, draws would wander through both."""
     middle = (COUNT * 100.5) + COUNT * 0.2 * np.sign(TIME_S - 3.0)
     angle = middle + 0.4 * np.clip(np.abs(TIME_S - 3.0) - 0.5, 0.0, None) * np.sign(TIME_S - 3.0)

@@ -1,4 +1,4 @@
-"""Who gets the page, who has the drive, and what is refused; no browser needed."""
+"""Access to the page, control of the drive, and refusals; no browser needed."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_the_configuration_is_shown_changed_and_drawn_anew(studio: Studio) -> No
         assert all(t == 0 for a, t in zip(angles, torques, strict=True) if abs(a) < 0.099)
 
 
-def test_a_second_page_looks_on_and_may_stop(studio: Studio) -> None:
+def test_a_second_page_can_watch_and_stop(studio: Studio) -> None:
     with page(studio) as first:
         until(first, "has_drive", True)
         with page(studio) as second:
@@ -162,7 +162,7 @@ def test_a_page_that_hangs_stops_the_motor(studio: Studio) -> None:
         until(socket, "is_ours", True)
         hung_s = studio.bus.time_s
         while studio.motor_is_on and studio.bus.time_s < hung_s + 10:
-            socket.recv(timeout=30)  # it reads, but says nothing
+            socket.recv(timeout=30)  # it reads, but sends nothing
         assert studio.bus.time_s - hung_s < 1.5
 
 

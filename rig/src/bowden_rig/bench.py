@@ -27,7 +27,7 @@ FRAMES_KEPT: Final = 100_000  # half a minute of process data
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened, one row a tick, without sensors: arrays of shape (ticks,), SI units.
+    """The true state, one row a tick, without sensors: arrays of shape (ticks,), SI units.
 
     `load_torque_nm` is by the cables on the load. `motor_work_j` and `operator_work_j` are what
     motor and operator have put into the rig since the start.

@@ -212,7 +212,7 @@ def _open_bus(options: argparse.Namespace) -> can.BusABC:
 
 
 def _advice(error: BaseException) -> str:
-    """One line that names the cause, and the cure where it is known."""
+    """One line that names the cause, and the remedy where it is known."""
     chain: list[str] = []
     cause: BaseException | None = error
     while cause is not None:

@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         f"[bold]frames lost[/]  {figures['frames_lost']}\n"
         f"[bold]target[/]       {args.target}: {_RUNS_ON[args.target]}\n"
         "[bold]next[/]         look at the report. Table I has extra friction at standstill, "
-        "the simulated rig has not:\n"
+        "which the simulated rig does not have. Without it:\n"
         f"             bowden compare {coulomb_path} {run_path} "
         f"--report {directory / 'coulomb.html'}\n"
         f"             bowden calibrate {coulomb_path} {run_path} "

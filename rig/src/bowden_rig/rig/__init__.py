@@ -1,4 +1,4 @@
-"""The simulated rig: what hangs on the drive's connectors. Never imports `bowden.model`.
+"""The simulated rig: everything that is connected to the drive. Never imports `bowden.model`.
 
 `parameters` describes it and `hidden` puts an effect of the catalogue into it; `constants` reduces
 it to numbers for the compiled kernels: `mechanics` (motor, load, operator), `cable`,

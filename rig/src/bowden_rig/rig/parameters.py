@@ -9,8 +9,8 @@ by default, as in a lined conduit; `static_ratio` with `stribeck_speed_m_per_s` 
 speed. And sliding friction grows a little with speed (`viscous_s_per_m`): 1 % at 0.1 m/s.
 
 Fields that are zero (or one, or infinite) by default are the rig's hidden truths: a test sets one
-of them and asks whether the drive copes or the diagnosis finds it. `hidden` tells which of them is
-which effect of the diagnosis' catalogue; `changed` sets one by its name.
+of them and checks the drive or the diagnosis. `hidden` maps them to the effects of the diagnosis'
+catalogue; `changed` sets one by its name.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Cable:
     material_damping_s : float
         Kelvin-Voigt time of the strands; 10 us is 1 % of critical in the first axial mode.
     extra_wrap_rad : float
-        Wrap that the path does not tell of, spread evenly.
+        Wrap beyond that of the path, spread evenly.
     conduit_stiffness_n_per_m : float
         Of each conduit, in series with its cable; half of its give is at each end.
     stiffening_per_n : float

@@ -154,7 +154,7 @@ def read(  # noqa: PLR0917
     load += r.load_eccentricity_rad * math.sin(load + r.load_phase_rad) + r.load_offset_rad
     motor_counts = math.floor(motor * r.motor_counts_per_rad + 0.5)
     load_counts = math.floor(load * r.load_counts_per_rad + 0.5)
-    if sample == 0:  # nobody has moved before the first sample
+    if sample == 0:  # no motion before the first sample
         lines[MOTOR_LINE, :], lines[LOAD_LINE, :] = motor_counts, load_counts
     amperes = int(np.rint(current / r.current_a_per_count)) * r.current_ua_per_count
     out[0] = clocks[TIME_US]

@@ -1,4 +1,4 @@
-"""What changes slowly: friction with heat, travel, rest and place; pretension that creeps away.
+"""Slow changes: friction with heat, travel, standstill and place; loss of pretension.
 
 Compiled; works on the vector of scalars, `state` names its places. `mechanics.advance` calls `age`
 once a control period and reads FRICTION_FACTOR, ASYMMETRY and PRETENSION.
