@@ -39,14 +39,15 @@ enum {
     BOARD_FAULT_RESTARTED = 1 << 8,    /* first tick after a crash or a reset by the watchdog */
     BOARD_FAULT_CAN_PASSIVE = 1 << 9,  /* error-passive while the bridge is on */
     BOARD_FAULT_CURRENT_MODEL = 1 << 10, /* current does not follow from voltage and speed */
-    BOARD_FAULT_CURRENT_ZERO = 1 << 11, /* current without a bridge, when it is to be switched on */
-    BOARD_FAULT_IMAGE = 1 << 29,        /* the program in the flash is not the one that was built */
+    BOARD_FAULT_CURRENT_ZERO =
+        1 << 11,                 /* current with the bridge off, when it is to be switched on */
+    BOARD_FAULT_IMAGE = 1 << 29, /* the program in the flash is not the one that was built */
 };
 
 /* Most words that a board keeps across power-off. */
 #define BOARD_STORE_WORDS 2045
 
-/* How far the board is with what it was last given to keep. */
+/* Progress of the board's last save. */
 typedef enum {
     BOARD_STORE_IDLE, /* nothing given */
     BOARD_STORE_BUSY,
@@ -59,7 +60,7 @@ typedef enum {
 typedef enum {
     BOARD_BUS_FINE,
     BOARD_BUS_LOST,    /* bus-off, or no node acknowledges */
-    BOARD_BUS_DROPPED, /* lost, and in this tick what waited in the controller was taken back */
+    BOARD_BUS_DROPPED, /* lost, and in this tick the controller's waiting frames were withdrawn */
 } board_bus_t;
 
 /* What the board has measured, sampled together at the start of a tick. */
@@ -107,13 +108,13 @@ typedef struct {
     uint32_t tick; /* control ticks from that program's start to its end */
 } board_crash_t;
 
-/* How what was kept came through. */
+/* State of the saved data at the start. */
 typedef enum {
     BOARD_SAVED_FINE,
-    BOARD_SAVED_DAMAGED, /* what was kept last is spoiled: `saved` is older, or nothing */
+    BOARD_SAVED_DAMAGED, /* the last save is damaged: `saved` is older, or nothing */
 } board_saved_t;
 
-/* Who this board is and how it came here; fixed from power-on. */
+/* Identity of this board and cause of its start; fixed from power-on. */
 typedef struct {
     uint8_t node_id;        /* CANopen node id, 1 .. 127, unless another was stored */
     uint32_t serial_number; /* 0x1018 sub 4; 32 bits of the chip's unique id */

@@ -1,4 +1,4 @@
-/* emcy.h: which errors are present, and how the bus hears of them (CiA 301, 7.2.7).
+/* emcy.h: which errors are present, and their EMCY frames (CiA 301, 7.2.7).
  *
  * An error is set once and stays present until it is cleared; both send one EMCY frame, so a
  * condition that is found in every tick does not flood the bus. Frames keep the inhibit time
@@ -55,11 +55,11 @@ void emcy_clear(emcy_t *emcy, const od_t *od, uint16_t code);
 /* All errors have gone. */
 void emcy_clear_all(emcy_t *emcy, const od_t *od);
 
-/* Tells every present error again, with its age: frames may have been lost on the way. */
+/* Sends every present error again, with its age: frames may have been lost. */
 void emcy_repeat(emcy_t *emcy, const od_t *od);
 
 /* Sends the next waiting frame when the inhibit time allows it, `allowed` (not stopped), and there
- * is room: a bus that is blocked must not swallow why. */
+ * is room: on a blocked bus the cause must not be lost. */
 void emcy_tick(emcy_t *emcy, uint8_t node_id, bool allowed, uint32_t now_us, frame_queue_t *tx);
 
 #endif

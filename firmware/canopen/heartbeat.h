@@ -1,7 +1,7 @@
 /* heartbeat.h: sends the node's heartbeat (0x1017) and watches the host's (0x1016).
  *
  * The host is watched from the configuration on, not only from its first heartbeat (CiA 301,
- * 7.2.8.3.2.2): one that never sends any must not pass for one that is there. Its boot-up message
+ * 7.2.8.3.2.2): a host that never sends any must not count as present. Its boot-up message
  * is no heartbeat. Times in microseconds; they may wrap.
  */
 #ifndef BOWDEN_CANOPEN_HEARTBEAT_H

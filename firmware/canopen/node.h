@@ -66,10 +66,10 @@ void node_receive(node_t *node, const can_frame_t *frame);
  * false when there was none since the last call. Ask after each node_receive(). */
 bool node_take_withheld(node_t *node, uint16_t *value);
 
-/* Tells how the bus is, in every tick before node_tick(). While it takes no frames none are queued
- * but the heartbeat, anew each time the controller has dropped the one before: so no frame leaves
- * that tells of a time long past. EMCY frames wait, and those of errors that are
- * present are repeated; an SDO transfer ends. */
+/* Reports the state of the bus, in every tick before node_tick(). While it takes no frames none are
+ * queued but the heartbeat, anew each time the controller has dropped the one before: so no
+ * outdated frame is sent. EMCY frames wait, and those of errors that are present are repeated; an
+ * SDO transfer ends. */
 void node_follow_bus(node_t *node, board_bus_t bus);
 
 /* Will node_tick(now_us) send a TPDO? All TPDOs of that tick are one sample. */

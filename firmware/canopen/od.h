@@ -43,7 +43,7 @@ enum {
     OD_MAP_RX = 1 << 3,      /* may be mapped into an RPDO */
     OD_PERSIST = 1 << 4,     /* saved by store parameters */
     OD_ADD_NODE_ID = 1 << 5, /* the initial value is relative to the node id ($NODEID in the EDS) */
-    OD_URGENT = 1 << 6,      /* the drive looks at it also in an RPDO that is not taken (pdo.h) */
+    OD_URGENT = 1 << 6,      /* the drive evaluates it also in an RPDO that is not taken (pdo.h) */
 };
 
 /* Offset of an entry without storage: its value is the initial one, for ever. */

@@ -2,9 +2,9 @@
 #include "adaptation.h"
 
 #define TIME_S 2
-#define KNOWN_S 20 /* of taut sliding, at most, for which what a slack cable has told counts */
+#define KNOWN_S 20 /* of taut sliding, at most, for which a sample with a slack cable counts */
 #define KNOWN_PER_TICK 16 /* a tick with a slack cable counts for so many */
-#define MOST_TAUT 2       /* frictions of the taut pair that a sample tells at most */
+#define MOST_TAUT 2       /* largest sample, in frictions of the taut pair */
 #define MOST_SLACK 16     /* the same with a slack cable, whose friction grows with the load */
 #define PPM 1000000u
 #define Q24_PER_Q16 256

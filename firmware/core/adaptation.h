@@ -2,8 +2,9 @@
  * itself observes.
  *
  * While the pair slides, rho tau_m - tau_l is what its friction takes, whatever is rendered. With
- * both cables taut that goes with friction times pretension, (S1) of sliding.h, which nothing tells
- * apart; with one slack it goes with friction alone, (S2) and (S3). So two factors are kept:
+ * both cables taut that goes with friction times pretension, (S1) of sliding.h, which are not
+ * identifiable separately; with one slack it goes with friction alone, (S2) and (S3). So two
+ * factors are kept:
  *
  *   one cable slack     the friction's factor follows
  *   both taut           the pretension's factor follows, when a cable was slack not long before;

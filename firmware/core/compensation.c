@@ -81,7 +81,7 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
 }
 
 /* Part of the model's friction to compensate, in Q16. With a load cell all of it, as adapted: the
- * cell sees to the rest. Without one, while the load moves, what the observer is sure of, so that
+ * cell corrects the rest. Without one, while the load moves, what the observer is sure of, so that
  * it is not pushed; at standstill what it expects, since a motor within its friction moves nothing
  * at all. Less of it when the model is in doubt. */
 static uint32_t friction_share_q16(const compensation_t *compensation, bool cell,
@@ -104,7 +104,7 @@ static int32_t side_of(const estimator_t *estimator) {
     return (estimator->slip == SLIP_STATE_POSITIVE) - (estimator->slip == SLIP_STATE_NEGATIVE);
 }
 
-/* Is the friction of the pair to be seen in this tick? Then it is learned from. */
+/* Is the friction of the pair observable in this tick? Then the adaptation uses it. */
 static void adapt(compensation_t *compensation, const transmission_t *transmission,
                   const compensation_inputs_t *inputs) {
     const int32_t side = side_of(&compensation->estimator);
@@ -179,7 +179,7 @@ static void step_laws(compensation_t *compensation, const compensation_inputs_t 
     };
     if (active) {
         *answer = laws_step(&compensation->laws, running, &told);
-    } else { /* its flags stay: they tell of the law that is held ready */
+    } else { /* its flags stay: they are those of the law that is held ready */
         answer->motor_torque_unm = 0;
         answer->inertia_unm = 0;
     }

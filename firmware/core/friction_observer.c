@@ -24,7 +24,7 @@ static const uint8_t AT[FRICTION_OBSERVER_NUMBERS][FRICTION_OBSERVER_NUMBERS] = 
 
 friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
                                          uint32_t ticks_per_s) {
-    uint32_t saturations = 0; /* a pair that does not stretch tells nothing: its noise is endless */
+    uint32_t saturations = 0; /* not used: without stretch the noise is unbounded anyway */
     const uint32_t stretch = stretch_nm > 0 ? (uint32_t)stretch_nm : 1u;
     const ratio_t q16_per_nm = ratio_of(FRICTION_OBSERVER_ONE, stretch);
     const int32_t count_q16 =

@@ -1,12 +1,12 @@
-/* friction_observer.h: what the two encoders and the motor current say of the pair's friction, and
- * how sure that is. It needs no load cell.
+/* friction_observer.h: estimate of the pair's friction from the two encoders and the motor current,
+ * with its uncertainty. It needs no load cell.
  *
  * The cables between the pulleys are a spring of known stiffness, so their stretch measures their
  * mean tension, half way between the force f at the motor and the force g at the load, while the
- * motor current tells f. While the pair slides taut towards s (1 or -1) with the friction F,
+ * motor current gives f. While the pair slides taut towards s (1 or -1) with the friction F,
  *   (O1)  gap = r_m theta_m - r_l theta_l = L/(4 EA) (f + g) = L/(4 EA) (2 f - s F)
  * and so the innovation (estimator.h), the measured gap less the model's, in units of the model's
- * B = F L/(4 EA), tells by how much the model is wrong:
+ * B = F L/(4 EA), shows by how much the model is wrong:
  *   (O2)  s innovation/B = -x + e (s gap/B) + d (|v|/B) + s o
  * with x the relative error of the friction, e that of the compliance, d the time by which the load
  * encoder is late, v its speed, and o what is the same both ways: torque that the cables held when
@@ -16,8 +16,8 @@
  *
  * *Sure* is that friction less one standard deviation: what may be compensated without giving the
  * operator energy. Of more friction than the model's only half is assumed, because play at the
- * load and a motor whose own friction is unknown look the same, and pushing is worse than being
- * felt.
+ * load and a motor whose own friction is unknown look the same, and pushing the operator is worse
+ * than residual friction.
  *
  * In the frame of the direction s a mirrored motion is the same motion, to the bit. Pure.
  */
@@ -74,7 +74,7 @@ void friction_observer_step(friction_observer_t *observer, const friction_observ
 /* Friction as it is assumed, relative to the model's, in Q16. */
 uint32_t friction_observer_mean_q16(const friction_observer_t *observer);
 
-/* Friction that is surely there, relative to the model's, in Q16. */
+/* Friction less one standard deviation, relative to the model's, in Q16. */
 uint32_t friction_observer_sure_q16(const friction_observer_t *observer);
 
 #endif

@@ -1,4 +1,4 @@
-/* law.h: what a compensation law is: how it is set up, what it is told in a tick, what it answers.
+/* law.h: what a compensation law is: its set-up, its inputs in a tick, its answer.
  *
  * A law NAME is the two files law_NAME.[ch] with
  *   law_NAME_t                                     its constants and state

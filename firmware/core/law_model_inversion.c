@@ -141,9 +141,9 @@ static void learn(law_model_inversion_t *law, int32_t error_unm, int32_t motion,
 }
 
 /* How far the motor may go in a lag, in torque that it holds, while the slip direction changes. At
- * that speed v it would run on by v, as J v^2 = k x^2: what it brings by its momentum is bound by
- * the error that it is to mend, however wrong its inertia is known, and a load that hardly moves
- * is not thrown. Where the load goes on in the direction nothing is to be turned over. */
+ * that speed v it would run on by v, as J v^2 = k x^2: what its momentum adds is bounded by the
+ * error to be corrected, however wrong its inertia is known, and a load that hardly moves is not
+ * thrown. Where the load goes on in the direction nothing is to be turned over. */
 static int32_t fastest_unm(const law_model_inversion_t *law, int32_t error_unm, int32_t motion) {
     uint32_t saturations = 0; /* clamped below the range */
     if (motion == law->slip.direction) {
@@ -246,7 +246,7 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
     const int32_t damping_unm =
         fixed_clamp(fixed_scale(estimator->gap_speed_nm, law->damping, &saturations),
                     -EXTRA_MOST_UNM, EXTRA_MOST_UNM);
-    /* without a cell the error is the model's, and cannot tell what a change has brought */
+    /* without a cell the error is the model's, and does not show the effect of a change */
     const int32_t fastest = inputs->cell ? fastest_unm(law, error_unm, motion) : EXTRA_MOST_UNM;
     return answer_of(law, go_over(law, plain_unm, target_unm, damping_unm, enough,
                                   slowed(law, inputs->cell && motion == 0), fastest));

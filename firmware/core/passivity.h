@@ -1,4 +1,4 @@
-/* passivity.h: watches that the rendering gives the load no energy of its own.
+/* passivity.h: checks that the rendering gives the load no net energy.
  *
  * A tunnel stores energy and gives it back: over a closed path the wanted torque does no work. So
  * what counts is the work of the *error*, rendered minus wanted torque, on the load's motion:
@@ -8,7 +8,7 @@
  * motion would be late like every measurement, and feed an oscillation that it is to stop.) Credit
  * is kept only up to a small bank, or an hour of friction could be given back at once.
  *
- * A load cell makes this an observation. The estimate alone cannot see what the model is wrong by:
+ * A load cell makes this an observation. The estimate alone does not contain the model's error:
  * without a cell friction_observer.h bounds what is compensated. Pure.
  */
 #ifndef BOWDEN_CORE_PASSIVITY_H

@@ -1,6 +1,6 @@
 /* slip_direction.h: the direction in which the pair slides, or has to for the wanted torque.
  *
- * A load that moves says it itself. A load at standstill holds whatever torque is there, within the
+ * A load that moves shows it. A load at standstill holds whatever torque is there, within the
  * friction; then it is the direction towards which the load torque has to change, and where the
  * error is small nothing is done: friction holds it, so there is no limit cycle.
  *
@@ -63,7 +63,7 @@ typedef struct {
     slip_phase_t phase;
     int32_t direction;          /* 1 or -1; 0 while UNKNOWN */
     uint32_t turn_ticks;        /* since it changed */
-    uint32_t back_off;          /* changes of it that nobody called for; 0 .. 3 */
+    uint32_t back_off;          /* changes of it without a cause; 0 .. 3 */
     int32_t left_unm;           /* error that the last such change left at standstill */
     int32_t turn_arc_nm;        /* where the load was then */
     int32_t turn_far_nm;        /* and how far in the direction it has got */

@@ -11,8 +11,8 @@
  *   load_angle, motor_angle, load_cell    what is added to the reading, to be true
  *   motor_gain, load_cell_gain            g, the reading becomes reading (1 + g)
  *
- * One table a tick takes its turn, so each is at most 2 ms old. What the host may not ask for
- * is what tables_check() says. Pure; no division but by periods of tables that repeat.
+ * One table a tick takes its turn, so each is at most 2 ms old. tables_check() refuses what the
+ * host may not ask for. Pure; no division but by periods of tables that repeat.
  */
 #ifndef BOWDEN_CORE_TABLES_H
 #define BOWDEN_CORE_TABLES_H

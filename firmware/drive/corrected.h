@@ -1,7 +1,7 @@
-/* corrected.h: what the sensors would read if they were right, by the tables (core/tables.h).
+/* corrected.h: sensor readings, corrected by the tables (core/tables.h).
  *
- * The dictionary and the bus tell readings as they are, so that a recording stays what it is;
- * tunnel, model and laws go by these.
+ * The dictionary and the bus carry uncorrected readings, so that a recording stays raw; tunnel,
+ * model and laws use these.
  */
 #ifndef BOWDEN_DRIVE_CORRECTED_H
 #define BOWDEN_DRIVE_CORRECTED_H

@@ -12,8 +12,8 @@
 /* A host writes many entries in a row; the model starts anew once, 50 ms after the last. */
 #define SETTLED_TICKS (TICKS_PER_SECOND / 20u)
 
-/* Tells the host where the configuration comes from, and warns unless it is all that was saved by
- * this firmware. Detail: the first entry that was not taken, the outcome in the high byte. */
+/* Reports to the host where the configuration comes from, and warns unless it is all that was saved
+ * by this firmware. Detail: the first entry that was not taken, the outcome in the high byte. */
 static void tell_origin(drive_t *drive, storage_report_t report) {
     dictionary_t *dictionary = &drive->dictionary;
     dictionary->configuration_origin_outcome = (uint8_t)report.outcome;
@@ -317,7 +317,7 @@ static void correct_readings(drive_t *drive) {
     const bool first = !drive->tables.started;
     drive->corrected = corrected_step(&drive->tables, &drive->corrected_start, dictionary,
                                       drive->load_arc_nm, drive->motor_arc_nm);
-    if (first) { /* the arcs begin at 0, whatever the tables say there */
+    if (first) { /* the arcs begin at 0, whatever the tables' values there */
         drive->corrected_start.sums = drive->tables.now;
         drive->corrected.load_arc_nm = drive->load_arc_nm;
         drive->corrected.motor_arc_nm = drive->motor_arc_nm;

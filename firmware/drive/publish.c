@@ -26,7 +26,7 @@ void publish_sensors(drive_t *drive, const board_sensors_t *sensors) {
         parameters->load_cell_magnitude, count);
     const int32_t load_torque = parameters->load_cell_inverted ? -cell : cell;
     dictionary->load_torque_unm = fixed_clamp(load_torque, -PUBLISH_I24_MAX, PUBLISH_I24_MAX);
-    /* without compensation nobody looks at the motor's place: then it is free to turn for ever */
+    /* without compensation the motor's position is not used: then it may turn without bound */
     uint32_t ignored = 0;
     uint32_t *motor_count = drive->rendering.law == COMPENSATION_LAW_NONE ? &ignored : count;
     drive->motor_arc_nm =

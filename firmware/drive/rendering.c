@@ -32,7 +32,7 @@ static int32_t magnitude(int32_t value) {
     return value < 0 ? -value : value;
 }
 
-/* What a sane model may be off by: with friction that is wrong by 15 % and effects that it lacks it
+/* The error of a usable model: with friction that is wrong by 15 % and effects that it lacks it
  * stays within half of what the cables carry and of the friction in them. The model starts with
  * virgin cables. What the true ones may hold of an earlier motion is the friction more, until the
  * pair has slid both ways. */
@@ -99,7 +99,7 @@ static int32_t by_direction(const rendering_t *rendering, const int32_t sums[2])
     return sums[rendering->direction > 0 ? 1 : 0];
 }
 
-/* The inputs as the cables' ends feel them. */
+/* The inputs as they act on the cables' ends. */
 static rendering_inputs_t at_the_cables(rendering_t *rendering, const rendering_inputs_t *inputs,
                                         int32_t motor_extra_unm) {
     uint32_t saturations = 0; /* torques are far from the range */
@@ -110,7 +110,7 @@ static rendering_inputs_t at_the_cables(rendering_t *rendering, const rendering_
     return felt;
 }
 
-/* What the motor must be told, so that the cables feel `torque_unm`. */
+/* The motor torque with which the cables receive `torque_unm`. */
 static int32_t told_to_motor_unm(const tables_t *tables, int32_t torque_unm,
                                  int32_t motor_extra_unm) {
     uint32_t saturations = 0; /* torques are far from the range */

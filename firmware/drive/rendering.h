@@ -1,4 +1,4 @@
-/* rendering.h: how the torque that is asked for comes to the operator: the model of the cables is
+/* rendering.h: how the requested torque reaches the operator: the model of the cables is
  * stepped, the compensation law runs on it, and the fallback (fallback.h) decides which law that
  * is.
  *
@@ -60,8 +60,8 @@ void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
 int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
                        const rendering_inputs_t *inputs);
 
-/* Tells the dictionary what runs and what is assumed. True when the entry compensation_fallback
- * has changed. */
+/* Writes the running law and the assumptions into the dictionary. True when the entry
+ * compensation_fallback has changed. */
 bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary);
 
 #endif

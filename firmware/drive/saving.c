@@ -18,7 +18,7 @@ storage_report_t saving_recall(saving_t *saving, node_t *node, const board_ident
     return report;
 }
 
-/* Tells the host, unless the save was the drive's own. */
+/* Answers the host, unless the save was the drive's own. */
 static void end(saving_t *saving, node_t *node, storage_state_t state, od_abort_t abort) {
     saving->busy = false;
     if (!saving->for_log) {

@@ -1,4 +1,4 @@
-/* api.h: what Python may ask of the emulated STM32F405.
+/* api.h: Python interface of the emulated STM32F405.
  *
  * hil_tests/emulated/library.py hands this very file to cffi (it drops the lines that begin
  * with '#'), so there is one declaration of each function. Times are microseconds of virtual

@@ -1,4 +1,4 @@
-/* ports.h: what a lower layer asks of a higher one, which defines it.
+/* ports.h: calls from a lower layer to a higher one, which defines them.
  *
  * A pin or timer that changes an output lets the bridge catch up first; the CAN controller claims
  * the wire; a write to the flash lets what is due happen; the core's registers are unicorn's. */

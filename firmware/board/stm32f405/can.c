@@ -9,8 +9,8 @@
 #define BIT_TIMING (CAN_BTR_TS1(11u) | CAN_BTR_TS2(2u) | CAN_BTR_SJW(2u))
 #define PRESCALER_KBIT 3000u
 
-/* Entering and leaving initialisation takes at most 11 recessive bits: 11 us, 1900 core cycles. A
- * bus that is stuck dominant never lets us in: then the bit in MSR comes later by itself. */
+/* Entering and leaving initialisation takes at most 11 recessive bits: 11 us, 1900 core cycles. On
+ * a bus that is stuck dominant this never completes: then the bit in MSR comes later by itself. */
 #define WAIT_TURNS 20000u
 
 /* Between two attempts to come back from bus-off: 100 ms. */
@@ -96,7 +96,7 @@ void can_start(uint8_t node_id, uint16_t bit_rate_kbit) {
     CAN1->MCR = CAN_MCR_INRQ | CAN_MCR_TXFP | CAN_MCR_DBF; /* awake, first come first sent */
     if (wait_for_initialisation(true)) {
         configure();
-        (void)wait_for_initialisation(false); /* can_tick() tells when it does not come */
+        (void)wait_for_initialisation(false); /* can_tick() reports when it does not come */
     }
 }
 

@@ -15,8 +15,8 @@
 
 #define CAN_RPDOS 4
 
-/* Starts the controller for NMT, SYNC, the node's SDO requests and all heartbeats. On a bus that
- * does not let it in, can_tick() goes on with it and reports bus-off meanwhile. */
+/* Starts the controller for NMT, SYNC, the node's SDO requests and all heartbeats. On a bus where
+ * this does not complete, can_tick() continues it and reports bus-off meanwhile. */
 void can_start(uint8_t node_id, uint16_t bit_rate_kbit);
 
 /* Receives these identifiers too; 0 is none. Costs nothing while they stay the same. */
@@ -39,7 +39,7 @@ bool can_ready(void);
 /* Has every frame left? */
 bool can_is_idle(void);
 
-/* Frames that were lost up to now are nobody's loss. */
+/* Forgets the frames that were lost up to now. */
 void can_forget_overrun(void);
 
 void can_send(const can_frame_t *frame);

@@ -177,7 +177,7 @@ static void read_sensors(void) {
     }
 }
 
-/* Tells the 20 kHz loop what it needs to know of the motor. */
+/* Gives the 20 kHz loop the motor's data. */
 static void describe_motor(void) {
     const dictionary_t *dictionary = &drive.dictionary;
     if (motor_revision != drive.configured_revision) {
@@ -211,8 +211,8 @@ static void send_frames(void) {
     }
 }
 
-/* No slot is blank: erases those of older images once the answer that says so has left. Frames that
- * came meanwhile are lost, and nobody was to send any. */
+/* No slot is blank: erases those of older images once the answer that says so has left. Frames
+ * received meanwhile are lost; the host was asked to send none. */
 static void make_room(void) {
     const can_frame_t heartbeat = node_heartbeat(&drive.node);
     if (!can_is_idle()) {

@@ -1,7 +1,8 @@
-/* crash.h: the end of a program that cannot go on, and what it tells the next one.
+/* crash.h: the end of a program that cannot continue, and the record that it leaves to the next
+ * start.
  *
- * Every fault exception, NMI (crystal lost), the supply's warning and each interrupt that nobody
- * asked for come to crash_handler(): the bridge is switched off before anything else, without using
+ * Every fault exception, NMI (crystal lost), the supply's warning and each interrupt that is not
+ * enabled come to crash_handler(): the bridge is switched off before anything else, without using
  * the stack. Then a record is kept in memory that reset does not clear, and the chip is reset. The
  * next start reports it as a fault of the drive and in the entry crash_record; `make debug` shows
  * all of it.
@@ -31,7 +32,7 @@ bool crash_is_news(void);
 /* What the record holds, for the drive; all zero without a crash since power-on. */
 board_crash_t crash_report(void);
 
-/* Tells the record what the time is. */
+/* Writes the present tick into the record. */
 void crash_note_tick(uint32_t tick);
 
 /* Starts the chip anew, bridge off. */

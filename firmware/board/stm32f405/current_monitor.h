@@ -3,8 +3,8 @@
  * In a period T the current changes by T/L (u - R i - e), with the voltage u that the bridge has
  * put out (less what its dead time takes) and the back-EMF e. What the measured change differs by
  * is summed up, and forgotten over eight periods: a sensor that jumps by A is seen with A, one that
- * lies by A steadily with 8 R T/L A, and one that no longer moves within a few periods, because the
- * current loop then runs away with the voltage. Nothing is learned, so nothing can be unlearned.
+ * is wrong by A steadily with 8 R T/L A, and one that no longer moves within a few periods, because
+ * the current loop then runs away with the voltage. Nothing is adapted, so nothing can drift.
  *
  * Off by more than 2 A, two fifths of the current (a resistance that is wrong by half: copper
  * gains 40 % in 100 K) and what the speed may have changed meanwhile, it is a fault.

@@ -1,4 +1,4 @@
-/* erase.h: erases a storage sector without leaving the watchdog, the clock or the bus alone.
+/* erase.h: erases a storage sector while watchdog, clock and bus are served.
  *
  * While a sector is erased, for one to two seconds, nothing can be read from the flash, neither
  * code nor vectors. So this waits in SRAM with interrupts off: it feeds the independent watchdog,

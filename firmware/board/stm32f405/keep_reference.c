@@ -45,7 +45,7 @@ void keep_reference(board_reference_t reference, encoders_latch_t latch) {
     if (record.magic == MAGIC && record.latch == counters &&
         record.load_counts == (uint32_t)reference.load_counts &&
         record.motor_counts == (uint32_t)reference.motor_counts && record.hangs == 0) {
-        return; /* it stands there already */
+        return; /* it is set already */
     }
     record = (record_t){
         .magic = MAGIC,

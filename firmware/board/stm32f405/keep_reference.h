@@ -1,8 +1,9 @@
 /* keep_reference.h: keeps the angles over a reset that spares the memory (drive/reference.h).
  *
  * The record lies in .noinit with a check word. SysTick alone writes it: while the control tick
- * hangs it goes on looking at the encoders' counters, until the reset. A watchdog's reset that
- * SysTick has not seen coming means that nobody looked: then nothing is proved.
+ * hangs it goes on looking at the encoders' counters, until the reset. After a watchdog reset
+ * without a late tick noted by SysTick the counters were not observed: then the angles are not
+ * kept.
  */
 #ifndef BOWDEN_STM32F405_KEEP_REFERENCE_H
 #define BOWDEN_STM32F405_KEEP_REFERENCE_H

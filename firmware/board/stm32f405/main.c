@@ -42,7 +42,7 @@ static uint32_t serial_number(void) {
     return UNIQUE_ID[0] ^ UNIQUE_ID[1] ^ UNIQUE_ID[2];
 }
 
-/* Wake-ups between two looks at the lamp, about 2 ms: the eye sees none of the others. */
+/* Wake-ups between two updates of the lamp, about 2 ms: faster changes are not visible. */
 #define LAMP_WAKE_UPS 64u
 
 /* Steady: the bridge is on. Slow blinking: ready. Fast: fault. */
@@ -66,7 +66,7 @@ int main(void) {
     protection_start_supply();
     watchdog_start();
     uint32_t standing_faults = source == CLOCK_INTERNAL ? (uint32_t)BOARD_FAULT_CLOCK : 0u;
-    if (!image_is_whole()) { /* what it would do with the bridge is anybody's guess */
+    if (!image_is_whole()) { /* its effect on the bridge is undefined */
         pwm_lock();
         standing_faults |= BOARD_FAULT_IMAGE;
     }

@@ -16,7 +16,7 @@ void protection_open_sram_code(bool open);
 
 /* Supply supervision: waits until the chip has 2.9 V; from then on a drop below is a crash. The
  * brown-out reset of the option bytes (docs/hardware.md: set to level 3 when flashing) is the
- * second line; it also holds when the program does not. */
+ * second line; it also works when the program does not. */
 void protection_start_supply(void);
 
 #endif

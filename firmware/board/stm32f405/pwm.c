@@ -40,7 +40,7 @@ void pwm_set(int32_t duty) {
     TIM1->CCR2 = (uint32_t)(PWM_TOP / 2 - (duty - half));
 }
 
-/* SysTick may lock between the question and the deed. */
+/* SysTick may lock the bridge between the test and the write. */
 void pwm_on(void) {
     core_mask();
     if (!locked) {

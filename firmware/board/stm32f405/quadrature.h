@@ -32,8 +32,7 @@ typedef struct {
     int32_t at_index;
 } quadrature_t;
 
-/* One control period. counts_per_turn 16 .. 1048576. Returns false when what came in cannot be
- * true. */
+/* One control period. counts_per_turn 16 .. 1048576. Returns false for impossible input. */
 bool quadrature_step(quadrature_t *quadrature, const quadrature_input_t *input,
                      uint32_t counts_per_turn);
 

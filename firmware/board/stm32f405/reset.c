@@ -4,7 +4,7 @@
 #include "registers.h"
 
 /* A reset sets more flags than its own: every one inside the chip pulls NRST, hence PINRSTF, and a
- * power-on sets BORRSTF as well. What tells most comes first. */
+ * power-on sets BORRSTF as well. The most specific comes first. */
 static reset_cause_t cause_of(uint32_t flags) {
     if ((flags & RCC_CSR_PORRSTF) != 0) {
         return RESET_CAUSE_POWER_ON;

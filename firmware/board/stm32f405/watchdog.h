@@ -1,4 +1,4 @@
-/* watchdog.h: who must report, how late is too late, and what happens then.
+/* watchdog.h: which loops must report, how late is too late, and the reaction.
  *
  * Two stages. watchdog_check(), four thousand times a second at the highest priority, finds a loop
  * late and says that the bridge must be off; nothing feeds the independent watchdog (IWDG) after
@@ -11,7 +11,7 @@
  *
  * A core that a debugger halts does not feed it either: with the bridge off the IWDG waits for the
  * debugger, with the bridge on it resets the chip. pwm.h has the outputs opened at the halt itself;
- * RM0090 is silent on that (38.16.2), so this is what bounds the time in any case.
+ * RM0090 does not specify that (38.16.2), so the watchdog bounds the time in any case.
  */
 #ifndef BOWDEN_STM32F405_WATCHDOG_H
 #define BOWDEN_STM32F405_WATCHDOG_H

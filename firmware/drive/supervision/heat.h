@@ -1,4 +1,4 @@
-/* heat.h: what a current heats: the mean square of it over a thermal time constant (I2t), and the
+/* heat.h: heating by a current: its mean square over a thermal time constant (I2t), and the
  * current that keeps it below what may flow for ever.
  *
  * Heat is a fraction of that at the continuous current: 1 there, in equilibrium. From 0.9 on the

@@ -151,7 +151,7 @@ void supervision_step(supervision_t *supervision, const supervision_inputs_t *in
     supervision->present = (found | supervision->counting) != 0 ? lasting(supervision, found) : 0;
 }
 
-/* What the EMCY frame tells beside the code: the value that was found. */
+/* The detail of the EMCY frame: the value that was found. */
 static uint32_t detail(uint32_t check, const supervision_t *supervision,
                        const supervision_inputs_t *inputs) {
     switch (check) {

@@ -1,4 +1,4 @@
-/* supervision.h: what must not go on: the checks of the table (table.h), every tick.
+/* supervision.h: conditions that stop the drive: the checks of the table (table.h), every tick.
  *
  * A check fails when what it watches is beyond its limit for its time. It counts only in the states
  * that the table names, and in Fault, once it has failed, until it is over. What has failed since
@@ -6,7 +6,7 @@
  * and state are the business of the state machine: `present` not 0 leads to Fault.
  *
  * Inputs: the tick's measurements and the host's signs of life. Output: present, latched, refused,
- * and limits (limits.h). No I/O; the node hears of it by supervision_tell().
+ * and limits (limits.h). No I/O; supervision_tell() passes the result to the node.
  */
 #ifndef BOWDEN_DRIVE_SUPERVISION_SUPERVISION_H
 #define BOWDEN_DRIVE_SUPERVISION_SUPERVISION_H

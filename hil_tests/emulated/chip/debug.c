@@ -1,7 +1,7 @@
 /* debug.c: a debugger that halts the core, and what stands still with it (RM0090 38.16).
  *
  * The freeze bits of DBGMCU_APB1_FZ and APB2_FZ act while the core is halted; modelled for the IWDG
- * and TIM1. RM0090 does not say what the outputs of a frozen TIM1 do; the manuals of its sisters
+ * and TIM1. RM0090 does not say what the outputs of a frozen TIM1 do; the manuals of similar chips
  * say that they open, as after a break. The option frozen_timer_drives is the other reading: they
  * keep driving. Not modelled: SysTick, which really stops.
  */

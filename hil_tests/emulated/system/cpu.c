@@ -1,8 +1,8 @@
 /* cpu.c: the Cortex-M4 core: memory map, blocks of instructions, time, and why the core stopped.
  *
- * unicorn executes; this file counts and decides. What unicorn must not be asked to do, learnt by
- * experiment: stop from a register access unless that access is to be abandoned (it then runs
- * again; this is how bus faults are made precise here), or keep its default translation buffer.
+ * unicorn executes; this file counts and decides. Limits of unicorn, found by experiment: stop from
+ * a register access unless that access is to be abandoned (it then runs again; this is how bus
+ * faults are made precise here), or keep its default translation buffer.
  */
 #include "system.h"
 
