@@ -244,9 +244,7 @@ class Rig:
         return [abs(b - a) for a, b in zip(self.commands, self.commands[1:], strict=False)]
 
 
-def test_a_cell_that_dies_in_mid_motion_costs_a_fallback_level_and_a_warning_but_not_the_torque() -> (
-    None
-):
+def test_a_cell_that_fails_in_motion_costs_a_fallback_level_and_a_warning_but_no_torque() -> None:
     rig = Rig()
     rig.run(0.4)  # in the wall, at speed
     assert rig.drive.values.compensation_rung == WITH_CELL
