@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from bowden.cli.diagnose import show, write_extended, write_report
 from bowden.cli.output import add_json_argument, console, print_json, say, stages
+from bowden.cli.own_rig_arguments import start_own_rig
 from bowden.cli.rig import add_target_argument
 from bowden.cli.tunnel_experiment import (
     SETTLE_S,
@@ -31,12 +32,11 @@ from bowden.cli.tunnel_experiment import (
     tunnel_of,
 )
 from bowden.diagnosis.rendering import PrescribedTunnel
-from bowden.drive.bus_options import add_bus_arguments, bus_options
+from bowden.drive.bus_options import add_bus_arguments
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
 from bowden.drive.meanings import CompensationLaw
 from bowden.drive.reduced_model import reduced_model
-from bowden.drive.simulated_rig import own_rig
 from bowden.errors import BadInput
 from bowden.model import Model, parse_model
 from bowden.recording.atomic import replace_whole
@@ -168,11 +168,8 @@ def run(args: argparse.Namespace) -> int:
 def _named(args: argparse.Namespace, directory: Path) -> dict[str, object]:
     """Run the first part: an effect that has a name."""
     hidden = args.hide or [HIDDEN]
-    rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
-    for setting in (*RIG, *hidden):
-        rig_arguments += ["--set", setting]
     say(f"starting the simulated rig; hidden in it: {', '.join(hidden)}")
-    with own_rig(bus_options(args), rig_arguments, directory / "rig.log") as drive:
+    with start_own_rig(args, directory, [*RIG, *hidden]) as drive:
         loop = close_the_loop(drive, directory, args.duration, args.seed)
     report = directory / "report.html"
     with replace_whole(report) as temporary:

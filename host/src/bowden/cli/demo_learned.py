@@ -17,12 +17,11 @@ from bowden.cli.demo_diagnosis import ENTRIES, LAB_MODEL, RIG
 from bowden.cli.improve_bench import REPORT_FILE, DriveBench
 from bowden.cli.improve_rounds import STATE_FILE, Improvement, improve
 from bowden.cli.output import console, say
+from bowden.cli.own_rig_arguments import start_own_rig
 from bowden.cli.tunnel_experiment import SETTLE_S, TORQUE_CONSTANT_NM_PER_A, tunnel_of
-from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
 from bowden.drive.meanings import CompensationLaw
-from bowden.drive.simulated_rig import own_rig
 from bowden.recording.atomic import replace_whole
 from bowden.report.improvement import Step, improvement_report
 from bowden.report.learned_law import HiddenLaw
@@ -38,11 +37,8 @@ def learn_a_law(args: argparse.Namespace, folder: Path) -> dict[str, object]:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / STATE_FILE).unlink(missing_ok=True)  # a demonstration begins anew
     settings = (*RIG, f"cable.pile_change={CHANGE}", f"cable.pile_width_rad={WIDTH_RAD}")
-    rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
-    for setting in settings:
-        rig_arguments += ["--set", setting]
     say("second part: friction of a kind that no catalogue has; the drive without its load cell")
-    with own_rig(bus_options(args), rig_arguments, folder / "rig.log") as drive:
+    with start_own_rig(args, folder, settings) as drive:
         found, after = close_the_loop(drive, folder, args.duration, args.seed)
         tunnel = tunnel_of(drive)
     first = found.runs[0]

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json
-from bowden.cli.rig import add_target_argument
+from bowden.cli.own_rig_arguments import add_own_rig_arguments
 from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
 
@@ -109,19 +109,7 @@ def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LAW",
         help=f"{', '.join(CompensationLaw.words())} or all; none always runs too, for comparison",
     )
-    on_drive.add_argument(
-        "--start-rig",
-        action="store_true",
-        help="on a simulated rig of its own, not a connected drive",
-    )
-    on_drive.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PART.FIELD=VALUE",
-        help="change that rig (bowden rig --rig-help)",
-    )
-    on_drive.add_argument("--seed", type=int, default=1, metavar="N", help="of that rig's noise")
+    add_own_rig_arguments(on_drive, seed=1, seed_of="that rig's noise")
     on_drive.add_argument(
         "--duration", type=float, default=11.0, metavar="S", help="of each run (default: 11)"
     )
@@ -132,7 +120,6 @@ def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="for recordings and report.html (default: ./tunnel)",
     )
-    add_target_argument(parser)
     add_drive_arguments(parser)
 
 

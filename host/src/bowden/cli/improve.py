@@ -14,22 +14,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
+from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.model_arguments import add_model_argument
 from bowden.cli.output import add_json_argument, console, print_json, say
-from bowden.cli.rig import add_target_argument
-from bowden.drive.bus_options import bus_options
+from bowden.cli.own_rig_arguments import add_own_rig_arguments, drive_or_own_rig
 from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
 
 if TYPE_CHECKING:
     from bowden.cli.improve_rounds import Improvement
-    from bowden.drive.client import Drive
 
 EXAMPLES = """examples:
   bowden improve rig.yaml --start-rig --set cable.extra_wrap_rad=3 --yes
@@ -69,18 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--yes", action="store_true", help="move and write without asking")
     parser.add_argument("--store", action="store_true", help="have the drive keep the last model")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of diagnosis and rig")
-    parser.add_argument(
-        "--start-rig", action="store_true", help="on a simulated rig of its own, no connected drive"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="PART.FIELD=VALUE",
-        help="change that rig (bowden rig --rig-help)",
-    )
-    add_target_argument(parser)
+    add_own_rig_arguments(parser, seed=0, seed_of="the diagnosis, and of that rig's noise")
     add_json_argument(parser)
     add_drive_arguments(parser)
 
@@ -100,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     text = args.model.read_text(encoding="utf-8")
     check_folder(folder, text)
     folder.mkdir(parents=True, exist_ok=True)
-    with _drive(args, folder) as drive:
+    with drive_or_own_rig(args, folder) as drive:
         bench = DriveBench(
             drive,
             law=CompensationLaw.named(args.compensation, "--compensation"),
@@ -141,22 +126,6 @@ def _check(args: argparse.Namespace) -> None:
         raise BadInput(
             "bowden improve", "no terminal to confirm on", "--yes: the motor will move the load"
         )
-
-
-@contextmanager
-def _drive(args: argparse.Namespace, folder: Path) -> Iterator[Drive]:
-    if not args.start_rig:
-        with connect_drive(args) as drive:
-            yield drive
-        return
-    from bowden.drive.simulated_rig import own_rig  # noqa: PLC0415  (keeps --help fast)
-
-    settings = ["--target", args.target, "--seed", str(args.seed)]
-    for setting in args.set:
-        settings += ["--set", setting]
-    say("starting the simulated rig in a process of its own")
-    with own_rig(bus_options(args), settings, folder / "rig.log") as drive:
-        yield drive
 
 
 def _consent(args: argparse.Namespace, number: int) -> None:

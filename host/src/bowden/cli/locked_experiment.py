@@ -10,23 +10,18 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from bowden.cli.drive_arguments import connect_drive
 from bowden.cli.measured_experiment import while_enabled, write_measured_report
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console, print_json, say
+from bowden.cli.own_rig_arguments import drive_or_own_rig
 from bowden.cli.record import check_output, record_to
-from bowden.drive.bus_options import bus_options
-from bowden.drive.client import Drive
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
-from bowden.drive.simulated_rig import own_rig
 from bowden.drive.torque_profile import TorqueProfile
 from bowden.errors import BadInput
 from bowden.model import Inputs, Mode, Model, simulate, table_1
@@ -129,7 +124,8 @@ def run_locked_on_drive(args: argparse.Namespace) -> int:
         of_run, label = setup.of_model(model), setup.label
         path = directory / f"locked_{label.replace(' ', '_')}.blf"
         check_output(path, overwrite=False)
-        with _drive(args, directory, setup) as drive:
+        locked = ("--operator", "locked")
+        with drive_or_own_rig(args, directory, setup.of_rig(), locked) as drive:
             if not args.start_rig:
                 say(f"{label}: lock the load; the motor ramps to {PEAK_TORQUE_NM} N m")
             notes = {"notes": f"Experiment {args.experiment}, {label}"}
@@ -183,20 +179,6 @@ def judge_locked_run(
         gap_nm=float(np.sqrt(np.mean((run.load_torque_nm - simulated) ** 2))),
         ratio=pair.load_pulley_radius_m / pair.motor_pulley_radius_m,
     )
-
-
-@contextmanager
-def _drive(args: argparse.Namespace, directory: Path, setup: Setup) -> Iterator[Drive]:
-    if not args.start_rig:
-        with connect_drive(args) as drive:
-            yield drive
-        return
-    arguments = ["--target", args.target, "--seed", str(args.seed), "--operator", "locked"]
-    for setting in [*setup.of_rig(), *args.set]:
-        arguments += ["--set", setting]
-    say("starting the simulated rig in a process of its own")
-    with own_rig(bus_options(args), arguments, directory / "rig.log") as drive:
-        yield drive
 
 
 def _document(run: LockedRun) -> dict[str, object]:

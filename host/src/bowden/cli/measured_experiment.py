@@ -9,16 +9,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bowden.cli.drive_arguments import connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console, print_json, say
+from bowden.cli.own_rig_arguments import drive_or_own_rig
 from bowden.cli.record import check_output, record_to
-from bowden.drive.bus_options import bus_options
-from bowden.drive.client import Drive
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.position_follower import FollowLoad
 from bowden.drive.power import Run
-from bowden.drive.simulated_rig import own_rig
 from bowden.errors import BadInput
 from bowden.model import Model, table_1
 from bowden.model.experiments.variants import with_loops, with_pretension
@@ -74,23 +71,12 @@ def run_follower_on_drive(args: argparse.Namespace) -> int:
     path = directory / "follower.blf"
     check_output(path, overwrite=False)
 
-    def follow(drive: Drive) -> None:
-        notes = {"notes": f"Experiment 3, {gains}"}
-        job = Run(ModeOfOperation.TORQUE, follow=gains)
-        record_to(drive, path, args.duration, job, notes)
-
-    if args.start_rig:
-        arguments = ["--target", args.target, "--seed", str(args.seed)]
-        settings = [] if pretension is None else [f"cable.pretension_n={pretension:g}"]
-        for setting in [*settings, *args.set]:
-            arguments += ["--set", setting]
-        say("starting the simulated rig in a process of its own")
-        with own_rig(bus_options(args), arguments, directory / "rig.log") as drive:
-            follow(drive)
-    else:
-        with connect_drive(args) as drive:
+    settings = [] if pretension is None else [f"cable.pretension_n={pretension:g}"]
+    with drive_or_own_rig(args, directory, settings) as drive:
+        if not args.start_rig:
             say("move the load to and fro; the motor follows it")
-            follow(drive)
+        job = Run(ModeOfOperation.TORQUE, follow=gains)
+        record_to(drive, path, args.duration, job, {"notes": f"Experiment 3, {gains}"})
     runs = [MeasuredRun("PI follower", while_enabled(read_recording(path)), model)]
     _tell(args, runs, write_measured_report(args, runs, directory))
     return 0

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bus_arguments(parser)
 
 
-def add_target_argument(parser: argparse.ArgumentParser) -> None:
+def add_target_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Add ``--target``: how the simulated rig's drive runs its firmware."""
     parser.add_argument(
         "--target",

@@ -11,18 +11,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bowden.cli.drive_arguments import connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console, print_json, say
+from bowden.cli.own_rig_arguments import drive_or_own_rig
 from bowden.cli.record import record_to
 from bowden.diagnosis.rendering import PrescribedTunnel, judge_rendering
-from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
 from bowden.drive.meanings import CompensationLaw, ModeOfOperation, TunnelAngleSource
 from bowden.drive.power import Run
 from bowden.drive.reduced_model import reduced_model
-from bowden.drive.simulated_rig import own_rig
 from bowden.errors import BadInput
 from bowden.model import Model, table_1
 from bowden.recording.atomic import replace_whole
@@ -80,21 +78,13 @@ def chosen_laws(names: Sequence[str]) -> list[str]:
 
 @contextmanager
 def _drive(args: argparse.Namespace, directory: Path) -> Iterator[Drive]:
-    if not args.start_rig:
-        with connect_drive(args) as drive:
-            yield drive
-        return
     settings = [
         f"cable.pretension_n={_PRETENSION_N:g}",
         f"motor.torque_constant_nm_per_a={TORQUE_CONSTANT_NM_PER_A:g}",
-        *args.set,
     ]
-    rig_arguments = ["--target", args.target, "--seed", str(args.seed)]
-    for setting in settings:
-        rig_arguments += ["--set", setting]
-    say("starting the simulated rig in a process of its own")
-    with own_rig(bus_options(args), rig_arguments, directory / "rig.log") as drive:
-        drive.write("torque_constant", TORQUE_CONSTANT_NM_PER_A)
+    with drive_or_own_rig(args, directory, settings) as drive:
+        if args.start_rig:
+            drive.write("torque_constant", TORQUE_CONSTANT_NM_PER_A)
         yield drive
 
 
