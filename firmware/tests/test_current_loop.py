@@ -17,30 +17,41 @@ ffi, lib = load("current_loop")
 PERIOD_S = 50e-6
 TOP = 4200
 DUTY_MAX = 3990  # 95 %
-RESISTANCE_OHM, INDUCTANCE_H = 0.6, 0.3e-3  # what the gains are made for
+RESISTANCE_OHM, INDUCTANCE_H = 0.6, 0.3e-3  # the default winding
 CODE_A = 0.008  # of the converter: what the loop can see of a current
+
+
+def gains_for(resistance_ohm: float, inductance_h: float) -> object:
+    found = lib.current_loop_gains(round(1e6 * resistance_ohm), round(1e9 * inductance_h))
+    return ffi.new("current_loop_gains_t *", found)
+
+
+GAINS = gains_for(RESISTANCE_OHM, INDUCTANCE_H)
 
 
 def respond(
     reference_a: NDArray[np.float64],
+    *,
     bus_v: float = 24.0,
     resistance_ohm: float = RESISTANCE_OHM,
     inductance_h: float = INDUCTANCE_H,
     back_emf_v: float = 0.0,
+    tuned: tuple[float, float] = (RESISTANCE_OHM, INDUCTANCE_H),
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Currents at the sampling instants and duties, one a period.
 
     The winding is solved exactly between samples. A duty takes effect one period after the sample
     that it was computed from, as the timer's preload makes it.
     """
-    loop = ffi.new("current_loop_t *")
+    loop, gains = ffi.new("current_loop_t *"), gains_for(*tuned)
     gone = -math.expm1(-PERIOD_S * resistance_ohm / inductance_h)
     current, waiting = 0.0, 0
     currents, duties = [], []
     for reference in reference_a:
         currents.append(current)
         measured = round(current / CODE_A) * round(1e6 * CODE_A)
-        duty = lib.current_loop_step(loop, round(1e6 * reference), measured, round(1e3 * bus_v))
+        reference_ua, bus_mv = round(1e6 * reference), round(1e3 * bus_v)
+        duty = lib.current_loop_step(loop, gains, reference_ua, measured, bus_mv)
         duties.append(duty)
         settled = (bus_v * waiting / TOP - back_emf_v) / resistance_ohm
         current += (settled - current) * gone
@@ -89,6 +100,35 @@ def test_half_and_double_the_winding_stay_stable(resistance: float, inductance: 
     assert abs(np.mean(currents[-500:]) - 3.0) < CODE_A
 
 
+@pytest.mark.parametrize(
+    ("resistance", "inductance"),
+    [(0.05, 50e-6), (0.3, 0.15e-3), (2.0, 0.4e-3), (1.0, 3e-3), (7.0, 5e-3), (0.1, 2e-3)],
+)
+def test_any_winding_gets_the_same_kilohertz_once_its_numbers_are_entered(
+    resistance: float, inductance: float
+) -> None:
+    """A step small enough to stay below the supply, in shares of itself."""
+    winding = (resistance, inductance)
+    to_a = min(2.0, 0.5 * 24.0 / (2 * math.pi * 1000.0 * inductance), 0.8 * 24.0 / resistance)
+    currents, _ = respond(
+        step(to_a), resistance_ohm=resistance, inductance_h=inductance, tuned=winding
+    )
+    default, _ = respond(step(2.0))
+    # a count of the PWM is worth V T / (4200 L) of current in a period, which coarsens 50 uH
+    grain = CODE_A + 24.0 * PERIOD_S / TOP / inductance
+    np.testing.assert_allclose(
+        currents[:60] / to_a, default[:60] / 2.0, atol=0.06 + 2 * grain / to_a
+    )
+    assert np.mean(currents[-100:]) == pytest.approx(to_a, abs=CODE_A)
+
+
+def test_a_winding_that_is_faster_than_the_samples_stays_stable() -> None:
+    winding = (10.0, 100e-6)  # 10 us: a fifth of a period
+    currents, _ = respond(step(1.0), resistance_ohm=10.0, inductance_h=100e-6, tuned=winding)
+    assert np.max(currents) < 1.0 + 3 * CODE_A
+    assert np.mean(currents[-100:]) == pytest.approx(1.0, abs=CODE_A)
+
+
 def test_the_supply_does_not_change_the_loop() -> None:
     low, _ = respond(step(2.0), bus_v=16.0)
     high, _ = respond(step(2.0), bus_v=36.0)
@@ -110,7 +150,7 @@ def test_the_limit_leaves_no_windup() -> None:
 
 def test_without_supply_nothing_is_driven() -> None:
     loop = ffi.new("current_loop_t *", {"integral_uv": 5_000_000})
-    assert lib.current_loop_step(loop, 8_000_000, 0, 5999) == 0
+    assert lib.current_loop_step(loop, GAINS, 8_000_000, 0, 5999) == 0
     assert loop.integral_uv == 0
 
 
@@ -119,18 +159,21 @@ CURRENT = st.integers(-16_400_000, 16_400_000)
 BUS = st.integers(0, 41_000)
 
 
-@given(st.lists(st.tuples(INT32, CURRENT, BUS), min_size=1, max_size=50))
+WINDING = st.tuples(st.floats(0.01, 20.0), st.floats(50e-6, 20e-3))  # the dictionary's ranges
+
+
+@given(st.lists(st.tuples(INT32, CURRENT, BUS), min_size=1, max_size=50), WINDING)
 def test_the_output_is_in_its_range_whatever_comes(
-    inputs: list[tuple[int, int, int]],
+    inputs: list[tuple[int, int, int]], winding: tuple[float, float]
 ) -> None:
-    loop = ffi.new("current_loop_t *")
+    loop, gains = ffi.new("current_loop_t *"), gains_for(*winding)
     for reference, current, bus in inputs:
-        assert abs(lib.current_loop_step(loop, reference, current, bus)) <= DUTY_MAX
+        assert abs(lib.current_loop_step(loop, gains, reference, current, bus)) <= DUTY_MAX
 
 
 @given(st.lists(st.tuples(st.integers(-(2**31) + 1, 2**31 - 1), CURRENT), max_size=50), BUS)
 def test_left_and_right_are_the_same(inputs: list[tuple[int, int]], bus: int) -> None:
     loop, mirror = ffi.new("current_loop_t *"), ffi.new("current_loop_t *")
     for reference, current in inputs:
-        there = lib.current_loop_step(loop, reference, current, bus)
-        assert lib.current_loop_step(mirror, -reference, -current, bus) == -there
+        there = lib.current_loop_step(loop, GAINS, reference, current, bus)
+        assert lib.current_loop_step(mirror, GAINS, -reference, -current, bus) == -there

@@ -184,6 +184,8 @@ static void describe_motor(void) {
         motor_revision = drive.configured_revision;
         motor = current_monitor_motor(dictionary->motor_resistance_uohm,
                                       dictionary->motor_inductance_nh);
+        fast_loop_tune(
+            current_loop_gains(dictionary->motor_resistance_uohm, dictionary->motor_inductance_nh));
     }
     motor_speed_step(&motor_speed, sensors.motor_encoder_counts,
                      dictionary->torque_constant_unm_per_a,

@@ -18,6 +18,7 @@ static volatile int32_t commanded_ua;
 static volatile bool commanded_on;
 
 static current_loop_t controller;
+static current_loop_gains_t gains;
 static current_monitor_t monitor;
 static current_monitor_motor_t motor;
 static bool tripped;
@@ -48,6 +49,10 @@ void fast_loop_motor(const current_monitor_motor_t *now) {
     motor.per_ua_q16 = now->per_ua_q16;
     motor.back_emf_uv = now->back_emf_uv;
     motor.uncertain_ua = now->uncertain_ua;
+}
+
+void fast_loop_tune(current_loop_gains_t of_winding) {
+    gains = of_winding;
 }
 
 void fast_loop_command(int32_t current_ua, bool bridge_on) {
@@ -99,7 +104,8 @@ static void control(int32_t current_ua, int32_t bus_mv) {
     } else if (tripped) {
         pwm_off();
     } else {
-        const int32_t duty = current_loop_step(&controller, commanded_ua, current_ua, bus_mv);
+        const int32_t duty =
+            current_loop_step(&controller, &gains, commanded_ua, current_ua, bus_mv);
         current_monitor_note(&monitor, duty, bus_mv);
         pwm_set(duty);
         pwm_on();

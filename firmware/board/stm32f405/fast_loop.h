@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "current_loop.h"
 #include "current_monitor.h"
 #include "scaling.h"
 
@@ -38,6 +39,9 @@ int32_t fast_loop_zero_ua(void);
 
 /* The motor for the current monitor; in every control tick. */
 void fast_loop_motor(const current_monitor_motor_t *motor);
+
+/* The current controller's gains; only while the bridge is off. */
+void fast_loop_tune(current_loop_gains_t of_winding);
 
 /* What to do from the next sample on. Bridge off takes effect at once; after an overcurrent the
  * bridge stays off until it has been commanded off. */

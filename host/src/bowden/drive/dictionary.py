@@ -224,7 +224,7 @@ TABLE = Table(
         Entry(0x2148, 0, 'bridge_current_continuous', 'u32', 'rw', 'config', 10000000, low=100000, high=60000000, unit='A', scale=1e-06, persist=True),
         Entry(0x2149, 0, 'bridge_thermal_time', 'u32', 'rw', 'config', 1000, low=100, high=3600000, unit='s', scale=0.001, persist=True, doc="of the bridge's switches on their heat sink"),
         Entry(0x214A, 0, 'conduit_temperature_limit', 'u32', 'rw', 'config', 80000, low=20000, high=300000, unit='degC', scale=0.001, persist=True, doc='over the last 10 K before it the torque limit falls to 0'),
-        Entry(0x214B, 0, 'motor_resistance', 'u32', 'rw', 'calibration', 600000, low=10000, high=20000000, unit='Ohm', scale=1e-06, persist=True, doc='of winding and leads at room temperature'),
+        Entry(0x214B, 0, 'motor_resistance', 'u32', 'rw', 'calibration', 600000, low=10000, high=20000000, unit='Ohm', scale=1e-06, persist=True, doc='of winding and leads at room temperature; with the inductance it gives the gains of the current loop'),
         Entry(0x214C, 0, 'motor_inductance', 'u32', 'rw', 'calibration', 300000, low=50000, high=20000000, unit='H', scale=1e-09, persist=True),
         Entry(0x214D, 0, 'load_angle_min', 'i32', 'rw', 'config', -2147483647, low=-2147483647, high=2147483647, unit='rad', scale=1e-06, persist=True, doc='window of the load angle while the bridge is on; the default is none'),
         Entry(0x214E, 0, 'load_angle_max', 'i32', 'rw', 'config', 2147483647, low=-2147483647, high=2147483647, unit='rad', scale=1e-06, persist=True, doc='the other end of the window'),
