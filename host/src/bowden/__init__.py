@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from bowden.api.figure_files import write_figures as write_figures
     from bowden.api.live import Rig as Rig
     from bowden.api.live import apply as apply
     from bowden.api.live import configure as configure
@@ -73,6 +74,7 @@ _MODULES = {
     "to_dataframe": "bowden.api.tables",
     "verify": "bowden.api.offline",
     "write_csv": "bowden.recording.csv_file",
+    "write_figures": "bowden.api.figure_files",
     "write_model": "bowden.api.offline",
     "write_report": "bowden.api.pages",
 }

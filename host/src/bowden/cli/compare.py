@@ -12,6 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.cli.data_gate import admit_data
+from bowden.cli.figure_arguments import (
+    add_figures_arguments,
+    refuse_missing_forms,
+    write_figure_files,
+)
 from bowden.cli.model_arguments import (
     add_mode_argument,
     add_model_argument,
@@ -27,6 +32,7 @@ if TYPE_CHECKING:
 EXAMPLES = """examples:
   bowden compare table_1.yaml run.blf --report report.html
   bowden compare table_1.yaml one.csv two.csv --json > gap.json
+  bowden compare table_1.yaml run.blf --figures figures --figure-form pdf
 """
 
 
@@ -41,12 +47,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report", metavar="OUT.html", type=Path, help="write a report that opens anywhere"
     )
+    add_figures_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Compare, write the report, print figures."""
+    refuse_missing_forms(args)
     comparison = compare_files(args.model, args.recordings, mode_of(args), args.report)
     show(comparison, args.report)
+    for path in write_figure_files(comparison, args):
+        console().print(f"figure: {path}", soft_wrap=True)
     if args.json:
         print_json(comparison.to_document())
     return 0

@@ -13,6 +13,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bowden.cli.figure_arguments import (
+    add_figures_arguments,
+    refuse_missing_forms,
+    write_figure_files,
+)
 from bowden.cli.model_arguments import (
     add_mode_argument,
     add_model_argument,
@@ -60,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help="fit no further set of effects after that time; the best so far is reported",
     )
+    add_figures_arguments(parser)
     add_json_argument(parser)
 
 
@@ -74,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput("--seed", str(args.seed), "0 or more")
     if not args.time_limit > 0.0:
         raise BadInput("--time-limit", f"{args.time_limit:g} s", "more than 0 s")
+    refuse_missing_forms(args)
     model = read_model(args.model)
     recordings = [until_disabled(one) for one in read_recordings(args.recordings).recordings]
     with stages("diagnosing") as tell:
@@ -95,6 +102,8 @@ def run(args: argparse.Namespace) -> int:
     for name, path in (("model", args.write_model if trusted else None), ("report", args.report)):
         if path:
             console().print(f"{name}: {path}", soft_wrap=True)
+    for path in write_figure_files(diagnosis, args):
+        console().print(f"figure: {path}", soft_wrap=True)
     if args.json:
         written = str(args.write_model) if args.write_model and trusted else None
         print_json(diagnosis.to_document() | {"model": written})
