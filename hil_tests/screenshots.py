@@ -1,6 +1,6 @@
-"""Takes the pictures of watch, studio and commission in the docs, on the simulated rig.
+"""Takes the pictures of watch, studio, commission and demo in the docs, on the simulated rig.
 
-    python -m hil_tests.screenshots --output docs/images [--only watch|studio|commission]
+    python -m hil_tests.screenshots --output docs/images [--only watch|studio|commission|...]
 
 The rig runs in virtual time (beside the clock for the browser). Terminals are drawn by rich or
 textual as SVG and turned into PNG by headless Chromium, which also shows the studio.
@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Final
 
 from bowden.cli import commission as commission_command
+from bowden.cli.main import main as bowden_main
 from bowden.cli.watch_app import WatchApp
 from bowden.commission.job import Facts
 from bowden.commission.run import commission
@@ -68,6 +69,7 @@ def main() -> int:
         "watch": watch,
         "studio": studio,
         "commission": commissioning,
+        "demo-report": demo_report,
     }
     parser = argparse.ArgumentParser(prog="python -m hil_tests.screenshots", description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("docs/images"), metavar="DIR")
@@ -78,6 +80,14 @@ def main() -> int:
         pictures[name](path)
         sys.stderr.write(f"{path}\n")
     return 0
+
+
+def demo_report(path: Path) -> None:
+    """Show the top of the page that `bowden demo` writes."""
+    with tempfile.TemporaryDirectory() as name, _browser(1000, 1190) as page:
+        bowden_main(["demo", "--output", name])
+        page.goto((Path(name) / "report.html").as_uri())
+        page.screenshot(path=path)
 
 
 def watch(path: Path) -> None:

@@ -155,8 +155,8 @@ def _details(
             [
                 paragraph(
                     "The area of the loop is the work that the transmission takes in a cycle. "
-                    "Orange is what a transmission without friction would show; where blue leaves "
-                    "black, the model lacks something."
+                    "The dashed curve is what a transmission without friction would show; where "
+                    "the simulated curve leaves the measured one, the model lacks something."
                 ),
                 figure(plots.loop(comparison, one, prescribed, points), f"loop-{number}"),
             ],
