@@ -94,7 +94,7 @@ def test_the_last_faults_survive_power_off_and_touch_no_configuration(benches: B
     host.enable(TORQUE, guarded=True)
     host.listen(1.0)  # the host falls silent: the fault, and the time to write it
     assert number(host, FAULT_LOG, 1) == POWER_ON << 16 | COMMAND_LATE
-    assert number(host, STATE) == 0  # nobody has asked for a save
+    assert number(host, STATE) == 0  # no save was requested
     host.bus.bench.target.reset()
     host.await_boot(2.0)
     host.listen(0.01)

@@ -28,7 +28,7 @@ enum {
     STORAGE_COMMUNICATION,
     STORAGE_APPLICATION,
     STORAGE_CALIBRATION,
-    STORAGE_LOG,  /* of the drive: it saves it by itself, nobody restores it */
+    STORAGE_LOG,  /* of the drive: it saves it by itself, and it is never restored */
     STORAGE_LINK, /* of LSS: node id and bit rate, which are calibration, alone */
 };
 

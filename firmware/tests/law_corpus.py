@@ -38,7 +38,7 @@ class Case(NamedTuple):
 
 
 def _hand(seed: int, amplitude_rad: float) -> Any:
-    """Angles of a hand that strokes, stops and turns back; the same numbers on every machine."""
+    """Angles of an operator's strokes, stops and reversals; the same numbers on every machine."""
     random = np.random.default_rng(seed)
     knots = np.concatenate([[0.0], random.uniform(-amplitude_rad, amplitude_rad, 8)])
     knots[3] = knots[2]  # a standstill

@@ -67,7 +67,7 @@ def read_sdo(drive: Drive) -> None:
 
 
 def foreign_heartbeat(drive: Drive) -> None:
-    drive.send(0x700 + HOST_ID, b"\x05")  # nobody is watched
+    drive.send(0x700 + HOST_ID, b"\x05")  # no host is watched
 
 
 def sync(drive: Drive) -> None:

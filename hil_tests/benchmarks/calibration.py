@@ -4,7 +4,7 @@ Simulation-based calibration: rigs whose numbers are drawn from the priors of th
 recorded by the independent solver are fitted by `calibrate` and `estimate` (`calibration_cases`);
 how often the truth is in the 95 % interval, and its rank in the posterior, go to
 build/calibration.json, the tables to --page (`calibration_score`). Developing seeds are below 1000;
-figures are reported with a seed of 1000 or above that nobody has developed with. Interrupted, it
+figures are reported with a seed of 1000 or above that was not used in development. Interrupted, it
 keeps what is done.
 """
 

@@ -3,7 +3,7 @@
 Draws cases (`hil_tests.hidden_effects`, or `hil_tests.rig_cases` with `--source rig`) from the seed
 at run time, lets `bowden.diagnosis` and the baselines answer each of them, and writes
 build/diagnosis.json, a table and a picture of the confusion matrix beside it. Developing seeds are
-below 1000; figures are reported with a seed of 1000 or above that nobody has developed with.
+below 1000; figures are reported with a seed of 1000 or above that was not used in development.
 Interrupted, it writes what it has.
 
 Cases whose effect is worth less than 3 noise floors even at the largest plausible magnitude are

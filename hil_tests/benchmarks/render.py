@@ -184,7 +184,7 @@ def main() -> int:
 
 
 def _tell_worst(outcomes: Sequence[Outcome]) -> None:
-    """Say on stderr which rigs and tasks fail, so that somebody can look at them."""
+    """List on stderr the rigs and tasks that fail."""
     naive = {(o.seed, o.task): o.rms_nm for o in outcomes if o.law == NAIVE.name}
     for o in outcomes:
         if o.law not in {OURS, WITHOUT_CELL}:

@@ -99,7 +99,7 @@ typedef struct {
 
 enum {
     FAULT_CAN_NONE = 0,
-    FAULT_CAN_NO_ACK,     /* nobody else on the bus: every frame lacks its acknowledge */
+    FAULT_CAN_NO_ACK,     /* no other node on the bus: every frame lacks its acknowledge */
     FAULT_CAN_CORRUPT_TX, /* each frame of the node is destroyed by a bit error */
     FAULT_CAN_CORRUPT_RX, /* each frame to the node arrives with a CRC error */
     FAULT_CAN_DOMINANT,   /* CAN_H and CAN_L shorted so that the bus stays dominant */

@@ -50,7 +50,7 @@ class Rig:
 
 @dataclass(frozen=True)
 class Truth:
-    """What is hidden: nobody who diagnoses may see it."""
+    """What is hidden: not for the diagnosis."""
 
     seed: int
     kind: str

@@ -64,7 +64,7 @@ def bus(make_node: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Bus:
 def select(bus: Bus, serial: int, product: int = PRODUCT) -> bool:
     try:
         return bool(bus.lss.send_switch_state_selective(0, product, REVISION, serial))
-    except peer.LssError:  # nobody has answered
+    except peer.LssError:  # no node has answered
         return False
 
 

@@ -102,7 +102,7 @@ def test_silent_host_is_lost_after_its_time_and_found_again(
     assert not node.lib.node_host_lost(node.node)
     node.tick()
     assert node.lib.node_host_lost(node.node)
-    node.send(0x77E, b"\x05")  # somebody else
+    node.send(0x77E, b"\x05")  # another node
     assert node.lib.node_host_lost(node.node)
     node.send(0x77F, b"\x05")
     assert not node.lib.node_host_lost(node.node)

@@ -1,4 +1,4 @@
-"""A session nobody here recorded: fitted on three runs, judged on runs that no fit has seen."""
+"""A session of another lab: fitted on three runs, validated on held-out runs."""
 
 from __future__ import annotations
 

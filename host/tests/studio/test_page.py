@@ -71,7 +71,7 @@ def test_run_see_the_loop_record_stop(page: Page, studio: Studio) -> None:
     page.click("#mark")
     page.click("#recording")
     expect(page.locator("#recordings label")).to_have_text(" run_1.blf")
-    # The space bar stops, also while somebody types a name.
+    # The space bar stops, also while the user types a name.
     page.focus("#name")
     page.keyboard.press("Space")
     expect(page.locator("#state")).to_contain_text("switch on disabled")

@@ -157,7 +157,7 @@ class Connection:
             self.network.send_message(cob_id, data)
         except (can.CanError, OSError) as error:
             raise DriveFailed(
-                f"the CAN adapter cannot send ({error}): is anybody there to acknowledge, "
+                f"the CAN adapter cannot send ({error}): is another node there to acknowledge, "
                 "are bit rate and termination right?"
             ) from error
 

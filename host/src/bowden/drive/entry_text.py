@@ -89,7 +89,7 @@ def plain(entry: Entry, raw: int) -> float | int | str:
 
 
 def parse(entry: Entry, value: str | float, where: str = "") -> int:
-    """Return the raw value of what somebody wrote.
+    """Return the raw value of a user's text or number.
 
     Parameters
     ----------

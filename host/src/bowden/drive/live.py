@@ -41,7 +41,7 @@ from bowden.drive.provenance import read_layouts, run_metadata, side_file
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.capture_writer import CaptureWriter
 
-#: The motor stops when nobody has said `alive` for so long.
+#: The motor stops when `alive` was not called for so long.
 ALIVE_WITHIN_S = 1.0
 #: Samples kept for whoever draws them.
 KEPT = 8192

@@ -37,7 +37,7 @@ def own_rig(options: BusOptions, rig_arguments: Sequence[str], log_path: Path) -
     Parameters
     ----------
     options : BusOptions
-        The bus; on the default one a port is taken that nobody uses, so that two commands do not
+        The bus; on the default one a free port is taken, so that two commands do not
         meet.
     rig_arguments : sequence of str
         For the rig's own program.

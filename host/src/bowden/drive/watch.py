@@ -101,7 +101,7 @@ class Watch:
     on_progress : callable, optional
         Called about ten times a second.
     requests : callable, optional
-        Asked as often for what somebody wants: marks, an end.
+        Polled as often for requests: marks, an end.
     during : sequence of callable
         Called after each frame, once the recording has begun, with its time in s.
     """
@@ -139,7 +139,7 @@ class Watch:
         return None
 
     def run(self, span: Span, is_powered: bool) -> str | None:
-        """Handle frames until the time is over or somebody stops it.
+        """Handle frames until the time is over or a request ends it.
 
         Returns
         -------
@@ -171,7 +171,7 @@ class Watch:
             follower.begin()
 
     def _step(self, is_powered: bool, waiting: bool = False) -> bool:
-        """Handle the next frame and what is due; return whether somebody wants an end."""
+        """Handle the next frame and what is due; return whether an end was requested."""
         frame = self._connection.receive(_PROGRESS_S)
         for follower in self._followers:
             if frame is not None:
@@ -189,7 +189,7 @@ class Watch:
         return self._obey()
 
     def _obey(self) -> bool:
-        """Do what somebody wants; return whether that is an end."""
+        """Carry out the requests; return whether one is an end."""
         stop = False
         for request in self._requests() if self._requests else ():
             if isinstance(request, Stop):

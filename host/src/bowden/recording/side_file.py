@@ -58,7 +58,7 @@ class Lost(_Part):
 
 
 class MarkNote(_Part):
-    """A mark that somebody set while recording, by the drive's and the host's clock."""
+    """A mark set while recording, by the drive's and the host's clock."""
 
     text: str
     device_time_us: int

@@ -163,7 +163,7 @@ class Runs:
         before, after = np.append(0.0, length[:-1]), np.append(length[1:], 0.0)
         around = np.maximum(before, after)
         longest = (length > REST_SAMPLES) & (length > REST_RATIO * around)
-        # A hand that rests on the edge between two counts makes two.
+        # An operator at standstill on the edge between two counts makes two.
         first_of_two = (length[:-1] > REST_RATIO * before[:-1]) & (
             length[1:] > REST_RATIO * after[1:]
         )

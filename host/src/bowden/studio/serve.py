@@ -1,4 +1,4 @@
-"""Running the server until somebody ends it or the bench fails; nothing outlives it."""
+"""Running the server until Ctrl-C or until the bench fails; nothing outlives it."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def _units(model: Model, one: Recording) -> Iterator[Mistake]:
             if all(unit in each for each in known):
                 factors = {name: each[unit] for name, each in zip(names, known, strict=True)}
                 yield _in_unit(names, unit, factors)
-                if unit == "degrees":  # radians that somebody took for degrees
+                if unit == "degrees":  # radians that were taken for degrees
                     words = f"{both(names)} {_seems(names)} to be 57.3 times too small"
                     inverse = {name: 1.0 / factor for name, factor in factors.items()}
                     yield Mistake("units", words, inverse, log_prior=RARE)

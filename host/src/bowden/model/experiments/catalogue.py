@@ -1,4 +1,4 @@
-"""Which experiments there are, and on which rig they run when nobody names one.
+"""The experiments, and the rig on which they run by default.
 
 `run_experiment` returns what `bowden experiment` shows; `single_case` is one run of a model as it
 stands, for sweeps.
