@@ -151,6 +151,15 @@ typedef enum {
 } angle_reference_t;
 enum { ANGLE_REFERENCE_COUNT = 6 };
 
+/* of the trace of the winding */
+typedef enum {
+    WINDING_TEST_STATE_NONE = 0,      /* none since power-on */
+    WINDING_TEST_STATE_UNDER_WAY = 1, /* under way, until the mode or the bridge ends it */
+    WINDING_TEST_STATE_DONE = 2,      /* winding_trace is full */
+    WINDING_TEST_STATE_FAILED = 3,    /* ended too soon, or this board has no such measurement */
+} winding_test_state_t;
+enum { WINDING_TEST_STATE_COUNT = 4 };
+
 /* of the cable pair, from the model */
 typedef enum {
     SLIP_STATE_STUCK = 0,    /* part of each cable is at standstill */
@@ -321,6 +330,9 @@ typedef enum {
     MODE_OF_OPERATION_NONE = 0,    /* no torque */
     MODE_OF_OPERATION_TUNNEL = -1, /* error-reduction tunnel */
     MODE_OF_OPERATION_TORQUE = -2, /* motor torque, entry target_torque */
+    MODE_OF_OPERATION_WINDING =
+        -3, /* once, for 10 ms: an alternating voltage of a tenth of the supply, turned round at 0.8
+               A or after 2 ms, for winding_trace; then no torque */
 } mode_of_operation_t;
 
 #endif

@@ -63,6 +63,15 @@ typedef enum {
     BOARD_BUS_DROPPED, /* lost, and in this tick the controller's waiting frames were withdrawn */
 } board_bus_t;
 
+/* Samples of the winding's trace, 50 us apart. */
+#define BOARD_WINDING_SAMPLES 200
+
+/* The current under an alternating voltage, once it was asked for and is done; else NULL. */
+typedef struct {
+    const int32_t *trace_ua; /* bit 0: the voltage that is put out from now on is positive */
+    int32_t voltage_uv;      /* its magnitude */
+} board_winding_t;
+
 /* What the board has measured, sampled together at the start of a tick. */
 typedef struct {
     uint32_t time_us;             /* free running, wraps after 71 minutes */
@@ -76,6 +85,7 @@ typedef struct {
     uint32_t faults;                   /* BOARD_FAULT_* bits */
     board_store_t store;
     board_bus_t bus;
+    board_winding_t winding; /* a board that cannot: always NULL */
 } board_sensors_t;
 
 /* Where the encoders stand, counted from the zero of the angles: kept by the board over a reset
@@ -90,6 +100,7 @@ typedef struct {
     int32_t motor_current_ua; /* reference of the current loop, microamperes */
     bool bridge_enabled;      /* false: all switches of the bridge open */
     bool reset_requested;     /* NMT reset node: the board restarts the drive */
+    bool winding_test;        /* with the bridge on: trace the winding, no current control */
     /* To be kept across power-off, all or nothing, or NULL. The words stay as they are until
      * `store` of the sensors says done or failed; then NULL comes, and `store` is idle again. */
     const uint32_t *store;

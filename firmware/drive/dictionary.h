@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x45B7FAB2)
+#define DICTIONARY_HASH UINT32_C(0xF99BDA7A)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 252
+#define DICTIONARY_COUNT 257
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -119,6 +119,9 @@ typedef struct {
     uint16_t bit_rate;                                 /* 0x2013 */
     uint8_t homing;                                    /* 0x2014 */
     uint8_t angle_reference;                           /* 0x2015 */
+    uint8_t winding_test_state;                        /* 0x2016 */
+    int32_t winding_test_voltage_uv;                   /* 0x2016 */
+    int32_t winding_trace_ua[200];                     /* 0x2017 */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */

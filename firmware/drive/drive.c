@@ -292,7 +292,8 @@ static int32_t render(drive_t *drive, const board_sensors_t *sensors) {
     return rendering_step(
         &drive->rendering, &drive->transmission,
         &(rendering_inputs_t){
-            .active = follows(drive) && dictionary->mode_of_operation != MODE_OF_OPERATION_NONE,
+            .active = follows(drive) && dictionary->mode_of_operation != MODE_OF_OPERATION_NONE &&
+                      dictionary->mode_of_operation != MODE_OF_OPERATION_WINDING,
             .load_cell_broken = (sensors->faults & BOARD_FAULT_LOAD_CELL) != 0,
             .load_cell_saturated = cell_unm == PUBLISH_I24_MAX || cell_unm == -PUBLISH_I24_MAX,
             .load_cell_counts = sensors->load_cell_counts,
@@ -355,6 +356,9 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     publish_model(drive);
     publish_state(drive, sensors);
     publish_sample(drive, sensors);
+    const bool traces =
+        follows(drive) && drive->dictionary.mode_of_operation == MODE_OF_OPERATION_WINDING;
+    publish_winding(drive, &sensors->winding, traces);
     node_follow_bus(&drive->node, sensors->bus);
     node_tick(&drive->node, sensors->time_us);
     drive->commanded_ua = fixed_scale(drive->command.torque_unm,
@@ -362,6 +366,7 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     *actuators = (board_actuators_t){
         .bridge_enabled = state_bridge_on(drive->state),
         .motor_current_ua = drive->commanded_ua,
+        .winding_test = traces,
         .reference = reference_to_keep(&drive->reference, sensors->motor_encoder_counts,
                                        sensors->load_encoder_counts),
     };

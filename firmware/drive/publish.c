@@ -1,6 +1,8 @@
 /* publish.c: see publish.h. */
 #include "publish.h"
 
+#include <stddef.h>
+
 /* later - earlier of counters that may wrap; the compilers used define the cast as modulo 2^32. */
 static int32_t counts_since(int32_t later, int32_t earlier) {
     return (int32_t)((uint32_t)later - (uint32_t)earlier);
@@ -113,5 +115,19 @@ void publish_sample(drive_t *drive, const board_sensors_t *sensors) {
         dictionary->sample_counter++;
         dictionary->sample_counter_low = (uint8_t)dictionary->sample_counter;
         dictionary->device_time_us = sensors->time_us;
+    }
+}
+
+void publish_winding(drive_t *drive, const board_winding_t *winding, bool traces) {
+    dictionary_t *dictionary = &drive->dictionary;
+    if (traces) {
+        dictionary->winding_test_state = WINDING_TEST_STATE_UNDER_WAY;
+    } else if (dictionary->winding_test_state == WINDING_TEST_STATE_UNDER_WAY) {
+        const bool done = winding->trace_ua != NULL;
+        dictionary->winding_test_state = done ? WINDING_TEST_STATE_DONE : WINDING_TEST_STATE_FAILED;
+        dictionary->winding_test_voltage_uv = winding->voltage_uv;
+        for (uint32_t i = 0; done && i < BOARD_WINDING_SAMPLES; i++) {
+            dictionary->winding_trace_ua[i] = winding->trace_ua[i];
+        }
     }
 }

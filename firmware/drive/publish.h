@@ -21,4 +21,7 @@ void publish_state(drive_t *drive, const board_sensors_t *sensors);
 /* Counts a sample where process data will be sent in this tick. */
 void publish_sample(drive_t *drive, const board_sensors_t *sensors);
 
+/* The winding's trace, once it is no longer asked for. `traces`: it is, in this tick. */
+void publish_winding(drive_t *drive, const board_winding_t *winding, bool traces);
+
 #endif

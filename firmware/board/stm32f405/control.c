@@ -20,6 +20,7 @@
 #include "registers.h"
 #include "store.h"
 #include "watchdog.h"
+#include "winding.h"
 
 #define TICK_CYCLES (CLOCK_CORE_HZ / 1000000u * BOARD_CONTROL_PERIOD_US)
 
@@ -175,6 +176,10 @@ static void read_sensors(void) {
         sensors.bus_voltage_mv = analogue.bus_voltage_mv;
         sensors.conduit_temperature_mdegc = analogue.conduit_temperature_mdegc;
     }
+    sensors.winding = (board_winding_t){
+        .trace_ua = fast_loop_winding_ua(),
+        .voltage_uv = sensors.bus_voltage_mv * (1000 * WINDING_DUTY / PWM_TOP),
+    };
 }
 
 /* Gives the 20 kHz loop the motor's data. */
@@ -271,6 +276,7 @@ void pendsv_handler(void) {
     receive_frames();
     drive_tick(&drive, &sensors, &actuators);
     describe_motor();
+    fast_loop_trace_winding(actuators.winding_test);
     fast_loop_command(actuators.motor_current_ua, actuators.bridge_enabled);
     if (actuators.reset_requested) {
         crash_restart();

@@ -1,12 +1,15 @@
 /* fast_loop.c: see fast_loop.h. */
 #include "fast_loop.h"
 
+#include <stddef.h>
+
 #include "analog.h"
 #include "current_loop.h"
 #include "handlers.h"
 #include "pwm.h"
 #include "registers.h"
 #include "watchdog.h"
+#include "winding.h"
 
 _Static_assert(CURRENT_LOOP_TOP == PWM_TOP, "the controller's output is the timer's input");
 
@@ -22,6 +25,8 @@ static current_loop_gains_t gains;
 static current_monitor_t monitor;
 static current_monitor_motor_t motor;
 static bool tripped;
+static winding_t winding;
+static volatile bool traces;
 
 /* With the bridge off: samples until the current has died, then those of the mean. */
 #define ZERO_SETTLES 20u
@@ -53,6 +58,19 @@ void fast_loop_motor(const current_monitor_motor_t *now) {
 
 void fast_loop_tune(current_loop_gains_t of_winding) {
     gains = of_winding;
+}
+
+void fast_loop_trace_winding(bool wanted) {
+    if (wanted && !traces) {
+        winding.count = 0;
+        winding.since = 0;
+    }
+    core_order();
+    traces = wanted;
+}
+
+const int32_t *fast_loop_winding_ua(void) {
+    return winding_is_done(&winding) ? winding.trace_ua : NULL;
 }
 
 void fast_loop_command(int32_t current_ua, bool bridge_on) {
@@ -103,6 +121,9 @@ static void control(int32_t current_ua, int32_t bus_mv) {
         pwm_set(0);
     } else if (tripped) {
         pwm_off();
+    } else if (traces) {
+        pwm_set(winding_step(&winding, current_ua));
+        pwm_on();
     } else {
         const int32_t duty =
             current_loop_step(&controller, &gains, commanded_ua, current_ua, bus_mv);
@@ -116,7 +137,7 @@ void adc_handler(void) {
     const analog_sample_t sample = analog_take();
     const int32_t current_ua = scaling_current_ua(sample.current) - zero_ua;
     const int32_t bus_mv = scaling_bus_mv(sample.bus_voltage);
-    const bool runs = commanded_on && !tripped;
+    const bool runs = commanded_on && !tripped && !traces;
     const bool strange = runs && current_monitor_step(&monitor, &motor, current_ua, bus_mv);
     const bool over =
         current_ua > FAST_LOOP_CURRENT_MAX_UA || current_ua < -FAST_LOOP_CURRENT_MAX_UA;

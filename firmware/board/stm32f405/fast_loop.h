@@ -43,6 +43,13 @@ void fast_loop_motor(const current_monitor_motor_t *motor);
 /* The current controller's gains; only while the bridge is off. */
 void fast_loop_tune(current_loop_gains_t of_winding);
 
+/* Instead of the current control, while `wanted` and the bridge is on: trace the winding. A new
+ * trace begins when it was not wanted before. */
+void fast_loop_trace_winding(bool wanted);
+
+/* The last trace when it is full, else NULL. */
+const int32_t *fast_loop_winding_ua(void);
+
 /* What to do from the next sample on. Bridge off takes effect at once; after an overcurrent the
  * bridge stays off until it has been commanded off. */
 void fast_loop_command(int32_t current_ua, bool bridge_on);

@@ -72,7 +72,7 @@ def test_expedited_write_may_leave_its_size_out(node: Any) -> None:
         ("23 00 21 00 00000000", 0x06090032),  # radius 0
         ("23 00 21 00 ffffffff", 0x06090031),
         ("2f 60 60 00 01000000", 0x06090031),
-        ("2f 60 60 00 fd000000", 0x06090032),
+        ("2f 60 60 00 fc000000", 0x06090032),
         ("2f 03 10 00 01000000", 0x06090031),  # only 0 clears the history
         ("a0 08 10 00 00000000", 0x05040002),  # block upload in blocks of no segment
         ("c2 08 10 00 00000000", 0x06010002),  # block download of what cannot be written

@@ -27,7 +27,12 @@ from bowden.commission.state import (
     open_state,
     save_state,
 )
-from bowden.commission.with_motor import find_cables, find_motor_direction, find_torque_constant
+from bowden.commission.with_motor import (
+    find_cables,
+    find_motor_direction,
+    find_torque_constant,
+    find_winding,
+)
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, store, write
 from bowden.drive.reduced_model import reduced_model
@@ -74,6 +79,7 @@ STEPS = (
     CommissioningStep("counts", "counts per turn of both encoders", find_counts),
     CommissioningStep("current_zero", "current with the bridge off", find_current_zero),
     CommissioningStep("load_cell", "zero and gain of the load cell", find_load_cell),
+    CommissioningStep("winding", "resistance and inductance of the motor", find_winding),
     CommissioningStep("motor_direction", "sign of the motor", find_motor_direction),
     CommissioningStep("torque_constant", "torque per ampere", find_torque_constant),
     CommissioningStep("cables", "stiffness, pretension and friction", find_cables),

@@ -16,6 +16,7 @@ from bowden.commission.measures import (
     torque_scale,
 )
 from bowden.commission.state import StepFinding, Verdict
+from bowden.commission.winding import read_trace, winding_of
 from bowden.drive.reduced_model import reduced_model
 from bowden.drive.torque_profile import TorqueProfile
 from bowden.errors import BadInput, DriveFailed
@@ -163,3 +164,30 @@ def _locked(recording: Recording) -> Recording:
     if moved > LOCKED_RAD:
         raise BadInput(recording.source, f"a load that moved by {moved:.3f} rad", "a locked load")
     return recording
+
+
+def find_winding(job: Job) -> list[StepFinding]:
+    """Find resistance and inductance of the motor; correct what gives the current loop's gains."""
+    job.operator.ask(
+        "Winding",
+        "the motor gets a small alternating voltage for 10 ms: it hums, and hardly moves",
+        "nothing to do: the load may be free or locked",
+    )
+    trace = read_trace(job.drive)
+    if trace is None:
+        found = "not measured: this board has no such measurement; the drive's numbers stay"
+        return [StepFinding(what="winding", verdict="as stated", found=found)]
+    winding = winding_of(*trace)
+    findings = []
+    for name, what, number, unit in (
+        ("motor_resistance", "resistance", winding.resistance, "Ohm"),
+        ("motor_inductance", "inductance", winding.inductance, "H"),
+    ):
+        stated = job.drive.read(name)
+        right = number.holds(stated)
+        if not right:
+            job.write({name: number.value})
+        verdict: Verdict = "as stated" if right else "corrected"
+        found = f"{number.value:.4g} {unit}, {number.value / stated - 1.0:+.1%} against the stated"
+        findings.append(StepFinding.of(f"winding {what}", verdict, found, number, unit))
+    return findings

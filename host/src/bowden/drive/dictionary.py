@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0x45B7FAB2
+HASH = 0xF99BDA7A
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -113,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x45b7fab2, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xf99bda7a, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -146,6 +146,11 @@ TABLE = Table(
         Entry(0x2013, 0, 'bit_rate', 'u16', 'rw', 'calibration', 1000, low=125, high=1000, persist=True, meaning=meanings.BitRate, doc='of the CAN bus, from the next start on, once it is stored'),
         Entry(0x2014, 0, 'homing', 'u8', 'rw', 'command', 0, high=1, meaning=meanings.Homing, doc='with the bridge off: sets the zero of both angles; reads 0 once it is done, angle_reference says what came of it'),
         Entry(0x2015, 0, 'angle_reference', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.AngleReference, doc='where the angles count from; with lost, moved and proving the tunnel is refused'),
+        Entry(0x2016, 0, 'winding_test.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
+        Entry(0x2016, 1, 'winding_test.state', 'u8', 'ro', 'state', 0, high=255, meaning=meanings.WindingTestState, doc='of the trace of the winding'),
+        Entry(0x2016, 2, 'winding_test.voltage', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='V', scale=1e-06, doc='magnitude of the alternating voltage'),
+        Entry(0x2017, 0, 'winding_trace.count', 'u8', 'const', 'communication', 200, high=255, doc='highest sub-index'),
+        *array(200, Entry(0x2017, 1, 'winding_trace', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='A', scale=1e-06, doc='motor current every 50 us; lowest bit of the raw value: the voltage that is put out from then on is positive')),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),
@@ -268,7 +273,7 @@ TABLE = Table(
         Entry(0x605C, 0, 'disable_operation_option', 'i16', 'rw', 'config', 0, high=1, persist=True, meaning=meanings.DisableOperationOption, doc='how disable operation takes the torque away'),
         Entry(0x605D, 0, 'halt_option', 'i16', 'rw', 'config', 2, low=1, high=2, persist=True, meaning=meanings.HaltOption, doc='how a halt takes the torque away; operation stays enabled'),
         Entry(0x605E, 0, 'fault_reaction_option', 'i16', 'const', 'identity', 0, low=-32768, high=32767, doc='0: bridge off at once, before anything else; a bridge that has failed is not trusted with a ramp'),
-        Entry(0x6060, 0, 'mode_of_operation', 'i8', 'rw', 'command', -1, low=-2, pdo='rx', meaning=meanings.ModeOfOperation, doc='what the drive does while its bridge is on'),
+        Entry(0x6060, 0, 'mode_of_operation', 'i8', 'rw', 'command', -1, low=-3, pdo='rx', meaning=meanings.ModeOfOperation, doc='what the drive does while its bridge is on'),
         Entry(0x6061, 0, 'mode_of_operation_display', 'i8', 'ro', 'state', 0, low=-128, high=127, pdo='tx', meaning=meanings.ModeOfOperation, doc='the mode that runs now'),
         Entry(0x6502, 0, 'supported_modes', 'u32', 'const', 'identity', 196608, high=4294967295, doc="manufacturer's modes only"),
     )

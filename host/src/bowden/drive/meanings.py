@@ -140,6 +140,15 @@ class AngleReference(NamedValue):
     LOST = 5, 'unknown: an encoder moved before the last reset, or that reset did not spare the memory'
 
 
+class WindingTestState(NamedValue):
+    """Of the trace of the winding."""
+
+    NONE = 0, 'none since power-on'
+    UNDER_WAY = 1, 'under way, until the mode or the bridge ends it'
+    DONE = 2, 'winding_trace is full'
+    FAILED = 3, 'ended too soon, or this board has no such measurement'
+
+
 class SlipState(NamedValue):
     """Of the cable pair, from the model."""
 
@@ -303,3 +312,4 @@ class ModeOfOperation(NamedValue):
     NONE = 0, 'no torque'
     TUNNEL = -1, 'error-reduction tunnel'
     TORQUE = -2, 'motor torque, entry target_torque'
+    WINDING = -3, 'once, for 10 ms: an alternating voltage of a tenth of the supply, turned round at 0.8 A or after 2 ms, for winding_trace; then no torque'
