@@ -8,6 +8,7 @@ import pytest
 from bowden.cli.main import main
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.csv_file import write_csv
+from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
 
 MODEL = """
@@ -112,3 +113,21 @@ def test_one_sample_is_too_few(
     recording.write_text(f"{header}\n0,0,0,0,0\n")
     assert main(["compare", str(model), str(recording)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_start_of_a_rig_that_was_used_before_can_be_left_unjudged(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, recording = files
+    late = read_recording(recording)
+    write_csv(late.select(late.time_s >= 0.8), recording)  # what went before is not recorded
+    gaps = []
+    for settle in ("0", "1"):
+        assert main(["compare", str(model), str(recording), "--json", "--settle", settle]) == 0
+        gaps.append(json.loads(capsys.readouterr().out)["gap"])
+    # A stroke of half a second each way has erased it; the load cell's 0.1 N m is left.
+    assert gaps[0] > 0.15
+    assert gaps[1] == pytest.approx(0.1, rel=1e-3)
+    for settle, named in (("-1", "--settle: found -1 s"), ("9", "found 2.2 s; accepted: more")):
+        assert main(["compare", str(model), str(recording), "--settle", settle]) == 2
+        assert named in capsys.readouterr().err

@@ -1,7 +1,8 @@
 """Compare recordings with the offline model: figures, and a report for the browser.
 
 The model gets the two series that the mode names; the gap is in the first of the two that it
-predicts (load torque, or motor torque in position-torque mode). Each recording starts virgin.
+predicts (load torque, or motor torque in position-torque mode). Each recording starts virgin;
+--settle is for a rig whose cables hold tension from earlier.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from bowden.cli.figure_arguments import (
 from bowden.cli.model_arguments import (
     add_mode_argument,
     add_model_argument,
+    add_settle_argument,
     mode_of,
     read_model,
+    settle_of,
 )
 from bowden.cli.output import add_json_argument, console, print_json
 
@@ -43,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
     add_mode_argument(parser)
+    add_settle_argument(parser)
     add_json_argument(parser)
     parser.add_argument(
         "--report", metavar="OUT.html", type=Path, help="write a report that opens anywhere"
@@ -53,7 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compare, write the report, print figures."""
     refuse_missing_forms(args)
-    comparison = compare_files(args.model, args.recordings, mode_of(args), args.report)
+    settle_s = settle_of(args)
+    comparison = compare_files(args.model, args.recordings, mode_of(args), args.report, settle_s)
     show(comparison, args.report)
     for path in write_figure_files(comparison, args):
         console().print(f"figure: {path}", soft_wrap=True)
@@ -63,13 +68,17 @@ def run(args: argparse.Namespace) -> int:
 
 
 def compare_files(
-    model: Path, recordings: Sequence[Path], mode: Mode, report: Path | None = None
+    model: Path,
+    recordings: Sequence[Path],
+    mode: Mode,
+    report: Path | None = None,
+    settle_s: float = 0.0,
 ) -> Comparison:
     """Compare recordings with a model, file by file, and write the report where one is wanted."""
     from bowden.diagnosis.compare import compare  # noqa: PLC0415  (keeps --help fast)
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
-    session = read_recordings(recordings)
+    session = read_recordings(recordings).since(settle_s)
     described = read_model(model)
     admit_data(described, session.recordings, mode)
     comparison = compare(described, session.recordings, mode, zeros=session.groups["zeros"])

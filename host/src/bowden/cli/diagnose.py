@@ -21,8 +21,10 @@ from bowden.cli.figure_arguments import (
 from bowden.cli.model_arguments import (
     add_mode_argument,
     add_model_argument,
+    add_settle_argument,
     mode_of,
     read_model,
+    settle_of,
 )
 from bowden.cli.output import add_json_argument, console, print_json, stages
 
@@ -45,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
     add_mode_argument(parser)
+    add_settle_argument(parser)
     parser.add_argument(
         "--report", metavar="OUT.html", type=Path, help="write a report that opens anywhere"
     )
@@ -82,7 +85,8 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput("--time-limit", f"{args.time_limit:g} s", "more than 0 s")
     refuse_missing_forms(args)
     model = read_model(args.model)
-    recordings = [until_disabled(one) for one in read_recordings(args.recordings).recordings]
+    session = read_recordings(args.recordings).since(settle_of(args))
+    recordings = [until_disabled(one) for one in session.recordings]
     with stages("diagnosing") as tell:
         diagnosis = diagnose(
             model,

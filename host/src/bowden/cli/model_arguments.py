@@ -72,6 +72,28 @@ def mode_of(args: argparse.Namespace) -> Mode:
     return Mode(args.mode)
 
 
+def add_settle_argument(parser: argparse.ArgumentParser) -> None:
+    """Add ``--settle``."""
+    parser.add_argument(
+        "--settle",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="the model runs through the first S seconds of each recording, and nothing in them is "
+        "judged: for a rig whose cables hold tension from earlier strokes (default: 0, a rig "
+        "whose cables do not)",
+    )
+
+
+def settle_of(args: argparse.Namespace) -> float:
+    """Return the seconds at the start of each recording that are not judged."""
+    from bowden.errors import BadInput  # noqa: PLC0415  (keeps --help fast)
+
+    if not 0.0 <= args.settle < float("inf"):
+        raise BadInput("--settle", f"{args.settle:g} s", "0 s or more")
+    return float(args.settle)
+
+
 def read_model(path: Path) -> Model:
     """Read and check a model file.
 

@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.cli.data_gate import admit_data
-from bowden.cli.model_arguments import add_mode_argument, add_model_argument, mode_of, read_model
+from bowden.cli.model_arguments import (
+    add_mode_argument,
+    add_model_argument,
+    add_settle_argument,
+    mode_of,
+    read_model,
+    settle_of,
+)
 from bowden.cli.output import add_json_argument, console, print_json
 
 if TYPE_CHECKING:
@@ -30,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
     add_mode_argument(parser)
+    add_settle_argument(parser)
     add_json_argument(parser)
 
 
@@ -38,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from bowden.estimation.verify import verify  # noqa: PLC0415  (keeps --help fast)
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
-    session = read_recordings(args.recordings)
+    session = read_recordings(args.recordings).since(settle_of(args))
     model = read_model(args.model)
     admit_data(model, session.recordings, mode_of(args))
     found = verify(model, session.recordings, mode_of(args), zeros=session.groups["zeros"])

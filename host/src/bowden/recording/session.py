@@ -14,7 +14,7 @@ writes files only.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -74,6 +74,10 @@ class Session:
     rig: str
     recordings: tuple[Recording, ...]
     groups: Mapping[Shared, tuple[str, ...]]
+
+    def since(self, seconds: float) -> Session:
+        """Return the session with the first seconds of each recording before it, not in it."""
+        return replace(self, recordings=tuple(one.since(seconds) for one in self.recordings))
 
     def members(self, shared: Shared) -> dict[str, tuple[int, ...]]:
         """Return the recordings' numbers by group, in the order of first mention."""
