@@ -140,7 +140,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--part",
         choices=("both", "named", "learned"),
         default="named",
-        help="a hidden effect that has a name, a law that has none, or both (default: %(default)s)",
+        help="a hidden effect that has a name, a law that has none (takes more than ten minutes), "
+        "or both (default: %(default)s)",
     )
     add_target_argument(parser)
     add_json_argument(parser)
