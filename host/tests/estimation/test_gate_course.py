@@ -87,6 +87,29 @@ def test_a_step_of_the_motors_torque_is_no_step_of_a_zero() -> None:
     ] == []
 
 
+def test_a_joint_whose_friction_turns_round_is_no_step_of_a_zero() -> None:
+    """A torque that the model lacks jumps where the load turns, once in the recording."""
+    run = RUNS["complete"]
+    turn = int(np.argmax(run.load_angle_rad[: run.time_s.size // 2]))
+    jump = 0.15 * (np.arange(run.time_s.size) > turn)
+    found = check_data(
+        MODEL, [run.with_channels(load_torque_nm=run.load_torque_nm + jump)], Mode.TORQUE_POSITION
+    )
+    assert "zero_step" not in {one.what for one in found}
+
+
+def test_a_cable_that_lets_go_is_no_step_of_a_zero() -> None:
+    """The motor's end jumps with the cell: no zero does that."""
+    run = RUNS["complete"]
+    late = run.time_s > 10.0
+    slipped = run.with_channels(
+        load_torque_nm=run.load_torque_nm + 0.15 * late,
+        motor_angle_rad=run.motor_angle_rad + 0.1 * late,
+    )
+    found = check_data(MODEL, [slipped], Mode.TORQUE_POSITION)
+    assert "zero_step" not in {one.what for one in found}
+
+
 def test_recordings_of_two_rigs_are_told_apart_and_those_of_one_are_not() -> None:
     other = parse_model(TABLE_1.replace("mu_d: {value: 0.21", "mu_d: {value: 0.8"))
     mode = Mode.TORQUE_POSITION

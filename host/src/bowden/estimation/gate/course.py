@@ -32,11 +32,9 @@ AROUND = 8  # samples on either side of a jump
 JUMP_SIGMAS = 12.0  # of white noise
 JUMP_STEPS = 6.0  # of the usual step around it: what changes fast is no jump
 MOST_JUMPS = 3  # of that size: more of them are no zero's
-EXPECTED = 0.6  # of a jump: a change that the model has there within a thinned sample
 ALIKE = 0.2  # of the largest jump: these count, too
 AGREES = 3.0  # sigmas between the jump and the shift of all that follows
 MATTERS = 50.0  # noises: what a brake or a grip does to a cell jumps by up to 20 (da Vinci)
-NEAR = 3  # thinned samples on either side
 
 TOP_SAMPLES = 10
 BAND_SIGMAS = 4.0
@@ -83,10 +81,9 @@ def _zero_step(
     alike = [size for _, size in jumps if abs(size) > ALIKE * abs(jump)]
     if len(alike) > MOST_JUMPS or abs(sum(alike)) < 0.5 * abs(jump):
         return  # friction that flickers, a dropout
-    at = int(np.searchsorted(thin.time_s, one.time_s[sample]))
-    near = np.diff(cell.columns[max(at - NEAR, 0) : at + NEAR, 0])
-    if near.size == 0 or float(np.max(np.abs(near))) > EXPECTED * abs(jump):
-        return  # the model expects a change there
+    elsewhere = [one[name] for name in ("motor_angle_rad", "motor_torque_nm")]
+    if _turns(one["load_angle_rad"], sample) or any(_jumps_too(x, sample) for x in elsewhere):
+        return  # the rig did it: friction that turns round or lets go, a torque that was asked
     step, sigma = _shift_after(cell, thin.time_s >= one.time_s[sample])
     if abs(step - jump) > AGREES * sigma + 0.2 * abs(jump):
         return  # what follows is not shifted by it
@@ -98,6 +95,25 @@ def _zero_step(
         "one zero for the whole recording",
         "stop" if abs(jump) > MATTERS * noise_sigma(one[CELL], one.time_s) else "warn",
     )
+
+
+def _turns(angle_rad: _Floats, sample: int) -> bool:
+    """Whether an angle turns round where it stands at a sample."""
+    step = np.sign(np.diff(angle_rad))
+    (before,) = np.nonzero(step[:sample])
+    (after,) = np.nonzero(step[sample:])
+    if not before.size or not after.size:
+        return False
+    return bool(step[before[-1]] != step[sample + after[0]])
+
+
+def _jumps_too(values: _Floats, sample: int) -> bool:
+    """Whether a series jumps at a sample, far beyond its usual step and its resolution."""
+    step = np.abs(np.diff(values))
+    resolution = float(np.min(step[step > 0.0], initial=math.inf))
+    near = step[max(sample - AROUND, 0) : sample + AROUND]
+    here = step[max(sample - 2, 0) : sample + 1]
+    return bool(np.max(here) > JUMP_STEPS * max(float(np.median(near)), resolution))
 
 
 def _shift_after(cell: ChannelReading, after: NDArray[np.bool_]) -> tuple[float, float]:
