@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,10 @@ ENOUGH = 0.02  # of -log posterior: a step that gains less ends the search
 DERIVATIVE = 0.02  # of a unit step, before anything is known of the posterior
 SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
 LENGTHS = (1e-4, 0.5)  # unit steps: of an axis, at least and at most
+LESS, MORE = 0.2, (4.0, 16.0, 64.0, 256.0, 1024.0)  # damping after a step down, after one up
 LONGEST = 3.0  # unit steps a round, in any coordinate
+SECANTS = 4  # steps on derivatives that the last steps have corrected, one simulation each
+KEPT = 0.5  # of what a step promised: derivatives are as good as that, or are taken anew
 
 
 def descend(
@@ -39,32 +43,86 @@ def descend(
     residuals = problem.residuals(x, noises)
     if residuals is None:
         return None
-    scales = best_scales(fitted_parts(problem, residuals, noises), scales)
-    now = objective(problem, x, residuals, noises, scales)
+    here = _settled(problem, x, residuals, noises, scales)
     hessian = np.diag(problem.unit**-2.0)
     damping, axes = 1e-4, np.diag(DERIVATIVE * problem.unit)
     for _ in range(rounds):
-        slopes = jacobians(problem, x, residuals, noises, axes)
-        hessian, gradient = normal_equations(problem, x, residuals, slopes, (noises, scales))
-        axes = principal_axes(problem, hessian)
-        gained = -math.inf
-        for _ in range(5):
-            step = bounded_step(problem, x, hessian, gradient, damping)
-            there = problem.feasible(x + step)
-            found = problem.residuals(there, noises)
-            after = math.inf if found is None else objective(problem, there, found, noises, scales)
-            gained = now - after
-            if found is not None and gained > 0.0:
-                x, residuals = there, found
-                damping = max(0.1 * damping, 1e-6)
+        slopes = jacobians(problem, here.x, here.residuals, noises, axes)
+        gained = math.inf
+        for step in range(1 + SECANTS):
+            hessian, gradient = normal_equations(
+                problem, here.x, here.residuals, slopes, (noises, here.scales)
+            )
+            axes = principal_axes(problem, hessian) if step == 0 else axes
+            there, damping = _lower(problem, here, noises, (hessian, gradient), damping)
+            gained, move = here.cost - there.cost, there.x - here.x
+            promised = -float(gradient @ move + 0.5 * move @ hessian @ move)
+            slopes = _secant(slopes, here.residuals, there.residuals, move, problem.unit)
+            here = _settled(problem, there.x, there.residuals, noises, there.scales)
+            if gained <= max(ENOUGH, KEPT * promised):
                 break
-            damping = max(30.0 * damping, 1e-2)
-        improved = gained > 0.0
-        scales = best_scales(fitted_parts(problem, residuals, noises), scales)
-        now = objective(problem, x, residuals, noises, scales)
-        if not improved or gained < ENOUGH:
+        if step == 0 and gained < ENOUGH:
             break
-    return Optimum(x, now, hessian, list(residuals), list(noises), scales)
+    return Optimum(here.x, here.cost, hessian, list(here.residuals), list(noises), here.scales)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A point with its residuals, the scales that suit them, and -log posterior."""
+
+    x: _Floats
+    residuals: list[_Floats]
+    scales: Scales
+    cost: float
+
+
+def _settled(
+    problem: Problem,
+    x: _Floats,
+    residuals: list[_Floats],
+    noises: Sequence[Covariance],
+    scales: Scales,
+) -> _Place:
+    """Return a point with the scales found anew."""
+    scales = best_scales(fitted_parts(problem, residuals, noises), scales)
+    return _Place(x, residuals, scales, objective(problem, x, residuals, noises, scales))
+
+
+def _lower(
+    problem: Problem,
+    here: _Place,
+    noises: Sequence[Covariance],
+    normal: tuple[_Floats, _Floats],
+    damping: float,
+) -> tuple[_Place, float]:
+    """Return a lower place under the same scales and the next damping; `here` where none is."""
+    for more in MORE:
+        x = problem.feasible(here.x + bounded_step(problem, here.x, *normal, damping))
+        found = problem.residuals(x, noises)
+        if found is not None:
+            cost = objective(problem, x, found, noises, here.scales)
+            if cost < here.cost:
+                return _Place(x, found, here.scales, cost), max(LESS * damping, 1e-6)
+        damping *= more
+    return here, damping
+
+
+def _secant(
+    slopes: Sequence[_Floats],
+    before: Sequence[_Floats],
+    after: Sequence[_Floats],
+    move: _Floats,
+    unit: _Floats,
+) -> list[_Floats]:
+    """Return the nearest derivatives that explain what a move did (Broyden 1965, eq. 4.5)."""
+    back = move / unit**2
+    size = float(move @ back)
+    if size == 0.0:
+        return list(slopes)
+    return [
+        slope + np.outer(b - a - slope @ move, back) / size
+        for slope, a, b in zip(slopes, before, after, strict=True)
+    ]
 
 
 def jacobians(

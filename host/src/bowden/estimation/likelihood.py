@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from bowden.estimation.covariance import DRAWS, Covariance, Data
 
@@ -87,10 +87,13 @@ def whiten(
         if noise.law is not None and scales.law > 0.0:
             law = scales.law * noise.law[rows]
             matrix += data.observations.correlations[k] * (law[:, None] * law)
-        matrix[np.diag_indices_from(matrix)] += noise.own[rows]
-        factor = np.linalg.cholesky(matrix)
-        white = solve_triangular(factor, columns[rows], lower=True, check_finite=False)
-        found.append(Whitened(white, float(np.sum(np.log(np.diag(factor))))))
+        matrix.ravel()[:: rows.size + 1] += noise.own[rows]
+        # By LAPACK itself: a fit whitens ten thousand small blocks.
+        factor, wrong = dpotrf(matrix, lower=True)
+        if wrong:
+            raise np.linalg.LinAlgError(f"block {k}: its covariance is not positive definite")
+        white, _ = dtrtrs(factor, columns[rows], lower=True)
+        found.append(Whitened(white, float(np.log(factor.diagonal()).sum())))
     return found
 
 
