@@ -30,7 +30,7 @@ from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, Series, Verdict
 from bowden.diagnosis.rules.diagnose import diagnose_by_rules
 from bowden.diagnosis.search import Found, Progress, search
-from bowden.diagnosis.verdict import SURE, Decision, decide, invisible, odds_of_laws, ranking
+from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking
 from bowden.diagnosis.waterfall import gap_steps
 from bowden.diagnosis.wording import as_solved_before, sentence_of, stopped
 from bowden.estimation.gate.check import check_data
@@ -107,7 +107,7 @@ def diagnose(
             progress=tell,
         )
         decision = decide(found)
-        if found.in_time and decision.odds["unlisted"] > 1.0 - SURE:
+        if found.in_time and decision.verdict == "unlisted":
             found = with_laws(material, model, found, seed, tell)
             decision = decide(found)
         tell("judging", 0.95)

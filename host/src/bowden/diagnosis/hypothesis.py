@@ -1,7 +1,7 @@
 """A hypothesis: the calibrated model with some effects, fitted on the estimation core.
 
-`fit_hypothesis` starts where its parent ended and at the values that screening promised; all
-hypotheses of one comparison are fitted under one covariance, each with its own correction.
+A fit starts where its parent ended and at the values that screening promised; all hypotheses of
+one comparison are fitted under one covariance, each with its own correction.
 """
 
 from __future__ import annotations
@@ -121,16 +121,38 @@ def _with_smoothness(known: Parameters, effects: Sequence[Candidate]) -> Paramet
     return replace(known, each=tuple(each), precision=precision)
 
 
-def fit_hypothesis(
+@dataclass(frozen=True)
+class Start:
+    """Where a fit of the model with some effects starts.
+
+    Parameters
+    ----------
+    effects : tuple of Candidate
+    problem : Problem
+    here : Optimum
+        The starting point, with the covariance to fit under and the scales that suit it.
+    """
+
+    effects: tuple[Candidate, ...]
+    problem: Problem
+    here: Optimum
+
+    def fitted(self, rounds: int) -> Hypothesis:
+        """Return the hypothesis after so many rounds of Gauss-Newton."""
+        best, here = self.here, self.here
+        if rounds:
+            best = descend(self.problem, here.x, here.noises, here.scales, rounds=rounds) or here
+        return _with_slopes(self.effects, self.problem, best)
+
+
+def start_of(
     material: Material,
     model: Model,
     effects: Sequence[tuple[Candidate, Mapping[str, float]]],
     start: Mapping[str, float],
     like: Optimum,
-    *,
-    rounds: int,
-) -> Hypothesis | None:
-    """Fit the model with some effects; None where no rig answers.
+) -> Start | None:
+    """Return where a fit of the model with some effects starts; None where no rig answers.
 
     Parameters
     ----------
@@ -142,8 +164,6 @@ def fit_hypothesis(
         Coordinates of numbers that have been fitted before, by path.
     like : Optimum
         Whose covariance and scales are used, and whose nuisance numbers are the start.
-    rounds : int
-        Of Gauss-Newton.
     """
     try:
         parameters = parameters_with(model, effects)
@@ -156,8 +176,8 @@ def fit_hypothesis(
     count = len(material.nuisances)
     x = problem.feasible(np.concatenate([first, like.x[like.x.size - count :]]))
     noises = corrected(material, problem, x, like.noises)
-    best = descend(problem, x, noises, like.scales, rounds=rounds)
-    return None if best is None else _with_slopes(effects, problem, best)
+    here = descend(problem, x, noises, like.scales, rounds=0)
+    return None if here is None else Start(tuple(one for one, _ in effects), problem, here)
 
 
 def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
@@ -174,7 +194,7 @@ def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) ->
         one = replace(one, problem=problem, best=best)
         if settled:
             break
-    return _with_slopes(effects, problem, best)
+    return _with_slopes(one.effects, problem, best)
 
 
 CORRECTED = 4  # times at most
@@ -193,12 +213,10 @@ def corrected(
         return list(noises)
 
 
-def _with_slopes(
-    effects: Sequence[tuple[Candidate, Mapping[str, float]]], problem: Problem, best: Optimum
-) -> Hypothesis:
+def _with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum) -> Hypothesis:
     axes = principal_axes(problem, best.hessian)
     slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
-    return Hypothesis(tuple(one for one, _ in effects), problem, best, tuple(slopes))
+    return Hypothesis(effects, problem, best, tuple(slopes))
 
 
 def with_posterior(one: Hypothesis) -> Model:

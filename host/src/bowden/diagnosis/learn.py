@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.hypothesis import FRICTION, ROUGH, Hypothesis, finish, fit_hypothesis
+from bowden.diagnosis.hypothesis import FRICTION, ROUGH, Hypothesis, finish, start_of
 from bowden.diagnosis.law_candidates import (
     LawCandidate,
     finer,
@@ -124,7 +124,8 @@ def _rough(
     known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
     effects = [*known, (law, values)]
     start, like = parent.coordinates(), parent.best
-    return fit_hypothesis(material, searched, effects, start, like, rounds=ROUGH)
+    begun = start_of(material, searched, effects, start, like)
+    return None if begun is None else begun.fitted(ROUGH)
 
 
 def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:
@@ -133,9 +134,8 @@ def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothe
     assert isinstance(law, LawCandidate)
     law = replace(law, bend=_likeliest_bend(first, law))
     effects = [(effect, first.values(i)) for i, effect in enumerate((*known, law))]
-    return fit_hypothesis(
-        material, searched, effects, first.coordinates(), first.best, rounds=ROUNDS
-    )
+    begun = start_of(material, searched, effects, first.coordinates(), first.best)
+    return None if begun is None else begun.fitted(ROUNDS)
 
 
 def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:

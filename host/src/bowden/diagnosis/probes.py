@@ -21,11 +21,15 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Probe:
-    """A candidate with one strength at the size that it is looked at with."""
+    """A candidate with one strength at the size that it is looked at with.
+
+    `factor`: that over its usual one.
+    """
 
     values: dict[str, float]
     size: float
     signed: bool
+    factor: float
 
 
 def probes_of(candidate: Candidate, off: Mapping[str, float], factor: float) -> list[Probe]:
@@ -35,7 +39,7 @@ def probes_of(candidate: Candidate, off: Mapping[str, float], factor: float) -> 
     for one in strengths:
         value = value_of(one, factor * strength_of(one, one.typical))
         signed = one.low < 0.0 or bool(phases)
-        found.append(Probe({**off, one.name: value}, strength_of(one, value), signed))
+        found.append(Probe({**off, one.name: value}, strength_of(one, value), signed, factor))
     if len(strengths) == 1 and len(phases) == 1:
         found.append(replace(found[0], values={**found[0].values, phases[0]: math.pi / 2}))
     return found

@@ -57,8 +57,10 @@ class Look:
         The strengths that were simulated; none where it was looked at as it is.
     responses : tuple of tuple of ndarray of shape (n,)
         What each probe does to each recording's residual.
-    start : mapping of str to float, optional
-        Coordinates of calibrated numbers that a fit starts from; the parent's when absent.
+    step : ndarray of shape (k,)
+        How the numbers of the hypothesis looked from follow.
+    origin : Hypothesis
+        The hypothesis looked from.
     """
 
     candidate: Candidate
@@ -69,11 +71,25 @@ class Look:
     shape: dict[str, float]
     probes: tuple[Probe, ...]
     responses: tuple[tuple[_Floats, ...], ...]
-    start: Mapping[str, float] | None = None
+    step: _Floats
+    origin: Hypothesis
 
     def share(self, like: Hypothesis) -> float:
         """Return what it does at its values, over a single observation's error."""
         return size_in_noise(like, self.change)
+
+    def values_at(self, share: float) -> dict[str, float]:
+        """Return its values with so much of the promised strength."""
+        values = dict(self.values)
+        for one in self.candidate.strengths:
+            values[one.name] = value_of(one, share * strength_of(one, values[one.name]))
+        return values
+
+    def others_at(self, share: float) -> dict[str, float]:
+        """Return the coordinates of the other numbers so far on their way."""
+        moved = self.origin.best.x + share * self.step
+        each = self.origin.problem.parameters.each
+        return {one.path: float(x) for one, x in zip(each, moved, strict=False)}
 
 
 class Screen:
@@ -102,6 +118,8 @@ class Screen:
         prior, slope = self.problem.prior(best.x)
         rows = np.concatenate([*white, np.column_stack([prior, slope])])
         self._residual, self._slopes = rows[:, 0], rows[:, 1:]
+        self._q, self._r = np.linalg.qr(self._slopes)
+        self._aim = -(self._q.T @ self._residual)
         self._low = np.concatenate(
             [self.problem.parameters.low, np.full(len(self.problem.nuisances), -np.inf)]
         )
@@ -120,23 +138,26 @@ class Screen:
         if off is None:
             return []
         factors = STRENGTHS if len(shapes) == 1 else (1.0,)
-        found = [
-            self._look(candidate, shape, factor, off) for shape in shapes for factor in factors
-        ]
+        found = []
+        for shape, factor in itertools.product(shapes, factors):
+            nothing = switched_off(candidate, shape)
+            probes = probes_of(candidate, nothing, factor)
+            found.append(self._look(candidate, nothing, probes, off))
         if len(shapes) == 1 and self._is_unlike(candidate, shapes[0], off):
             signs = (1.0, -1.0) if candidate.strengths[0].low < 0.0 else (1.0,)
-            found += [
-                self._as_it_is(candidate, shapes[0], sign * float(factor), off)
-                for factor in EVERY
-                for sign in signs
-            ]
+            for factor, sign in itertools.product(EVERY, signs):
+                nothing = switched_off(candidate, shapes[0])
+                (probe,) = probes_of(candidate, nothing, sign * float(factor))[:1]
+                found.append(self._as_it_is(candidate, nothing, probe.values, off))
         return [one for one in found if one is not None]
 
     def look_once(self, candidate: Candidate) -> Look | None:
         """Return what a candidate without a shape promises, in proportion to its strengths."""
         nothing = switched_off(candidate, {})
         off = self._predict(candidate, nothing)
-        return None if off is None else self._look(candidate, {}, 1.0, off)
+        if off is None:
+            return None
+        return self._look(candidate, nothing, probes_of(candidate, nothing, 1.0), off)
 
     def _is_unlike(
         self, candidate: Candidate, shape: Mapping[str, float], off: Sequence[_Floats]
@@ -155,30 +176,37 @@ class Screen:
     def _as_it_is(
         self,
         candidate: Candidate,
-        shape: Mapping[str, float],
-        factor: float,
+        nothing: dict[str, float],
+        values: dict[str, float],
         off: Sequence[_Floats],
     ) -> Look | None:
         """Look at an effect at one strength, without a guess of what another would do."""
-        values = dict(probes_of(candidate, switched_off(candidate, shape), factor)[0].values)
         change = self._change(candidate, values, off)
         if change is None:
             return None
-        column = self._whiten(change)[:, None]
-        _, gain = self._project(column, np.array([1.0 - 1e-6]), 1.0)
-        visible = float(np.linalg.norm(self._beyond(column))) / abs(factor)
-        nothing = switched_off(candidate, shape)
-        return Look(candidate, values, gain, tuple(change), visible, nothing, (), ())
+        found = self._nothing(candidate, nothing, off)
+        return self._whole(replace(found, values=dict(values), change=tuple(change)))
+
+    def _nothing(
+        self, candidate: Candidate, nothing: dict[str, float], off: Sequence[_Floats]
+    ) -> Look:
+        """Return a look that promises nothing."""
+        still, stays = tuple(0.0 * one for one in off), np.zeros(self.parent.best.x.size)
+        return Look(candidate, nothing, 0.0, still, 0.0, nothing, (), (), stays, self.parent)
+
+    def _whole(self, look: Look) -> Look:
+        """Return a look at the effect as it is."""
+        column = self._whiten(look.change)[:, None]
+        _, gain, step = self._project(column, np.array([1.0 - 1e-6]), 1.0)
+        return replace(look, gain=gain, step=step, origin=self.parent)
 
     def _look(
         self,
         candidate: Candidate,
-        shape: Mapping[str, float],
-        factor: float,
+        nothing: dict[str, float],
+        probes: Sequence[Probe],
         off: Sequence[_Floats],
     ) -> Look | None:
-        nothing = switched_off(candidate, shape)
-        probes = probes_of(candidate, nothing, factor)
         responses = []
         for probe in probes:
             response = self._change(candidate, probe.values, off)
@@ -186,10 +214,12 @@ class Screen:
                 return None
             responses.append(tuple(response))
         columns = np.stack([self._whiten(one) for one in responses], axis=1)
-        visible = float(np.linalg.norm(self._beyond(columns), axis=0).max()) / factor
-        still = tuple(0.0 * one for one in off)
-        look = Look(
-            candidate, nothing, 0.0, still, visible, nothing, tuple(probes), tuple(responses)
+        visible = float(np.linalg.norm(self._beyond(columns), axis=0).max())
+        look = replace(
+            self._nothing(candidate, nothing, off),
+            visible=visible / probes[0].factor,
+            probes=tuple(probes),
+            responses=tuple(responses),
         )
         promised = self._from_probes(look)
         if promised.gain <= 0.0:
@@ -200,33 +230,44 @@ class Screen:
             return None
         return self._along(replace(look, values=promised.values, change=tuple(change)))
 
+    def anew(self, look: Look) -> Look | None:
+        """Return what a look from another hypothesis promises here, simulated from here."""
+        candidate, nothing = look.candidate, look.shape
+        off = self._predict(candidate, nothing)
+        if off is None:
+            return None
+        if not look.probes:
+            return self._as_it_is(candidate, nothing, look.values, off)
+        return self._look(candidate, nothing, look.probes, off)
+
     def again(self, look: Look) -> Look:
         """Return what a look from another hypothesis promises here, without simulating it again.
 
         In proportion to what it does at its own values; to its probes where it promised nothing.
         """
         if not look.probes:
-            column = self._whiten(look.change)[:, None]
-            _, gain = self._project(column, np.array([1.0 - 1e-6]), 1.0)
-            return replace(look, gain=gain)
+            return self._whole(look)
         return self._along(look) if look.gain > 0.0 else self._from_probes(look)
 
     def _along(self, look: Look) -> Look:
         """Return a look with the share of what it does at its values that suits best."""
-        share, gain = self._project(self._whiten(look.change)[:, None], np.zeros(1), OVERSHOOT)
+        share, gain, step = self._project(
+            self._whiten(look.change)[:, None], np.zeros(1), OVERSHOOT
+        )
         values = dict(look.values)
         for one in look.candidate.strengths:
             values[one.name] = value_of(one, float(share[0]) * strength_of(one, values[one.name]))
         change = tuple(share[0] * one for one in look.change)
-        return replace(look, values=values, gain=gain, change=change)
+        origin = self.parent
+        return replace(look, values=values, gain=gain, change=change, step=step, origin=origin)
 
     def _from_probes(self, look: Look) -> Look:
         """Return a look at the amounts of its probes that suit best."""
         sizes = np.array([one.size for one in look.probes])
         columns = np.stack([self._whiten(one) for one in look.responses], axis=1) / sizes
-        amounts, gain = self._project(columns, _lowest(look.probes), np.inf)
+        amounts, gain, step = self._project(columns, _lowest(look.probes), np.inf)
         if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
-            return replace(look, gain=0.0)
+            return replace(look, gain=0.0, step=0.0 * step, origin=self.parent)
         change = tuple(
             np.asarray(
                 sum(
@@ -235,8 +276,8 @@ class Screen:
             )
             for k in range(len(look.change))
         )
-        values = start_values(look.candidate, look.shape, amounts)
-        return replace(look, values=values, gain=gain, change=change)
+        values, origin = start_values(look.candidate, look.shape, amounts), self.parent
+        return replace(look, values=values, gain=gain, change=change, step=step, origin=origin)
 
     def annealed(self, look: Look) -> float:
         """Return a promise with the scales of the covariance found anew: what a fit would gain."""
@@ -277,26 +318,28 @@ class Screen:
 
     def _beyond(self, columns: _Floats) -> _Floats:
         """Take out of columns what the numbers that move can do."""
-        if not self._slopes.shape[1]:
-            return columns
-        q = np.linalg.qr(self._slopes)[0]
-        return np.asarray(columns - q @ (q.T @ columns))
+        return np.asarray(columns - self._q @ (self._q.T @ columns))
 
     def _solve(self, columns: _Floats, low: _Floats, high: float) -> tuple[_Floats, _Floats]:
-        x, moving = self.parent.best.x, self._slopes.shape[1]
-        q, r = np.linalg.qr(np.hstack([self._slopes, columns]))
+        x, moving, count = self.parent.best.x, self._slopes.shape[1], columns.shape[1]
+        along = self._q.T @ columns
+        q, r = np.linalg.qr(columns - self._q @ along)
+        triangle = np.block([[self._r, along], [np.zeros((r.shape[0], moving)), r]])
         bounds = (
             np.concatenate([np.minimum(self._low - x, -1e-9), low]),
-            np.concatenate([np.maximum(self._high - x, 1e-9), np.full(low.size, high)]),
+            np.concatenate([np.maximum(self._high - x, 1e-9), np.full(count, high)]),
         )
-        found = lsq_linear(r, -(q.T @ self._residual), bounds=bounds).x
+        aim = np.concatenate([self._aim, -(q.T @ self._residual)])
+        found = lsq_linear(triangle, aim, bounds=bounds, method="bvls").x
         return found[:moving], found[moving:]
 
-    def _project(self, columns: _Floats, low: _Floats, high: float) -> tuple[_Floats, float]:
-        """Return the amounts of columns and the gain, the moving numbers following."""
+    def _project(
+        self, columns: _Floats, low: _Floats, high: float
+    ) -> tuple[_Floats, float, _Floats]:
+        """Return the amounts of columns, the gain, and how the moving numbers follow."""
         step, amounts = self._solve(columns, low, high)
         left = self._residual + self._slopes @ step + columns @ amounts
-        return amounts, 0.5 * float(self._residual @ self._residual - left @ left)
+        return amounts, 0.5 * float(self._residual @ self._residual - left @ left), step
 
 
 def _lowest(probes: Sequence[Probe]) -> _Floats:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -19,9 +20,9 @@ from bowden.diagnosis.hypothesis import (
     ROUGH,
     Hypothesis,
     finish,
-    fit_hypothesis,
     shares,
     sizes_of,
+    start_of,
 )
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import MORE, Weighed, log_prior, posterior
@@ -40,6 +41,8 @@ from bowden.model.effects import CATALOGUE
 MOST = 4  # effects in a set: of the rigs that miss some, MORE**4 = 0.4 % miss more
 FITTED, FINISHED = 5, 3  # of the screened candidates at each step
 PARENTS = 2
+RESHAPED = 3  # shapes of an effect that are simulated from another set
+SHARES = (1.0, 0.3, 0.1)  # of a promise, in turn: a fit has to end better than without
 STRAINED = 2.5  # tolerances
 ERROR = 1.0  # of a single observation: an effect that does less is of no use to anybody
 
@@ -101,7 +104,7 @@ def search(
     noises = base.best.noises
     tell("looking at every effect", 0.15)
     filed = _as_filed(material, searched, base)
-    looks = _looks_from(material, searched, base, every)
+    looks, strained = _looks_from(material, searched, base, partial(_every_shape, material, every))
     done: dict[frozenset[tuple[str, str]], Hypothesis] = {base.key: base}
     frontier = [base]
     in_time = True
@@ -112,10 +115,13 @@ def search(
         tell(f"sets of {size}", 0.2 + 0.13 * size)
         children: list[Hypothesis] = []
         for parent in frontier:
-            seen = looks
+            fresh, own = looks, strained
             if parent.effects and not holds(parent):
-                seen = _looks_from(material, searched, parent, every)
-            children += _grown(material, searched, parent, seen, done)
+                again = partial(_anew, material, looks)
+                fresh, own = _looks_from(material, searched, parent, again)
+            others = [one for one in own if one.candidate.name not in parent.names]
+            chosen = [*_promising(parent, fresh), *others[:FITTED]]
+            children += _grown(material, searched, parent, chosen, done)
         if not children:
             break
         best = min(children, key=lambda one: one.best.cost)
@@ -123,7 +129,12 @@ def search(
             tell("noise about the best", 0.3)
             noises = _noises_about(material, best)
         finished = [finish(material, one, noises) for one in _lowest(children, FINISHED)]
-        for one in sorted(finished, key=_merit, reverse=True):
+        finished += [
+            finish(material, less, noises)
+            for one in finished
+            if (less := _without_idle(material, searched, one, done)) is not None
+        ]
+        for one in finished:
             done[one.key] = one
         grown = sorted([*finished, *frontier], key=_merit)
         if grown[0] in frontier:
@@ -139,32 +150,36 @@ def search(
 
 
 def _looks_from(
-    material: Material, searched: Model, parent: Hypothesis, every: Sequence[Candidate]
-) -> list[Look]:
+    material: Material, searched: Model, parent: Hypothesis, look: Callable[[Screen], list[Look]]
+) -> tuple[list[Look], list[Look]]:
     """Look at every effect that a set doesn't have, from where its fit ended.
 
-    And from the file's values where calibration is strained: it may stand in for an effect.
+    And from the file's values where calibration is strained: it may stand in for an effect. The
+    best of each such, by what a fit from there would gain.
     """
-    others = [one for one in every if one.name not in parent.names]
-    looks = _looks(material, parent, others)
-    if is_strained(parent):
-        looks += _looks_as_filed(material, _as_filed(material, searched, parent), others)
-    return looks
+    looks = look(Screen(parent))
+    if not is_strained(parent):
+        return looks, []
+    screen = Screen(_as_filed(material, searched, parent))
+    best = _best_of_each(sorted(look(screen), key=lambda one: -one.gain))[: 3 * FITTED]
+    gains = material.pool.map(screen.annealed, best)
+    filed = [replace(one, gain=gain) for one, gain in zip(best, gains, strict=True)]
+    return looks, sorted(filed, key=lambda one: -one.gain)
 
 
-def _looks(material: Material, parent: Hypothesis, every: Sequence[Candidate]) -> list[Look]:
-    screen = Screen(parent)
+def _every_shape(material: Material, every: Sequence[Candidate], screen: Screen) -> list[Look]:
     return [look for found in material.pool.map(screen.look, every) for look in found]
 
 
-def _looks_as_filed(
-    material: Material, filed: Hypothesis, every: Sequence[Candidate]
-) -> list[Look]:
-    """Look from the file's values; what a look promises is what a fit from there would gain."""
-    looks = sorted(_looks(material, filed, every), key=lambda one: -one.gain)
-    best, screen = _best_of_each(looks)[: 3 * FITTED], Screen(filed)
-    gains = material.pool.map(screen.annealed, best)
-    return [replace(one, start={}, gain=gain) for one, gain in zip(best, gains, strict=True)]
+def _anew(material: Material, before: Sequence[Look], screen: Screen) -> list[Look]:
+    """Simulate each effect from another set, of the shapes that suit what that set leaves."""
+    names = screen.parent.names
+    others = [one for one in before if one.candidate.name not in names]
+    shapes: dict[tuple[str, str], list[Look]] = {}
+    for one in sorted(map(screen.again, others), key=lambda one: -one.gain):
+        shapes.setdefault(one.candidate.key, []).append(one)
+    chosen = [one for each in shapes.values() for one in each[:RESHAPED]]
+    return [one for one in material.pool.map(screen.anew, chosen) if one is not None]
 
 
 def price(look: Look) -> float:
@@ -189,8 +204,8 @@ def holds(one: Hypothesis) -> bool:
 def _as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis:
     """Return a set with the file's own values of the calibrated numbers, weighed as it is."""
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
-    found = fit_hypothesis(material, searched, effects, {}, one.best, rounds=0)
-    return one if found is None else found
+    found = start_of(material, searched, effects, {}, one.best)
+    return one if found is None else found.fitted(0)
 
 
 def _merit(one: Hypothesis) -> float:
@@ -207,9 +222,10 @@ def _base(material: Material, searched: Model) -> Hypothesis:
     start = Optimum(
         nothing, 0.0, np.zeros((0, 0)), [], noises, Scales((1.0,) * count, (WRONG, WRONG))
     )
-    found = fit_hypothesis(material, searched, [], {}, start, rounds=12)
-    if found is None:
+    begun = start_of(material, searched, [], {}, start)
+    if begun is None:
         raise ModelError("found no start that the model can run, accepted: other values")
+    found = begun.fitted(12)
     return finish(material, found, _noises_about(material, found))
 
 
@@ -223,24 +239,16 @@ def _grown(
     material: Material,
     searched: Model,
     parent: Hypothesis,
-    looks: Sequence[Look],
+    chosen: Sequence[Look],
     done: dict[frozenset[tuple[str, str]], Hypothesis],
 ) -> list[Hypothesis]:
-    """Fit the most promising additions to a parent that would matter in practice."""
-    known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
+    """Fit additions to a parent."""
     found = []
-    for look in _promising(parent, looks):
+    for look in chosen:
         key = parent.key | {look.candidate.key}
-        if key in done and look.start is None:
+        if key in done and look.origin is parent:
             continue
-        child = fit_hypothesis(
-            material,
-            searched,
-            [*known, (look.candidate, look.values)],
-            parent.coordinates() if look.start is None else look.start,
-            parent.best,
-            rounds=ROUGH,
-        )
+        child = _with_effect(material, searched, parent, look)
         if child is not None:
             found.append(child)
             if key not in done or child.best.cost < done[key].best.cost:
@@ -248,25 +256,42 @@ def _grown(
     return found
 
 
+def _with_effect(
+    material: Material, searched: Model, parent: Hypothesis, look: Look
+) -> Hypothesis | None:
+    """Fit what a look promises; less of it where that ends above what is without the effect."""
+    known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
+    found: list[Hypothesis] = []
+    for share in SHARES:
+        effects = [*known, (look.candidate, look.values_at(share))]
+        starts = [
+            start_of(material, searched, effects, look.others_at(moved), look.origin.best)
+            for moved in (share, 0.0)
+        ]
+        able = [one for one in starts if one is not None]
+        if not able:
+            continue
+        found.append(min(able, key=lambda one: one.here.cost).fitted(ROUGH))
+        if found[-1].best.cost < look.origin.best.cost:
+            break
+    return min(found, key=lambda one: one.best.cost, default=None)
+
+
 def _promising(parent: Hypothesis, looks: Sequence[Look]) -> list[Look]:
     """Choose what is fitted on top of a parent: what would matter and promises most.
 
-    By the gain under the parent's covariance, by the gain with its discrepancy found anew, and from
-    the file's values where calibration is strained.
+    By the gain under the parent's covariance, and by the gain with its discrepancy found anew.
     """
     screen = Screen(parent)
-    names = {one.name for one in parent.effects}
-    others = [one for one in looks if one.candidate.name not in names]
-    fresh = [screen.again(one) for one in others if one.start is None]
+    others = [one for one in looks if one.candidate.name not in parent.names]
+    fresh = [screen.again(one) for one in others]
     least = max(ERROR, math.hypot(*_law_errors(parent, shares(parent))))
     fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > least]
     fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
     annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
     fresh = [one for one in fresh if annealed[one.candidate.key] > price(one)]
     most = sorted(fresh, key=lambda one: -annealed[one.candidate.key])
-    filed = [one for one in others if one.start is not None]
-    filed = _best_of_each(sorted(filed, key=lambda one: -one.gain))
-    return [*_best_of_each([*most[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]
+    return _best_of_each([*most[:FITTED], *fresh[:FITTED]])
 
 
 def _best_of_each(looks: Sequence[Look]) -> list[Look]:
@@ -278,7 +303,26 @@ def _best_of_each(looks: Sequence[Look]) -> list[Look]:
 
 
 def _lowest(children: Sequence[Hypothesis], count: int) -> list[Hypothesis]:
-    return sorted(children, key=lambda one: one.best.cost)[:count]
+    """Return the likeliest fits, one a set."""
+    found: dict[frozenset[tuple[str, str]], Hypothesis] = {}
+    for one in sorted(children, key=lambda one: one.best.cost):
+        found.setdefault(one.key, one)
+    return list(found.values())[:count]
+
+
+def _without_idle(
+    material: Material,
+    searched: Model,
+    one: Hypothesis,
+    done: Mapping[frozenset[tuple[str, str]], Hypothesis],
+) -> Hypothesis | None:
+    """Fit a set without its effects that do nothing beside the others; None where it is known."""
+    gone = idle(one)
+    kept = [(e, one.values(i)) for i, e in enumerate(one.effects) if i not in gone]
+    if not gone or frozenset(effect.key for effect, _ in kept) in done:
+        return None
+    start = start_of(material, searched, kept, one.coordinates(), one.best)
+    return None if start is None else start.fitted(ROUGH)
 
 
 COMPARED = 8
@@ -309,13 +353,19 @@ def _law_errors(one: Hypothesis, beyond: Sequence[float]) -> list[float]:
 
 
 def matters(one: Hypothesis) -> bool:
-    """Whether each effect of a set does something in practice: else the set is that without it.
+    """Whether each effect of a set does something in practice: else the set is that without it."""
+    return not idle(one)
 
-    More than a hundredth of its usual strength, more than a single observation's error, and beyond
-    calibration more than the others' laws may be off by.
+
+def idle(one: Hypothesis) -> list[int]:
+    """Return which effects of a set do nothing in practice.
+
+    Less than a hundredth of its usual strength, less than a single observation's error, or beyond
+    calibration less than the others' laws may be off by.
     """
     sizes = sizes_of(one)
     errors = _law_errors(one, [beyond for _, beyond in sizes])
+    found = []
     for index, (effect, (size, beyond)) in enumerate(zip(one.effects, sizes, strict=True)):
         values = one.values(index)
         strong = any(
@@ -324,5 +374,5 @@ def matters(one: Hypothesis) -> bool:
         )
         others = errors[:index] + errors[index + 1 :]
         if not strong or size < ERROR or beyond < math.hypot(*others):
-            return False
-    return True
+            found.append(index)
+    return found
