@@ -26,9 +26,10 @@ from bowden.diagnosis.law_candidates import (
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import posterior
 from bowden.diagnosis.predict import WIDEST, predict_unseen
+from bowden.diagnosis.relevance import matters
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Look, Screen
-from bowden.diagnosis.search import Found, matters
+from bowden.diagnosis.search import Found
 from bowden.estimation.posterior import covariance_of
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model

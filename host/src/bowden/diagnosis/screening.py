@@ -78,13 +78,6 @@ class Look:
         """Return what it does at its values, over a single observation's error."""
         return size_in_noise(like, self.change)
 
-    def values_at(self, share: float) -> dict[str, float]:
-        """Return its values with so much of the promised strength."""
-        values = dict(self.values)
-        for one in self.candidate.strengths:
-            values[one.name] = value_of(one, share * strength_of(one, values[one.name]))
-        return values
-
     def others_at(self, share: float) -> dict[str, float]:
         """Return the coordinates of the other numbers so far on their way."""
         moved = self.origin.best.x + share * self.step

@@ -1,0 +1,77 @@
+"""Fit a set of effects with one more, or without those that do nothing.
+
+Takes what `looking` chose; `search` compares what comes back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bowden.diagnosis.hypothesis import ROUGH, Hypothesis, start_of
+from bowden.diagnosis.material import Material
+from bowden.diagnosis.relevance import idle
+from bowden.diagnosis.screening import Look
+from bowden.model import Model
+
+Done = dict[frozenset[tuple[str, str]], Hypothesis]
+"""The best fit of each set, by the names and places of its effects."""
+
+
+def grown_from(
+    material: Material,
+    searched: Model,
+    parent: Hypothesis,
+    chosen: Sequence[Look],
+    done: Done,
+) -> list[Hypothesis]:
+    """Fit additions to a parent."""
+    found = []
+    for look in chosen:
+        key = parent.key | {look.candidate.key}
+        if key in done and look.origin is parent:
+            continue
+        child = _with_effect(material, searched, parent, look)
+        if child is not None:
+            found.append(child)
+            if key not in done or child.best.cost < done[key].best.cost:
+                done[key] = child
+    return found
+
+
+def _with_effect(
+    material: Material, searched: Model, parent: Hypothesis, look: Look
+) -> Hypothesis | None:
+    """Fit what a look promises, the other numbers as it has them or as they were.
+
+    Whichever is likelier: where the model is jagged, the step that a look has for them is wrong.
+    """
+    known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
+    effects, like = [*known, (look.candidate, look.values)], look.origin.best
+    starts = [
+        start_of(material, searched, effects, look.others_at(share), like) for share in (1.0, 0.0)
+    ]
+    able = [one for one in starts if one is not None]
+    return min(able, key=lambda one: one.here.cost).fitted(ROUGH) if able else None
+
+
+def without_idle(
+    material: Material,
+    searched: Model,
+    one: Hypothesis,
+    done: Done,
+) -> Hypothesis | None:
+    """Fit a set without its effects that do nothing beside the others; None where it is known."""
+    gone = idle(one)
+    kept = [(e, one.values(i)) for i, e in enumerate(one.effects) if i not in gone]
+    if not gone or frozenset(effect.key for effect, _ in kept) in done:
+        return None
+    start = start_of(material, searched, kept, one.coordinates(), one.best)
+    return None if start is None else start.fitted(ROUGH)
+
+
+def lowest(children: Sequence[Hypothesis], count: int) -> list[Hypothesis]:
+    """Return the likeliest fits, one a set."""
+    found: Done = {}
+    for one in sorted(children, key=lambda one: one.best.cost):
+        found.setdefault(one.key, one)
+    return list(found.values())[:count]
