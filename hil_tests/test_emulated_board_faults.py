@@ -63,16 +63,18 @@ def test_a_stuck_converter_that_reads_too_much_current_opens_the_bridge_at_once(
 
 
 @pytest.mark.parametrize(
-    ("code", "told"), [(500, 0x7200), (2048, 0x5210), (2100, 0x5210), (3000, 0x7200)]
+    ("code", "told"),
+    # 2048 is no current: a jump only where one flows, else it is not what was commanded
+    [(500, {0x7200}), (2048, {0x5210, 0x7200}), (2100, {0x5210}), (3000, {0x7200})],
 )
-def test_a_stuck_converter_is_seen_in_the_next_tick(code: int, told: int) -> None:
+def test_a_stuck_converter_is_seen_in_the_next_tick(code: int, told: set[int]) -> None:
     board = running()
-    start_us = board.chip.time_us
+    start_us = just_after_a_tick(board)
     board.chip.stick_adc(1, code)
     board.run(0.01)
     # a window that is stuck from its first sample to its last, and the tick that reads it
     assert off_after_us(board, start_us) < 3 * TICK_US
-    assert board.emergencies()[0] == told  # a jump of the current is noticed before the rest
+    assert board.emergencies()[0] in told  # a jump of the current is noticed before the rest
     assert board.state() == FAULT
     board.chip.stick_adc(1, None)
     board.run(0.01)
@@ -174,7 +176,7 @@ def test_an_encoder_wire_that_breaks_is_seen_at_the_next_index(line: str) -> Non
     for counts in range(3 * turn - 112, 3 * turn, STEP):  # 7 mm: the cables could stretch so far
         turn_both(board, counts)
     assert chip.bridge().enabled  # until the index there is nothing to see
-    start_us = chip.time_us
+    start_us = just_after_a_tick(board)
     chip.set_encoder(board_map.MOTOR_ENCODER_TIMER, 3 * turn + 10)
     chip.run_until(chip.time_us + 3 * TICK_US)
     assert off_after_us(board, start_us) < 2 * TICK_US

@@ -18,7 +18,7 @@ from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
 from bowden.diagnosis.probes import off_value
 from bowden.estimation.covariance import DOUBTED, Covariance
-from bowden.estimation.descend import descend, jacobians, principal_axes
+from bowden.estimation.descend import ROUNDS, descend, jacobians, principal_axes
 from bowden.estimation.parameters import Parameters, parameters_of
 from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate, covariance_of
 from bowden.estimation.problem import Optimum, Problem
@@ -141,7 +141,7 @@ class Start:
         """Return the hypothesis after so many rounds of Gauss-Newton."""
         best, here = self.here, self.here
         if rounds:
-            best = descend(self.problem, here.x, here.noises, here.scales, rounds=rounds) or here
+            best = _descend(self.problem, here, here.noises, rounds) or here
         return _with_slopes(self.effects, self.problem, best)
 
 
@@ -186,7 +186,7 @@ def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) ->
     problem, best = material.problem(one.problem.parameters, effects), one.best
     for _ in range(CORRECTED):
         own = corrected(material, problem, best.x, with_laws_doubted(one, noises))
-        found = descend(problem, best.x, own, best.scales)
+        found = _descend(problem, best, own)
         if found is None:
             return one
         settled = float(np.max(np.abs(found.x - best.x) / problem.unit)) < SETTLED
@@ -197,6 +197,13 @@ def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) ->
     return _with_slopes(one.effects, problem, best)
 
 
+def _descend(
+    problem: Problem, start: Optimum, noises: Sequence[Covariance], rounds: int = ROUNDS
+) -> Optimum | None:
+    return descend(problem, start.x, noises, start.scales, rounds=rounds, secants=SECANTS)
+
+
+SECANTS = 4  # steps after each with derivatives of its own: a search fits hundreds of sets
 CORRECTED = 4  # times at most
 SETTLED = 0.05  # unit steps: the correction doesn't change within that
 

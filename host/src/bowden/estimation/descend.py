@@ -27,7 +27,6 @@ SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty
 LENGTHS = (1e-4, 0.5)  # unit steps: of an axis, at least and at most
 LESS, MORE = 0.2, (4.0, 16.0, 64.0, 256.0, 1024.0)  # damping after a step down, after one up
 LONGEST = 3.0  # unit steps a round, in any coordinate
-SECANTS = 4  # steps on derivatives that the last steps have corrected, one simulation each
 KEPT = 0.5  # of what a step promised: derivatives are as good as that, or are taken anew
 
 
@@ -36,9 +35,15 @@ def descend(
     x: _Floats,
     noises: Sequence[Covariance],
     scales: Scales,
+    *,
     rounds: int = ROUNDS,
+    secants: int = 0,
 ) -> Optimum | None:
-    """Search from one point; None where the model has no answer there."""
+    """Search from one point; None where the model has no answer there.
+
+    `secants`: steps after each on derivatives that the last step has corrected. Each costs one
+    simulation; where the cost is jagged such a search may end in another notch.
+    """
     x = problem.feasible(x)
     residuals = problem.residuals(x, noises)
     if residuals is None:
@@ -49,7 +54,7 @@ def descend(
     for _ in range(rounds):
         slopes = jacobians(problem, here.x, here.residuals, noises, axes)
         gained = math.inf
-        for step in range(1 + SECANTS):
+        for step in range(1 + secants):
             hessian, gradient = normal_equations(
                 problem, here.x, here.residuals, slopes, (noises, here.scales)
             )
