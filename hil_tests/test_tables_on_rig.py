@@ -33,6 +33,7 @@ from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
 from bowden_rig.virtual_bus import VirtualBus
 
+DURATION_S = 10.0
 # When the drive is enabled within the operator's stroke of 4 s. A run's error depends on it by 6 %:
 # where the first slip happens.
 STARTS_S = np.arange(0.0, 4.0, 0.5)
@@ -62,12 +63,11 @@ def rendering_error_nm(
         write(drive, difference(drive, ENTRIES | reduced.entries | law))
         bus.advance(start_s)
         with telling_the_law(drive):
+            run = render(drive, tunnel_of(drive), DURATION_S, path)
     return float(run.figures.rms_error_nm)
 
 
-def over_starts_nm(
-    folder: Path, hidden: Mapping[str, Mapping[str, float]], model: Model
-) -> float:
+def over_starts_nm(folder: Path, hidden: Mapping[str, Mapping[str, float]], model: Model) -> float:
     """RMS over runs that start at different moments of the stroke."""
     errors = [
         rendering_error_nm(folder / f"{start_s}.blf", hidden, model, start_s=start_s)
