@@ -5,6 +5,12 @@ bool frame_queue_is_full(const frame_queue_t *queue) {
     return queue->count == FRAME_QUEUE_CAPACITY;
 }
 
+void frame_queue_start(frame_queue_t *queue) {
+    queue->first = 0;
+    queue->count = 0;
+    queue->overflow_count = 0;
+}
+
 void frame_queue_clear(frame_queue_t *queue) {
     queue->count = 0;
 }

@@ -18,6 +18,9 @@ typedef struct {
     uint32_t overflow_count; /* frames lost since the start */
 } frame_queue_t;
 
+/* Makes an empty queue. The frames stay as they are: none is read before it was pushed. */
+void frame_queue_start(frame_queue_t *queue);
+
 void frame_queue_push(frame_queue_t *queue, const can_frame_t *frame);
 
 /* Drops every frame that waits. */

@@ -272,7 +272,8 @@ void node_follow_bus(node_t *node, board_bus_t bus) {
 
 /* What time demands while the bus takes nothing: all timers run, nothing is queued. */
 static void tick_without_bus(node_t *node) {
-    frame_queue_t unsent = {0};
+    frame_queue_t unsent;
+    frame_queue_start(&unsent);
     if (node->nmt.state == NMT_OPERATIONAL) {
         pdo_tick(&node->pdo, &node->od, node->now_us, &unsent);
     }

@@ -87,13 +87,19 @@ bool drive_is_halted(const drive_t *drive) {
            (drive->dictionary.controlword & CONTROLWORD_HALT) != 0;
 }
 
+/* A frame that changes neither controlword nor NMT state asks for nothing that the last tick has
+ * not noted already. */
 void drive_receive(drive_t *drive, const can_frame_t *frame) {
+    const uint16_t before = drive->dictionary.controlword;
+    const bool was_operational = is_operational(drive);
     node_receive(&drive->node, frame);
     uint16_t withheld = 0;
     if (node_take_withheld(&drive->node, &withheld) && command_is_stop(drive->state, withheld)) {
         drive->dictionary.controlword = withheld;
     }
-    note_command(drive);
+    if (drive->dictionary.controlword != before || is_operational(drive) != was_operational) {
+        note_command(drive);
+    }
 }
 
 /* Does the torque follow what is wanted? Not while it stops. */

@@ -117,6 +117,11 @@ void can_listen(const uint16_t cob_ids[CAN_RPDOS]) {
     CAN1->FA1R |= 1u << BANK_RPDO;
 }
 
+/* The word with its first `count` bytes, the rest 0. */
+static uint32_t first_bytes(uint32_t word, uint32_t count) {
+    return count < 4u ? word & ((1u << 8u * count) - 1u) : word;
+}
+
 void can_rx0_handler(void) {
     if ((CAN1->RF0R & CAN_RF0R_FOVR0) != 0) {
         CAN1->RF0R = CAN_RF0R_FOVR0;
@@ -131,13 +136,11 @@ void can_rx0_handler(void) {
     } else {
         can_frame_t *frame = &ring.frames[written % RING];
         const uint32_t length = CAN1->FIFO[0].RDTR & CAN_DTR_DLC;
-        const uint32_t words[2] = {CAN1->FIFO[0].RDLR, CAN1->FIFO[0].RDHR};
+        const uint32_t words[2] = {first_bytes(CAN1->FIFO[0].RDLR, length),
+                                   first_bytes(CAN1->FIFO[0].RDHR, length < 4u ? 0 : length - 4u)};
         frame->cob_id = (uint16_t)CAN_RIR_STID(CAN1->FIFO[0].RIR);
         frame->length = (uint8_t)(length <= 8u ? length : 8u);
-        for (uint32_t i = 0; i < 8; i++) {
-            const uint32_t byte = words[i / 4u] >> (8u * (i % 4u)) & 0xFFu;
-            frame->data[i] = (uint8_t)(i < frame->length ? byte : 0u);
-        }
+        __builtin_memcpy(frame->data, words, sizeof words); /* two stores; little-endian */
         ring.written = written + 1u;
     }
     CAN1->RF0R = CAN_RF0R_RFOM0;

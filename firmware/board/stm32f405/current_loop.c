@@ -2,7 +2,7 @@
 #include "current_loop.h"
 
 /* Voltages beyond it, 536 V, are all alike: far beyond any supply, within 32 bits in each sum. */
-#define VOLTAGE_MAX_UV (INT64_C(1) << 29)
+#define VOLTAGE_MAX_UV (1 << 29)
 
 /* A zero of the controller that is faster than the converter samples would ring. */
 #define KI_PER_KP_MAX_Q16 32768u
@@ -24,13 +24,16 @@ static int32_t clamp(int32_t value, int32_t limit) {
     return value > limit ? limit : value < -limit ? -limit : value;
 }
 
-/* value * gain / 2^16, to nearest. */
+/* value * gain / 2^16, to nearest, halves away from zero: a shift rounds towards minus infinity, so
+ * a negative product gets a little less than a half. The limit is seen in the product's high word.
+ */
 static int32_t scale(int32_t value, int32_t gain_q16) {
     const int64_t product = (int64_t)value * gain_q16;
-    const int64_t rounded = (product + (product >= 0 ? 32768 : -32768)) / 65536;
-    return (int32_t)(rounded > VOLTAGE_MAX_UV    ? VOLTAGE_MAX_UV
-                     : rounded < -VOLTAGE_MAX_UV ? -VOLTAGE_MAX_UV
-                                                 : rounded);
+    const int32_t high = (int32_t)(product >> 32);
+    if (high >= VOLTAGE_MAX_UV >> 16 || high < -(VOLTAGE_MAX_UV >> 16)) {
+        return high < 0 ? -VOLTAGE_MAX_UV : VOLTAGE_MAX_UV;
+    }
+    return (int32_t)((product + 32768 + (high >> 31)) >> 16);
 }
 
 int32_t current_loop_step(current_loop_t *loop, const current_loop_gains_t *gains,
