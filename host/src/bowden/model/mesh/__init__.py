@@ -1,6 +1,6 @@
 """The cable cut into segments: the solver for every friction law and every memory effect.
 
 `solver.simulate_mesh` is the way in. `state` cuts a `Transmission` into segments. `events` and
-`zones` step it exactly where only Coulomb friction and Hooke's law act; `implicit`, `chain`,
-`sliders` and `pulleys` step it otherwise.
+`zones` step it exactly where only Coulomb friction and Hooke's law act, with `varying` where the
+level of friction changes; `implicit`, `chain`, `sliders` and `pulleys` step it otherwise.
 """

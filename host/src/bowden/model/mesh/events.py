@@ -15,12 +15,14 @@ from __future__ import annotations
 
 from bowden.model.compiled import compiled_in_place
 from bowden.model.mesh.state import State, Tables
+from bowden.model.mesh.varying import Friction, change_to, set_friction
 from bowden.model.mesh.zones import (
     GOES_SLACK,
     GOES_TAUT,
     NOTHING,
     SLIDE,
     advance,
+    free_motion,
     freeze,
     make_slack,
     make_taut,
@@ -54,21 +56,6 @@ def settle(t: Tables, s: State, motor: float, load: float) -> bool:
         sign = 1.0 - 2.0 * cable
         changed |= turn_with_ends(t, s, cable, sign * motor, sign * load)
     return changed
-
-
-@compiled_in_place
-def free_motion(t: Tables, s: State, free: int, force: float, spring: float, other: float) -> float:
-    """Displacement of the free pulley that adds `force` to its difference of tensions, m.
-
-    Both cables slack: 0.
-    """
-    total, coupled = spring, 0.0
-    for cable in range(2):
-        k = s.stiffness_n_per_m[cable, free]
-        total += k
-        if s.gap_m[cable] < 0 and slides_whole(t, s, cable):
-            coupled += k
-    return float((force - coupled * other) / total) if total > 0 else 0.0
 
 
 @compiled_in_place
@@ -231,6 +218,7 @@ def stick_at_rest(
 def run(
     t: Tables,
     s: State,
+    f: Friction,
     free: int,
     time: FloatArray,
     motor: FloatArray,
@@ -239,6 +227,7 @@ def run(
     damping_s: float,
     dead_band: float,
     rest_s: float,
+    factor: FloatArray,
     out: FloatArray,
 ) -> int:
     """Run all samples.
@@ -247,8 +236,11 @@ def run(
     (of cable a's end, outward, m) at the other. Row of `out`: free pulley's displacement, T1a, TLa,
     T1b, TLb, flags. Returns the number of samples in which a step did not end (always 0).
     `mass_kg` is the motor's inertia over its radius squared; it counts where the motor is free, and
-    `damping_s` with it.
+    `damping_s` with it. `factor` on the friction coefficient is that of `Histories`, of one sample
+    where nothing changes.
     """
+    if factor[0] != 1.0:
+        set_friction(t, f, factor[0])
     failed, place, dt_before, share = 0, 0.0, 0.0, 0.0
     mean_speed, speed, acceleration = 0.0, 0.0, 0.0
     force_before, x_before, y_before = 0.0, motor[0], load[0]
@@ -266,6 +258,10 @@ def run(
             share = beyond(dt, dt_before, damping_s)
             pull, spring = pull_of_mass(mass_kg, share, dt, mean_speed, speed, acceleration)
             force += pull
+        if 0 < i < factor.size and factor[i] != factor[i - 1]:
+            change_to(t, s, f, factor[i], free, force, spring, x, y)
+            if free >= 0:  # what friction alone has done to it: no step of the torque
+                before = s.end_n[0, free] - s.end_n[1, free]
         moved, flags = step(t, s, free, before, force, spring, x, y)
         if i > 0:
             mean_speed, speed, acceleration = moved_on(share, dt, moved, mean_speed, speed)

@@ -1,7 +1,8 @@
 """Answers a mode with the mesh: pulley angles and torques to cable ends and back.
 
 Reads a `Transmission` and two series, calls the compiled kernels (`mesh.events` where there are no
-laws but Coulomb's and Hooke's, `mesh.implicit` otherwise), returns a `Trajectory`.
+laws but Coulomb's, at whatever level, and Hooke's; `mesh.implicit` otherwise), returns a
+`Trajectory`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from bowden.model.mesh.state import (
     sliding_weight,
     tables,
 )
+from bowden.model.mesh.varying import friction
 from bowden.model.trajectory import FloatArray, Mode, Trajectory
 from bowden.model.transmission import Transmission
 
@@ -70,8 +72,8 @@ def simulate_mesh(  # noqa: PLR0917
     mass_kg = transmission.motor_inertia_kg_m2 / r_motor**2
     damping_s = transmission.damping_s
     factor, longer = _series(histories or Histories(), time_s.size)
-    changing = bool(np.any(factor != 1.0) or np.any(longer != 0.0))
-    if needs_implicit_steps(transmission) or changing:
+    changing = bool(np.any(factor != 1.0)) and transmission.friction.has_stiction
+    if needs_implicit_steps(transmission) or changing or np.any(longer != 0.0):
         failed = implicit.run(
             chain_tables(transmission),
             chain_state(transmission),
@@ -88,8 +90,9 @@ def simulate_mesh(  # noqa: PLR0917
         )
     else:
         failed = events.run(
-            tables(transmission),
+            tables(transmission, varies=bool(np.any(factor != factor[0]))),
             rest_state(transmission),
+            friction(transmission),
             free,
             time_s,
             motor_end,
@@ -98,6 +101,7 @@ def simulate_mesh(  # noqa: PLR0917
             damping_s,
             transmission.velocity_dead_band_m_per_s,
             transmission.rest_time_s,
+            factor,
             out,
         )
     if failed or not np.all(np.isfinite(out)):

@@ -42,7 +42,8 @@ class Tables(NamedTuple):
     ``half[e, n]`` and ``half_virgin[e, side, n]`` (side RELEASE: below pretension, PULL: above) are
     the compliance of half a segment, m/N; ``hold[c, e, d, n]`` is the ratio of tensions over
     segment n that starts it, ``sticks`` whether that exceeds the ratio while it slides. A cable
-    with less than ``least_n`` is as good as slack.
+    with less than ``least_n`` is as good as slack. Where friction ``varies`` from step to step,
+    `mesh.varying` works ``decay``, ``outer`` and ``hold`` out anew.
     """
 
     decay: FloatArray
@@ -53,6 +54,7 @@ class Tables(NamedTuple):
     pretension_n: float
     least_n: float
     sticks: bool
+    varies: bool
 
 
 class State(NamedTuple):
@@ -134,8 +136,8 @@ def breakaway_excesses(transmission: Transmission, mesh: Mesh) -> FloatArray:
     return breakaway_excess(law.mu_s, law.mu_d, law.stiction_length_m, *lengths)
 
 
-def tables(transmission: Transmission) -> Tables:
-    """Compute the constants of the sliding zones for a constant friction coefficient."""
+def tables(transmission: Transmission, varies: bool = False) -> Tables:
+    """Compute the constants of the sliding zones for the pair's own friction coefficient."""
     law = transmission.friction
     mesh = cut(transmission)
     n = mesh.length_m.size
@@ -173,6 +175,7 @@ def tables(transmission: Transmission) -> Tables:
         transmission.pretension_n,
         NO_STRAIN * transmission.axial_stiffness_n,
         law.has_stiction,
+        varies,
     )
 
 

@@ -98,6 +98,21 @@ def rate(t: Tables, s: State, cable: int, end: int, pull_0: float, pull_1: float
 
 
 @compiled_in_place
+def free_motion(t: Tables, s: State, free: int, force: float, spring: float, other: float) -> float:
+    """Displacement of the free pulley that adds `force` to its difference of tensions, m.
+
+    Both cables slack: 0.
+    """
+    total, coupled = spring, 0.0
+    for cable in range(2):
+        k = s.stiffness_n_per_m[cable, free]
+        total += k
+        if s.gap_m[cable] < 0 and slides_whole(t, s, cable):
+            coupled += k
+    return float((force - coupled * other) / total) if total > 0 else 0.0
+
+
+@compiled_in_place
 def freeze(t: Tables, s: State, cable: int, end: int) -> None:
     """Write the zone's tensions down and start again at its end: the profile is the memory."""
     motion, segments = s.motion[cable, end], t.half.shape[1]
@@ -234,6 +249,21 @@ def half_stretch(t: Tables, s: State, cable: int, end: int, n: int, tension: flo
 
 
 @compiled_in_place
+def is_overloaded(t: Tables, s: State, cable: int, end: int) -> bool:
+    """Return whether the segment at the front of a zone bears more than it does sliding."""
+    segments, far = t.half.shape[1], 1 - end
+    d, motion = s.depth[cable, end], s.motion[cable, end]
+    if d + s.depth[cable, far] == segments - 1:
+        inner = s.end_n[cable, far]
+        inner *= t.decay[cable, far, s.motion[cable, far], s.depth[cable, far]]
+    else:
+        inner = s.node_n[cable, node_at(segments, end, d + 1)]
+    near = s.end_n[cable, end] * t.decay[cable, end, motion, d]
+    borne = s.end_n[cable, end] * t.decay[cable, end, motion, d + 1]
+    return bool((2 * motion - 1) * (borne - inner) > SURE * near)
+
+
+@compiled_in_place
 def slide(t: Tables, s: State, cable: int, end: int) -> None:
     """Let the segment at the front of a zone slide; with stiction the tensions drop at once.
 
@@ -244,7 +274,9 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
     d, motion = s.depth[cable, end], s.motion[cable, end]
     # Paid out from both ends, stick and slip would follow each other ever faster, without end, as
     # the tension vanishes.
-    sticks = t.sticks and s.end_n[cable, end] > t.least_n and t.hold[cable, end, motion, d] > 1
+    sticks = t.sticks and t.hold[cable, end, motion, d] > 1
+    sticks = sticks or (t.varies and is_overloaded(t, s, cable, end))
+    sticks = sticks and s.end_n[cable, end] > t.least_n
     shared = d + s.depth[cable, far] == segments - 1
     if sticks and shared and s.motion[cable, far] == motion and s.depth[cable, far] > 0:
         # The drop would drag the other zone's first segment backwards: it stops.

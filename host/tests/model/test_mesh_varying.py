@@ -1,0 +1,115 @@
+"""Friction that changes from step to step: exact steps against implicit ones, and closed forms.
+
+The two solvers share no step: one goes from event to event with zones, the other iterates over all
+segments at once. A speed term too small to be seen makes a pair take the second.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bowden.model import Mode, Transmission
+from bowden.model.histories import Histories
+from bowden.model.mesh.solver import needs_implicit_steps, simulate_mesh
+from bowden.model.mesh.state import cut
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from .rigs import R_MOTOR_M, FloatArray, M, printed, rigs, series_for, through, times, walks
+
+TP, PP = Mode.TORQUE_POSITION, Mode.POSITION_POSITION
+UNSEEN_S_PER_M = 1e-12
+SEGMENTS = 25
+
+
+def swing(steps: int) -> FloatArray:
+    """Return strokes of several lengths, one that ends inside another, and a standstill."""
+    moving = through(0, 0.4, -0.3, 0.3, 0.28, 0.3, -0.1, 0.2, 0.19, 0.2, steps=steps)
+    return np.concatenate([moving, np.full(steps, 0.2), through(0.2, -0.4, steps=steps)])
+
+
+def outward(angle: FloatArray) -> FloatArray:
+    """Return +1 while the angle rose last, -1 while it fell."""
+    way = np.sign(np.diff(angle, prepend=angle[0] - 1e-9))
+    for i in range(1, way.size):
+        way[i] = way[i] if way[i] != 0 else way[i - 1]
+    return way
+
+
+# Of angle and time; and what the solvers may differ by, RMS, as a share of the largest torque.
+LAWS = {
+    "angle": (lambda angle, _: 1.0 + 0.4 * np.sin(5.0 * angle), 2e-4),
+    "time": (lambda _, time: 1.0 + 0.4 * np.sin(0.9 * time), 2e-4),
+    "jumps": (lambda angle, _: 1.0 + 0.4 * outward(angle) * np.tanh(angle / 0.3), 2e-3),
+}
+SETTLED = 25  # samples after a jump, in which a front has passed most of the cable
+
+
+@pytest.mark.parametrize("mode", [TP, PP])
+@pytest.mark.parametrize("law", LAWS)
+def test_exact_steps_agree_with_implicit_ones(law: str, mode: Mode) -> None:
+    """Strokes, reversals inside each other, a standstill.
+
+    Without any change of friction, steps of this size leave 1e-4 between them. Where friction jumps
+    at a reversal, the order in which segments give way within that step is each solver's own, and
+    shows until a front has passed.
+    """
+    angle = swing(400)
+    time_s = times(angle)
+    law_of, most = LAWS[law]
+    factor = law_of(angle, time_s)
+    given = np.zeros_like(angle) if mode is TP else 5.2 * angle + 0.02 * np.sin(3.0 * time_s)
+    exact, implicit = both(mode, time_s, given, angle, factor)
+    jumped = np.convolve(np.abs(np.diff(factor, prepend=1.0)) > 0.02, np.ones(SETTLED))
+    differ = ((exact - implicit) / np.abs(implicit).max())[jumped[: angle.size] == 0]
+    assert np.sqrt(np.mean(differ**2)) < most
+    assert np.abs(factor - 1.0).max() > 0.3  # and there was something to agree on
+
+
+def both(
+    mode: Mode, time_s: FloatArray, motor: FloatArray, load: FloatArray, factor: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the load's torque from event to event, and from implicit steps."""
+    pair = printed(SEGMENTS)
+    other = printed(SEGMENTS, mu_v_s_per_m=UNSEEN_S_PER_M)
+    assert needs_implicit_steps(other)
+    assert not needs_implicit_steps(pair)
+    changing = Histories(friction_factor=factor)
+    series = (time_s, motor, load, changing)
+    return (
+        simulate_mesh(pair, mode, *series).load_torque_nm,
+        simulate_mesh(other, mode, *series).load_torque_nm,
+    )
+
+
+def test_friction_that_rises_and_falls_at_standstill_comes_down_to_its_least() -> None:
+    """What a cable holds at standstill is the least that friction ever was there."""
+    pull = np.concatenate([through(0, 0.02, steps=100), np.full(300, 0.02)])
+    factor = np.interp(np.arange(pull.size), [100, 200, 300, 400], [1.0, 0.6, 1.4, 0.8])
+    ends = pull / R_MOTOR_M, pull * 0
+    found = simulate_mesh(printed(30), PP, times(pull), *ends, Histories(friction_factor=factor))
+    ratio = np.log(found.motor_tension_a_n / found.load_tension_a_n) / M
+    assert ratio[100] == pytest.approx(1.0, rel=1e-9)
+    assert ratio[200:] == pytest.approx(0.6, rel=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(rigs(), walks, st.lists(st.floats(0.3, 1.7), min_size=5, max_size=5))
+def test_a_cable_keeps_its_stretch_whatever_friction_does(
+    pair: Transmission, walk: list[float], levels: list[float]
+) -> None:
+    """Without friction in the end, the tension is that of the stretch, however it got there."""
+    _, motor, load = series_for(pair, PP, walk, walk[::-1])
+    free = np.concatenate([motor, np.full(50, motor[-1])])
+    held = np.concatenate([load, np.full(50, load[-1])])
+    time_s = times(free)
+    factor = np.interp(np.arange(free.size), np.linspace(0, motor.size, 5), levels)
+    factor[motor.size :] = np.linspace(factor[motor.size], 0.0, 50)
+    found = simulate_mesh(pair, PP, time_s, free, held, Histories(friction_factor=factor))
+    stretch = pair.motor_pulley_radius_m * (free[-1] - free[0])
+    stretch -= pair.load_pulley_radius_m * (held[-1] - held[0])
+    per_n = pair.length_m / pair.axial_stiffness_n
+    expected = max(pair.pretension_n + stretch / per_n, 0.0)
+    # A sliding segment's two halves are short of its compliance by up to a^2/12.
+    short = (pair.friction.mu_d * cut(pair).wrap_rad.max()) ** 2 / 12
+    assert found.motor_tension_a_n[-1] == pytest.approx(expected, rel=2 * short + 1e-9, abs=1e-9)
