@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from bowden.model.compiled import compiled_in_place
 from bowden.model.mesh.state import State, Tables
-from bowden.model.mesh.varying import Friction, change_to, set_friction
+from bowden.model.mesh.varying import FrictionLevel, change_to, set_friction
 from bowden.model.mesh.zones import (
     GOES_SLACK,
     GOES_TAUT,
@@ -218,7 +218,7 @@ def stick_at_rest(
 def run(
     t: Tables,
     s: State,
-    f: Friction,
+    f: FrictionLevel,
     free: int,
     time: FloatArray,
     motor: FloatArray,

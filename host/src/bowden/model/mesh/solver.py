@@ -24,7 +24,7 @@ from bowden.model.mesh.state import (
     sliding_weight,
     tables,
 )
-from bowden.model.mesh.varying import friction
+from bowden.model.mesh.varying import friction_level
 from bowden.model.trajectory import FloatArray, Mode, Trajectory
 from bowden.model.transmission import Transmission
 
@@ -92,7 +92,7 @@ def simulate_mesh(  # noqa: PLR0917
         failed = events.run(
             tables(transmission, varies=bool(np.any(factor != factor[0]))),
             rest_state(transmission),
-            friction(transmission),
+            friction_level(transmission),
             free,
             time_s,
             motor_end,

@@ -50,7 +50,7 @@ from bowden.model.transmission import Transmission
 SLUMPED = 1e-6  # share of a tension by which a segment may be overloaded
 
 
-class Friction(NamedTuple):
+class FrictionLevel(NamedTuple):
     """What changes the tables, and room to work in; places count from the motor.
 
     ``exponent[c, direction, j]`` is a of a segment at factor 1, ``held`` the ratio of tensions that
@@ -67,11 +67,11 @@ class Friction(NamedTuple):
     towards: NDArray[np.int64]
 
 
-def friction(transmission: Transmission) -> Friction:
+def friction_level(transmission: Transmission) -> FrictionLevel:
     """Return the friction of a pair at factor 1."""
     mesh = cut(transmission)
     exponent, n = slide_exponents(transmission, mesh), mesh.length_m.size
-    return Friction(
+    return FrictionLevel(
         exponent=exponent,
         held=np.exp(exponent),
         reach_m=np.zeros((2, 2, n)),
@@ -82,7 +82,7 @@ def friction(transmission: Transmission) -> Friction:
 
 
 @compiled_in_place
-def set_friction(t: Tables, f: Friction, factor: float) -> None:
+def set_friction(t: Tables, f: FrictionLevel, factor: float) -> None:
     """Work out the tables for a factor on the friction coefficient.
 
     The compliance of half a segment stays that of factor 1, as in `mesh.implicit`: it differs by
@@ -113,7 +113,7 @@ def set_friction(t: Tables, f: Friction, factor: float) -> None:
 
 
 @compiled_in_place
-def remember(t: Tables, s: State, f: Friction, cable: int) -> None:
+def remember(t: Tables, s: State, f: FrictionLevel, cable: int) -> None:
     """Write down the tensions of the sliding zones, and how each slider divides the stretch."""
     segments = t.half.shape[1]
     whole = slides_whole(t, s, cable)
@@ -138,7 +138,7 @@ def remember(t: Tables, s: State, f: Friction, cable: int) -> None:
 
 
 @compiled_in_place
-def share_out(t: Tables, s: State, f: Friction, cable: int) -> None:
+def share_out(t: Tables, s: State, f: FrictionLevel, cable: int) -> None:
     """Work out the ends' tensions that give the sliding zones the stretch they had."""
     if slides_whole(t, s, cable):
         s.end_n[cable, 0] = f.whole_m[cable] * stiffness(t, s, cable, 0)
@@ -160,7 +160,7 @@ def share_out(t: Tables, s: State, f: Friction, cable: int) -> None:
 
 @compiled_in_place
 def stop_returning(
-    t: Tables, s: State, f: Friction, cable: int, pull_0: float, pull_1: float
+    t: Tables, s: State, f: FrictionLevel, cable: int, pull_0: float, pull_1: float
 ) -> bool:
     """Stop the sliders that would go back in this step; True if there were any."""
     segments = t.half.shape[1]
@@ -192,7 +192,7 @@ def stop_returning(
 
 
 @compiled_in_place
-def is_overloaded_inside(t: Tables, s: State, f: Friction, cable: int) -> bool:
+def is_overloaded_inside(t: Tables, s: State, f: FrictionLevel, cable: int) -> bool:
     """Return whether a segment between the zones bears more than it holds.
 
     One beside a zone that it would join is none: `zones.slide` lets that go.
@@ -210,7 +210,7 @@ def is_overloaded_inside(t: Tables, s: State, f: Friction, cable: int) -> bool:
 
 
 @inlined
-def overload(f: Friction, cable: int, j: int, here: float, there: float) -> int:
+def overload(f: FrictionLevel, cable: int, j: int, here: float, there: float) -> int:
     """Return where a segment at standstill is drawn to by more than it holds.
 
     1 towards the load, 0 towards the motor, -1 where it holds.
@@ -230,7 +230,7 @@ def node_compliance(t: Tables, i: int) -> float:
 
 
 @compiled_in_place
-def share_out_blocks(t: Tables, s: State, f: Friction, cable: int) -> None:
+def share_out_blocks(t: Tables, s: State, f: FrictionLevel, cable: int) -> None:
     """Work out the trial's tensions: nodes between which segments slide keep their stretch."""
     segments, begin = t.half.shape[1], 0
     stretch, per_n, fall = 0.0, 0.0, 1.0
@@ -251,7 +251,7 @@ def share_out_blocks(t: Tables, s: State, f: Friction, cable: int) -> None:
 
 
 @compiled_in_place
-def slump(t: Tables, s: State, f: Friction, cable: int) -> None:
+def slump(t: Tables, s: State, f: FrictionLevel, cable: int) -> None:
     """Let overloaded segments slide until none is, the ends where they are; all rests then.
 
     Which ones slide is tried: those that are overloaded, without those that would go back.
@@ -290,7 +290,7 @@ def slump(t: Tables, s: State, f: Friction, cable: int) -> None:
 def change_to(
     t: Tables,
     s: State,
-    f: Friction,
+    f: FrictionLevel,
     factor: float,
     free: int,
     force: float,
