@@ -129,13 +129,16 @@ typedef enum {
     BIT_RATE_KBIT_1000 = 1000, /* 1 Mbit/s */
 } bit_rate_t;
 
-/* with the bridge off: sets the zero of both angles; reads 0 once it is done, angle_reference says
- * what came of it */
+/* with the bridge off: sets the zero of both angles; reads 0 once it is done or the bridge goes on,
+ * angle_reference says what came of it */
 typedef enum {
     HOMING_NONE = 0, /* nothing */
-    HOMING_HERE = 1, /* the rig stands at zero now */
+    HOMING_HERE = 1, /* the rig stands at zero now (method 37 of CiA 402) */
+    HOMING_INDEX =
+        2, /* zero by the index pulses of both encoders, which lie where index_position says; until
+              both have been passed in positive direction, by hand (method 34) */
 } homing_t;
-enum { HOMING_COUNT = 2 };
+enum { HOMING_COUNT = 3 };
 
 /* where the angles count from; with lost, moved and proving the tunnel is refused */
 typedef enum {
@@ -148,8 +151,9 @@ typedef enum {
     ANGLE_REFERENCE_MOVED = 4, /* unknown: an encoder moved right after the last reset */
     ANGLE_REFERENCE_LOST = 5,  /* unknown: an encoder moved before the last reset, or that reset did
                                   not spare the memory */
+    ANGLE_REFERENCE_INDEXED = 6, /* from the index pulses of both encoders */
 } angle_reference_t;
-enum { ANGLE_REFERENCE_COUNT = 6 };
+enum { ANGLE_REFERENCE_COUNT = 7 };
 
 /* of the trace of the winding */
 typedef enum {

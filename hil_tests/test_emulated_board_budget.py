@@ -34,7 +34,7 @@ def test_worst_case_and_total(scenario: Scenario) -> None:
     assert {s.name: s.worst for s in shares if s.worst > CEILINGS[s.name]} == {}
     assert sum(s.load for s in shares) < 0.35
     by_name = {s.name: s for s in shares}
-    # every one ran, as often as it must
-    assert by_name["control tick (PendSV)"].per_second == pytest.approx(4000, abs=1)
+    # every one ran, as often as it must; one tick may lie across either end of the second
+    assert by_name["control tick (PendSV)"].per_second == pytest.approx(4000, abs=2)
     assert by_name["current loop (ADC)"].per_second == pytest.approx(20_000, abs=5)
     assert len(shares) == len(INTERRUPTS)

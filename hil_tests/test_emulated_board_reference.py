@@ -6,7 +6,7 @@ The chip's timers count from 0 after each reset, so an angle that is the same ha
 from __future__ import annotations
 
 import pytest
-from bowden.drive.meanings import AngleReference
+from bowden.drive.meanings import AngleReference, Homing
 from bowden_rig.rig.parameters import Operator
 
 from hil_tests.board_bench import HANG, NEEDS_ELF, Board
@@ -14,10 +14,13 @@ from hil_tests.lockstep_host import NMT_RESET_NODE
 
 pytestmark = NEEDS_ELF
 
-ANGLE_REFERENCE, HOMING, MOTOR_ANGLE = 0x2015, 0x2014, 0x2022
+ANGLE_REFERENCE, HOMING, MOTOR_ANGLE, LOAD_ANGLE = 0x2015, 0x2014, 0x2022, 0x2023
+INDEX_POSITION, INDEX_FOUND = 0x2018, 0x2019
 TUNNEL_MODE = -1
 REFERENCE_LOST = 0x8613
-COUNT_URAD = 3142
+COUNT_URAD, LOAD_COUNT_URAD = 3141.593, 628.3185
+# The zero and the reading are taken within 2 ms of an angle that moves by 4 counts a ms at most.
+HOMED_WITHIN = 8
 
 
 def reference(board: Board) -> AngleReference:
@@ -81,3 +84,34 @@ def test_a_reset_in_motion_loses_it_and_the_tunnel_is_refused_until_homed() -> N
     board.host.enable(TUNNEL_MODE)
     board.run(0.01)
     assert board.chip.bridge().enabled
+
+
+def index_found(board: Board) -> tuple[int, int]:
+    """Motor and load, counts from the zero."""
+    return board.signed(INDEX_FOUND, 1), board.signed(INDEX_FOUND, 2)
+
+
+def test_after_a_reset_in_motion_the_index_pulses_give_the_same_zero_again() -> None:
+    """The chip's timers count from 0 after the reset; the pulses stay where they are."""
+    board = Board(operator=Operator(motion="sine", starts="now"))
+    board.run(0.3)
+    board.host.write(HOMING, 0, int(Homing.HERE), 1)
+    zero = board.bench.rig.sensors
+    board.run(2.2)  # a whole stroke: both pulses in positive direction
+    motor, load = index_found(board)
+    # the rig's counts are 0 where its pulses are
+    assert abs(load + zero.load_encoder_counts) <= HOMED_WITHIN
+    assert abs((motor + zero.motor_encoder_counts + 1000) % 2000 - 1000) <= HOMED_WITHIN
+    board.chip.pin_reset()
+    board.run(0.1)
+    assert reference(board) is AngleReference.LOST
+    for sub, counts in ((1, motor), (2, load)):
+        board.host.write(INDEX_POSITION, sub, counts, 4)
+    board.host.write(HOMING, 0, int(Homing.INDEX), 1)
+    board.run(2.2)
+    assert reference(board) is AngleReference.INDEXED
+    assert board.host.read(HOMING)[0] == Homing.NONE
+    now = board.bench.rig.sensors
+    read = board.signed(MOTOR_ANGLE) / COUNT_URAD, board.signed(LOAD_ANGLE) / LOAD_COUNT_URAD
+    assert abs(read[0] - (now.motor_encoder_counts - zero.motor_encoder_counts)) <= HOMED_WITHIN
+    assert abs(read[1] - (now.load_encoder_counts - zero.load_encoder_counts)) <= HOMED_WITHIN

@@ -72,6 +72,12 @@ typedef struct {
     int32_t voltage_uv;      /* its magnitude */
 } board_winding_t;
 
+/* An encoder's index pulse. Only where it begins in positive direction: there it is sharp. */
+typedef struct {
+    bool passed;    /* since the last tick */
+    int32_t counts; /* of the encoder, there */
+} board_index_t;
+
 /* What the board has measured, sampled together at the start of a tick. */
 typedef struct {
     uint32_t time_us;             /* free running, wraps after 71 minutes */
@@ -86,6 +92,7 @@ typedef struct {
     board_store_t store;
     board_bus_t bus;
     board_winding_t winding; /* a board that cannot: always NULL */
+    board_index_t motor_index, load_index;
 } board_sensors_t;
 
 /* Where the encoders stand, counted from the zero of the angles: kept by the board over a reset

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xF99BDA7A)
+#define DICTIONARY_HASH UINT32_C(0x67C3E381)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 257
+#define DICTIONARY_COUNT 263
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -122,6 +122,10 @@ typedef struct {
     uint8_t winding_test_state;                        /* 0x2016 */
     int32_t winding_test_voltage_uv;                   /* 0x2016 */
     int32_t winding_trace_ua[200];                     /* 0x2017 */
+    int32_t index_position_motor_counts;               /* 0x2018 */
+    int32_t index_position_load_counts;                /* 0x2018 */
+    int32_t index_found_motor_counts;                  /* 0x2019 */
+    int32_t index_found_load_counts;                   /* 0x2019 */
     int32_t motor_encoder_counts;                      /* 0x2020 */
     int32_t load_encoder_counts;                       /* 0x2021 */
     int32_t motor_angle_urad;                          /* 0x2022 */

@@ -3,6 +3,7 @@
 
 #include <stddef.h>
 
+#include "homing.h"
 #include "parameters_tables.h"
 #include "publish.h"
 #include "supervision/fault_log.h"
@@ -331,16 +332,6 @@ static void correct_readings(drive_t *drive) {
     }
 }
 
-/* A host's "here" counts with the bridge off only: a zero that jumps would move the tunnel. */
-static void follow_reference(drive_t *drive, const board_sensors_t *sensors) {
-    dictionary_t *dictionary = &drive->dictionary;
-    const bool here = dictionary->homing == HOMING_HERE && !state_bridge_on(drive->state);
-    dictionary->homing = HOMING_NONE;
-    reference_step(&drive->reference, sensors->motor_encoder_counts, sensors->load_encoder_counts,
-                   here);
-    dictionary->angle_reference = (uint8_t)drive->reference.state;
-}
-
 static void pass_time(drive_t *drive) {
     drive->second_ticks++;
     if (drive->second_ticks == TICKS_PER_SECOND) {
@@ -353,7 +344,7 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     const bool late = drive->took_configuration;
     pass_time(drive);
     note_command(drive);
-    follow_reference(drive, sensors);
+    homing_step(drive, sensors);
     drive->took_configuration = follow_configuration(drive, sensors);
     publish_sensors(drive, sensors);
     correct_readings(drive);

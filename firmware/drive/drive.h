@@ -21,6 +21,7 @@
 #include "command.h"
 #include "corrected.h"
 #include "dictionary.h"
+#include "index_search.h"
 #include "parameters.h"
 #include "reference.h"
 #include "rendering.h"
@@ -53,6 +54,7 @@ typedef struct {
     uint32_t second_ticks, uptime_s; /* since the start */
     saving_t saving;
     reference_t reference; /* of the angles */
+    index_search_t index_search;
     tables_t tables;
     corrected_start_t corrected_start;
     corrected_t corrected; /* this tick's readings, by the tables */

@@ -38,7 +38,7 @@ static void start(reference_t *reference, int32_t motor_counts, int32_t load_cou
     reference->load_still_counts = load_counts;
 }
 
-void reference_step(reference_t *reference, int32_t motor_counts, int32_t load_counts, bool here) {
+void reference_step(reference_t *reference, int32_t motor_counts, int32_t load_counts) {
     if (!reference->started) {
         start(reference, motor_counts, load_counts);
     }
@@ -55,11 +55,13 @@ void reference_step(reference_t *reference, int32_t motor_counts, int32_t load_c
     } else if (reference->state == ANGLE_REFERENCE_PROVING) {
         reference->state = ANGLE_REFERENCE_KEPT;
     }
-    if (here) {
-        reference->motor_zero_counts = motor_counts;
-        reference->load_zero_counts = load_counts;
-        reference->state = ANGLE_REFERENCE_HOMED;
-    }
+}
+
+void reference_set(reference_t *reference, int32_t motor_counts, int32_t load_counts,
+                   angle_reference_t state) {
+    reference->motor_zero_counts = motor_counts;
+    reference->load_zero_counts = load_counts;
+    reference->state = state;
 }
 
 bool reference_is_known(const reference_t *reference) {
@@ -67,6 +69,7 @@ bool reference_is_known(const reference_t *reference) {
     case ANGLE_REFERENCE_POWER_ON:
     case ANGLE_REFERENCE_KEPT:
     case ANGLE_REFERENCE_HOMED:
+    case ANGLE_REFERENCE_INDEXED:
         return true;
     default:
         return false;

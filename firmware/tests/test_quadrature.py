@@ -47,6 +47,32 @@ class Follower:
         return plausible
 
 
+def passes(positions: list[int], late: bool = False) -> list[int]:
+    """Where index pulses were passed in positive direction. `late`: seen before the count."""
+    follower = Follower()
+    found = []
+    for before, after in pairwise(positions):
+        turns = range(min(before, after) + 1, max(before, after) + 1)
+        index = next((p for p in turns if p % TURN == 0), None)
+        if late and index is not None:
+            follower.step(before, index)
+        else:
+            follower.step(after, index)
+        if follower.raw.passed:
+            found.append(follower.raw.at_index)
+        if late and index is not None:
+            follower.step(after)
+    return found
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_an_index_pulse_counts_where_it_begins_in_positive_direction(late: bool) -> None:
+    forth = list(range(-30, 31, 7))
+    assert passes(forth, late) == [0]
+    assert passes(forth[::-1], late) == []
+    assert passes([TURN - 1, TURN, TURN + 1, TURN, TURN - 1, TURN, TURN + 1]) == [TURN, TURN]
+
+
 STEPS = st.lists(st.integers(-1900, 1900), max_size=200)
 
 

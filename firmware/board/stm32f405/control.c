@@ -170,6 +170,8 @@ static void read_sensors(void) {
     }
     sensors.motor_encoder_counts = encoders.motor.counts;
     sensors.load_encoder_counts = encoders.load.counts;
+    sensors.motor_index = (board_index_t){encoders.motor.passed, encoders.motor.at_index};
+    sensors.load_index = (board_index_t){encoders.load.passed, encoders.load.at_index};
     if (scaling_window(&latched.fast.window, &analogue)) {
         sensors.motor_current_ua = analogue.motor_current_ua - fast_loop_zero_ua();
         sensors.load_cell_counts = analogue.load_cell_counts;

@@ -26,8 +26,13 @@ bool quadrature_step(quadrature_t *quadrature, const quadrature_input_t *input,
                      uint32_t counts_per_turn) {
     const int32_t step = difference(input->timer, quadrature->timer);
     bool plausible = step >= -QUADRATURE_STEP_MAX && step <= QUADRATURE_STEP_MAX;
+    quadrature->passed = false;
     if (input->index) {
-        const int32_t at = add(quadrature->counts, difference(input->at_index, quadrature->timer));
+        /* From the counter of the last step, not to that of this: the pulse may be later than it.
+         */
+        const int32_t way = difference(input->at_index, quadrature->timer);
+        const int32_t at = add(quadrature->counts, way);
+        quadrature->passed = way > 0;
         plausible &= !quadrature->indexed ||
                      is_whole_turns(distance(at, quadrature->at_index), counts_per_turn);
         quadrature->indexed = true;

@@ -30,6 +30,7 @@ typedef struct {
     uint16_t timer;
     bool indexed;
     int32_t at_index;
+    bool passed; /* the index, in this step, in positive direction */
 } quadrature_t;
 
 /* One control period. counts_per_turn 16 .. 1048576. Returns false for impossible input. */

@@ -20,10 +20,11 @@ from bowden_rig.virtual_bus import VirtualBus
 from tools.lent_rig import lent_rig
 
 
-def open_rig(drop: Loss | None = None, motion: str = "sine") -> tuple[Drive, VirtualBus]:
-    bench = Bench(
-        SimulatedRig(Rig(operator=Operator(motion=motion))), make_target("native"), trace=True
-    )
+def open_rig(
+    drop: Loss | None = None, motion: str = "sine", starts: str = "on-enable"
+) -> tuple[Drive, VirtualBus]:
+    operator = Operator(motion=motion, starts=starts)
+    bench = Bench(SimulatedRig(Rig(operator=operator)), make_target("native"), trace=True)
     bus = VirtualBus(bench, drop)
     connection = Connection(
         bus, adapter={"interface": "virtual"}, clock=lambda: bus.time_s, threaded=False
@@ -36,8 +37,10 @@ def rig() -> Iterator[Callable[..., tuple[Drive, VirtualBus]]]:
     """Make drives on rigs; each must end with its bridge off, whatever the test did."""
     buses: list[VirtualBus] = []
 
-    def make(drop: Loss | None = None, motion: str = "sine") -> tuple[Drive, VirtualBus]:
-        drive, bus = open_rig(drop, motion)
+    def make(
+        drop: Loss | None = None, motion: str = "sine", starts: str = "on-enable"
+    ) -> tuple[Drive, VirtualBus]:
+        drive, bus = open_rig(drop, motion, starts)
         buses.append(bus)
         return drive, bus
 

@@ -9,8 +9,8 @@ import pytest
 from bowden.drive.checks import check_reference
 from bowden.drive.client import Drive
 from bowden.drive.fault_report import fault_report
-from bowden.drive.homing import angle_reference, home_here
-from bowden.drive.meanings import AngleReference, ModeOfOperation
+from bowden.drive.homing import angle_reference, home_at_index, home_here, learn_index
+from bowden.drive.meanings import AngleReference, Homing, ModeOfOperation
 from bowden.drive.power import Run, powered
 from bowden.errors import DriveFailed
 from bowden_rig.virtual_bus import VirtualBus
@@ -59,3 +59,39 @@ def test_home_makes_it_known(rig: Make) -> None:
         pytest.raises(DriveFailed, match="bridge off only"),
     ):
         home_here(drive)
+
+
+def test_the_index_pulses_give_the_zero_again_that_was_learned(rig: Make) -> None:
+    drive, bus = rig(motion="sine", starts="now")
+    bus.advance(0.7)
+    home_here(drive)
+    since = bus.bench.rig.sensors.load_encoder_counts
+    learned = learn_index(drive)
+    # the rig's pulse is where its encoder reads 0; setting the zero takes 10 ms of 18 counts
+    assert abs(learned.load + since) <= 18
+    target: Any = bus.bench.target
+    target._identity.reset = target._lib.RESET_CAUSE_BROWN_OUT
+    target.reset()
+    bus.advance(0.1)
+    assert angle_reference(drive) is AngleReference.LOST
+    drive.write("index_position.motor", learned.motor)
+    drive.write("index_position.load", learned.load)
+    home_at_index(drive)
+    assert angle_reference(drive) is AngleReference.INDEXED
+    read_rad = drive.read("load_angle")
+    moved = bus.bench.rig.sensors.load_encoder_counts + learned.load
+    assert read_rad == pytest.approx(moved * 6.283185307 / 10_000, abs=0.005)  # 5 ms of an answer
+
+
+def test_a_load_that_nobody_moves_is_not_homed_and_keeps_its_zero(rig: Make) -> None:
+    drive, _ = rig(motion="still")
+    with pytest.raises(DriveFailed, match=r"no index pulse of the motor and the load .* 2 s"):
+        home_at_index(drive, timeout_s=2.0)
+    assert angle_reference(drive) is AngleReference.POWER_ON
+    assert drive.read_raw("homing") == Homing.NONE
+
+
+def test_index_pulses_are_not_learned_without_a_zero(rig: Make) -> None:
+    drive, _ = after_a_reset_in_motion(rig)
+    with pytest.raises(DriveFailed, match="set it first"):
+        learn_index(drive)

@@ -16,7 +16,7 @@ import cffi
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden_rig.rig.parameters import Motor, Rig
+from bowden_rig.rig.parameters import Motor, Rig, Sensing
 from bowden_rig.rig.rig import Actuators
 from bowden_rig.rig.sensors import Sensors
 from bowden_rig.target import (
@@ -69,6 +69,13 @@ class Entry(NamedTuple):
     signed: bool
 
 
+def _pass_index(index: Any, before: int, now: int, counts_per_turn: int) -> None:  # noqa: ANN401
+    """Note the index pulse that an encoder has passed in positive direction: a board_index_t."""
+    turn = now // counts_per_turn
+    index.passed = turn > before // counts_per_turn
+    index.counts = turn * counts_per_turn
+
+
 class NativeTarget:
     """A drive on this machine; a `Target`.
 
@@ -80,6 +87,8 @@ class NativeTarget:
         What the board reports in 0x1018 sub 4.
     current_max_a : float, A
         The most that its bridge drives.
+    motor_counts_per_turn, load_counts_per_turn : int
+        Of the encoders: an index pulse comes at each multiple.
     """
 
     name = "native"
@@ -97,13 +106,20 @@ class NativeTarget:
     @staticmethod
     def for_rig(node_id: int, rig: Rig) -> NativeTarget:
         """Build a drive with that node id, on a board that drives the rig's current."""
-        return NativeTarget(node_id, current_max_a=rig.motor.current_limit_a)
+        return NativeTarget(
+            node_id,
+            current_max_a=rig.motor.current_limit_a,
+            motor_counts_per_turn=rig.sensing.motor_counts_per_turn,
+            load_counts_per_turn=rig.sensing.load_counts_per_turn,
+        )
 
     def __init__(
         self,
         node_id: int = DEFAULT_NODE_ID,
         serial_number: int = 1,
         current_max_a: float = Motor.current_limit_a,
+        motor_counts_per_turn: int = Sensing.motor_counts_per_turn,
+        load_counts_per_turn: int = Sensing.load_counts_per_turn,
     ) -> None:
         self._ffi, self._lib = _library()
         new = self._ffi.new
@@ -124,6 +140,7 @@ class NativeTarget:
         self._sensors: Any = new("board_sensors_t *")
         self._actuators: Any = new("board_actuators_t *")
         self._frame: Any = new("can_frame_t *")
+        self._turns = motor_counts_per_turn, load_counts_per_turn
         self.reset()
 
     def reset(self) -> None:
@@ -133,6 +150,11 @@ class NativeTarget:
     def tick(self, sensors: Sensors) -> Actuators:
         """Run one control tick of 250 us on this sample."""
         raw = self._sensors
+        motor_turn, load_turn = self._turns
+        _pass_index(
+            raw.motor_index, raw.motor_encoder_counts, sensors.motor_encoder_counts, motor_turn
+        )
+        _pass_index(raw.load_index, raw.load_encoder_counts, sensors.load_encoder_counts, load_turn)
         (
             raw.time_us,
             raw.motor_encoder_counts,
@@ -145,6 +167,7 @@ class NativeTarget:
         ) = sensors
         actuators = self._actuators
         self._lib.drive_tick(self._drive, raw, actuators)
+        raw.motor_index.passed = raw.load_index.passed = False
         raw.store = self._lib.BOARD_STORE_IDLE
         if actuators.store:
             self._keep(actuators.store, actuators.store_words)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0xF99BDA7A
+HASH = 0x67C3E381
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -113,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xf99bda7a, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x67c3e381, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -144,13 +144,19 @@ TABLE = Table(
         *array(16, Entry(0x2011, 1, 'fault_log_uptime', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1.0, persist=True, doc='of each: time since that start')),
         Entry(0x2012, 0, 'node_id', 'u8', 'rw', 'calibration', 16, low=1, high=127, persist=True, doc='CANopen node id from the next start on, once it is stored'),
         Entry(0x2013, 0, 'bit_rate', 'u16', 'rw', 'calibration', 1000, low=125, high=1000, persist=True, meaning=meanings.BitRate, doc='of the CAN bus, from the next start on, once it is stored'),
-        Entry(0x2014, 0, 'homing', 'u8', 'rw', 'command', 0, high=1, meaning=meanings.Homing, doc='with the bridge off: sets the zero of both angles; reads 0 once it is done, angle_reference says what came of it'),
+        Entry(0x2014, 0, 'homing', 'u8', 'rw', 'command', 0, high=2, meaning=meanings.Homing, doc='with the bridge off: sets the zero of both angles; reads 0 once it is done or the bridge goes on, angle_reference says what came of it'),
         Entry(0x2015, 0, 'angle_reference', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.AngleReference, doc='where the angles count from; with lost, moved and proving the tunnel is refused'),
         Entry(0x2016, 0, 'winding_test.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
         Entry(0x2016, 1, 'winding_test.state', 'u8', 'ro', 'state', 0, high=255, meaning=meanings.WindingTestState, doc='of the trace of the winding'),
         Entry(0x2016, 2, 'winding_test.voltage', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='V', scale=1e-06, doc='magnitude of the alternating voltage'),
         Entry(0x2017, 0, 'winding_trace.count', 'u8', 'const', 'communication', 200, high=255, doc='highest sub-index'),
         *array(200, Entry(0x2017, 1, 'winding_trace', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='A', scale=1e-06, doc='motor current every 50 us; lowest bit of the raw value: the voltage that is put out from then on is positive')),
+        Entry(0x2018, 0, 'index_position.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
+        Entry(0x2018, 1, 'index_position.motor', 'i32', 'rw', 'calibration', 0, low=-1073741824, high=1073741823, unit='count', scale=1.0, persist=True, doc='at any turn of the motor'),
+        Entry(0x2018, 2, 'index_position.load', 'i32', 'rw', 'calibration', 0, low=-1073741824, high=1073741823, unit='count', scale=1.0, persist=True, doc="of the encoders' index pulses, counted from the zero of the angles"),
+        Entry(0x2019, 0, 'index_found.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
+        Entry(0x2019, 1, 'index_found.motor', 'i32', 'ro', 'state', -2147483648, low=-2147483648, high=2147483647, unit='count', scale=1.0, doc='where an index pulse was last passed in positive direction, since the start or since homing was asked for; counted from the zero of the angles; -2147483648: not yet'),
+        Entry(0x2019, 2, 'index_found.load', 'i32', 'ro', 'state', -2147483648, low=-2147483648, high=2147483647, unit='count', scale=1.0, doc='where an index pulse was last passed in positive direction, since the start or since homing was asked for; counted from the zero of the angles; -2147483648: not yet'),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),

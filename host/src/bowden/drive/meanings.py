@@ -123,10 +123,11 @@ class BitRate(NamedValue):
 
 
 class Homing(NamedValue):
-    """With the bridge off: sets the zero of both angles; reads 0 once it is done, angle_reference says what came of it."""
+    """With the bridge off: sets the zero of both angles; reads 0 once it is done or the bridge goes on, angle_reference says what came of it."""
 
     NONE = 0, 'nothing'
-    HERE = 1, 'the rig stands at zero now'
+    HERE = 1, 'the rig stands at zero now (method 37 of CiA 402)'
+    INDEX = 2, 'zero by the index pulses of both encoders, which lie where index_position says; until both have been passed in positive direction, by hand (method 34)'
 
 
 class AngleReference(NamedValue):
@@ -138,6 +139,7 @@ class AngleReference(NamedValue):
     PROVING = 3, 'as before the last reset, if both encoders stand still for 100 ms'
     MOVED = 4, 'unknown: an encoder moved right after the last reset'
     LOST = 5, 'unknown: an encoder moved before the last reset, or that reset did not spare the memory'
+    INDEXED = 6, 'from the index pulses of both encoders'
 
 
 class WindingTestState(NamedValue):
