@@ -1,13 +1,14 @@
 """Learn a law where no name fits: a smooth function of one argument, at one place.
 
 Where the posterior says that something unlisted is there, every place and argument is screened on
-top of the best sets of effects, the most promising laws are fitted with the simulator inside, and
-what predicts unseen stretches best is the law. How smooth it is the evidence says. `verdict` words
-it, `law_candidates` lists what is looked at.
+top of the best sets of effects, and the most promising laws are fitted with the simulator inside,
+as long as they could still be the likeliest. What predicts unseen stretches best is the law. How
+smooth it is the evidence says. `verdict` words it, `law_candidates` lists what is looked at.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import FRICTION, ROUGH, Hypothesis, finish, start_of
+from bowden.diagnosis.law_candidates import FITTED as KNOTS
 from bowden.diagnosis.law_candidates import (
     LawCandidate,
     finer,
@@ -23,26 +25,32 @@ from bowden.diagnosis.law_candidates import (
     smooth_precision,
     visits,
 )
-from bowden.diagnosis.material import Material, as_searched
+from bowden.diagnosis.material import Material, as_searched, with_offset
 from bowden.diagnosis.odds import posterior
 from bowden.diagnosis.predict import WIDEST, predict_unseen
 from bowden.diagnosis.relevance import matters
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Look, Screen
 from bowden.diagnosis.search import Found
+from bowden.estimation.covariance import Covariance
+from bowden.estimation.descend import bounded_step, normal_equations
+from bowden.estimation.likelihood import best_scales
 from bowden.estimation.posterior import covariance_of
+from bowden.estimation.problem import fitted_parts, objective
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model
 from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
-PROMISING = 4  # laws that are fitted on top of each parent
-FITTED = 4  # of those, to the end
+PROMISING = 4  # laws that are begun on top of each parent
+FITTED = 4  # of those, at most, to the end
 ROUNDS = 12  # of Gauss-Newton: a law has many numbers
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
 
 ALIVE = 0.01  # of the posterior: sets that a law is held against
+# Of -log posterior: odds that count for nothing, and what another smoothness may do to each knot.
+APART = math.log(1.0 / ALIVE) + KNOTS
 
 Progress = Callable[[str, float], None]
 
@@ -67,23 +75,26 @@ def with_laws(
     tell("looking for a law that no name fits", 0.9)
     searched = as_searched(model)
     tried = [
-        _rough(material, searched, parent, look)
+        _begun(material, searched, parent, look)
         for parent in _parents(found)
         for look in _promising(material, parent)
     ]
-    rough = sorted((one for one in tried if one is not None), key=lambda one: one.best.cost)
-    smooth = [_smoothed(material, searched, one) for one in rough[:FITTED]]
-    laws = [one for one in smooth if one is not None]
+    rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(tried)]
+    smooth = [_smoothed(material, searched, one) for one in _in_reach(rough)[:FITTED]]
+    laws = _in_reach(smooth)
     if not laws:
         return found
     tell("predicting by learned laws", 0.93)
-    best = min(laws, key=lambda one: one.best.cost)
+    best = laws[0]
     numbers = [best.problem.numbers(best.best.x, k) for k in range(len(material.coarse))]
     noises = material.noise(best.model, numbers)
     known = [
         one.hypothesis
         for one in found.weighed
         if one.weight + one.beyond > ALIVE or not one.hypothesis.effects
+    ]
+    known = [
+        one for one in known if not one.effects or _reach(one, noises) <= best.best.cost + APART
     ]
     compared = [finish(material, one, noises) for one in (*laws, *known)]
     compared = [one for one in compared if not one.effects or matters(one)]
@@ -113,10 +124,10 @@ def _promising(material: Material, parent: Hypothesis) -> list[Look]:
     return [looks[k] for k in order if gains[k] > 0.0]
 
 
-def _rough(
+def _begun(
     material: Material, searched: Model, parent: Hypothesis, look: Look
 ) -> Hypothesis | None:
-    """Fit a law on top of a set of effects."""
+    """Fit a law on top of a set of effects, one round."""
     assert isinstance(look.candidate, LawCandidate)
     law, values = finer(look.candidate, look.values)
     if law.scales_friction:  # on the file's mu, not on what calibration made of it
@@ -126,17 +137,42 @@ def _rough(
     effects = [*known, (law, values)]
     start, like = parent.coordinates(), parent.best
     begun = start_of(material, searched, effects, start, like)
-    return None if begun is None else begun.fitted(ROUGH)
+    return None if begun is None else begun.fitted(1)
 
 
 def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:
-    """Fit a law again, as smooth as the evidence has it."""
+    """Fit a law to the end, as smooth as the evidence has it."""
     *known, law = first.effects
     assert isinstance(law, LawCandidate)
     law = replace(law, bend=_likeliest_bend(first, law))
-    effects = [(effect, first.values(i)) for i, effect in enumerate((*known, law))]
-    begun = start_of(material, searched, effects, first.coordinates(), first.best)
-    return None if begun is None else begun.fitted(ROUNDS)
+    return _fitted(material, searched, replace(first, effects=(*known, law)), ROUNDS)
+
+
+def _fitted(material: Material, searched: Model, one: Hypothesis, rounds: int) -> Hypothesis | None:
+    """Fit a law on from where it is."""
+    effects = [(effect, one.values(i)) for i, effect in enumerate(one.effects)]
+    begun = start_of(material, searched, effects, one.coordinates(), one.best)
+    return None if begun is None else begun.fitted(rounds)
+
+
+def _in_reach(tried: Sequence[Hypothesis | None]) -> list[Hypothesis]:
+    """Return the laws that could still be as likely as the likeliest, the likeliest first."""
+    laws = sorted((one for one in tried if one is not None), key=lambda one: one.best.cost)
+    return [one for one in laws if _reach(one, one.best.noises) <= laws[0].best.cost + APART]
+
+
+def _reach(one: Hypothesis, noises: Sequence[Covariance]) -> float:
+    """Return the -log posterior that a fit could come down to under a covariance.
+
+    What its derivatives promise is believed twice over, for no fit is quite a parabola.
+    """
+    own = with_offset(noises, [noise.offset for noise in one.best.noises])
+    like = one.best.x, one.best.residuals
+    scales = best_scales(fitted_parts(one.problem, one.best.residuals, own), one.best.scales)
+    cost = objective(one.problem, *like, own, scales)
+    hessian, gradient = normal_equations(one.problem, *like, one.slopes, (own, scales))
+    step = bounded_step(one.problem, one.best.x, hessian, gradient, 0.0)
+    return cost + 2.0 * float(gradient @ step + 0.5 * step @ hessian @ step)
 
 
 def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:
