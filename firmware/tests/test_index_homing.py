@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from bowden.drive.meanings import AngleReference, Homing
+from bowden.drive.meanings import AngleReference, Homing, ModeOfOperation, ResetCause
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,8 +28,15 @@ class Rig:
     against the load, in turns of the motor; the index pulses lie at counts from the true zero.
     """
 
-    def __init__(self, start: float, motor_at: int, load_at: int, stretch: float = 0.0) -> None:
-        self.drive = Drive()
+    def __init__(
+        self,
+        start: float,
+        motor_at: int,
+        load_at: int,
+        stretch: float = 0.0,
+        reset: ResetCause = ResetCause.POWER_ON,
+    ) -> None:
+        self.drive = Drive(reset=int(reset))
         self.load, self.stretch = start, stretch
         self.motor_at, self.load_at = motor_at, load_at
         self.zero = self.counts()  # the encoders begin at 0 here
@@ -122,7 +129,8 @@ def test_pulses_from_before_the_request_do_not_count() -> None:
     rig = Rig(0.0, 100, 500)
     rig.move(0.2)
     rig.ask(Homing.INDEX)
-    assert rig.drive.values.index_found_load_counts == NOT_YET
+    values = rig.drive.values
+    assert (values.index_found_motor_counts, values.index_found_load_counts) == (NOT_YET, NOT_YET)
     rig.drive.tick(10)
     assert rig.reference is AngleReference.POWER_ON
 
@@ -147,6 +155,28 @@ def test_switching_the_bridge_on_ends_the_search() -> None:
     assert rig.drive.values.homing == Homing.NONE
     rig.move(0.1)
     assert rig.reference is AngleReference.POWER_ON
+
+
+def test_a_zero_that_was_lost_is_known_again_and_the_tunnel_runs() -> None:
+    rig = Rig(0.1, 100, 500, reset=ResetCause.BROWN_OUT)
+    assert rig.reference is AngleReference.LOST
+    rig.ask(Homing.INDEX)
+    rig.move(-0.1)
+    rig.move(0.2)
+    rig.move(0.0)
+    rig.drive.tick(300)
+    rig.drive.values.mode_of_operation = int(ModeOfOperation.TUNNEL)
+    assert rig.drive.enable().bridge_enabled
+
+
+def test_what_was_passed_is_told_from_the_zero() -> None:
+    rig = Rig(-0.1, 100, 500)
+    rig.move(0.2)
+    rig.ask(Homing.HERE)
+    motor, load = rig.counts()
+    values = rig.drive.values
+    assert values.index_found_load_counts == 500 - load
+    assert (values.index_found_motor_counts - (100 - motor)) % MOTOR_TURN == 0
 
 
 @pytest.mark.parametrize("value", [3, 255])
