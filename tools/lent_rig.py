@@ -17,6 +17,7 @@ from bowden.drive import client
 from bowden.drive.bus_options import BusOptions
 from bowden.drive.connection import Connection
 from bowden_rig.bench import Bench
+from bowden_rig.rig.parameters import Rig
 from bowden_rig.rig.rig import SimulatedRig
 from bowden_rig.targets import make_target
 from bowden_rig.virtual_bus import VirtualBus
@@ -56,8 +57,13 @@ class Lent(can.BusABC):
 
 
 @contextmanager
-def lent_rig() -> Iterator[VirtualBus]:
+def lent_rig(rig: Rig | None = None) -> Iterator[VirtualBus]:
     """Lend a rig to the commands of the block; at its end the bridge must be off.
+
+    Parameters
+    ----------
+    rig : Rig, optional
+        Default: the rig as it comes, whose operator waits for the bridge.
 
     Raises
     ------
@@ -65,7 +71,9 @@ def lent_rig() -> Iterator[VirtualBus]:
         The bridge is on at the end.
     """
     with ExitStack() as stack:
-        bus = stack.enter_context(VirtualBus(Bench(SimulatedRig(), make_target("native"))))
+        bus = stack.enter_context(
+            VirtualBus(Bench(SimulatedRig(rig or Rig()), make_target("native")))
+        )
         for module in (client, scan, doctor, node):
             stack.enter_context(patch.object(module, "open_connection", Lender(bus).open))
         yield bus

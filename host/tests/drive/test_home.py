@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
 import pytest
+from bowden.cli.main import main
 from bowden.drive.checks import check_reference
 from bowden.drive.client import Drive
 from bowden.drive.fault_report import fault_report
@@ -13,7 +15,10 @@ from bowden.drive.homing import angle_reference, home_at_index, home_here, learn
 from bowden.drive.meanings import AngleReference, Homing, ModeOfOperation
 from bowden.drive.power import Run, powered
 from bowden.errors import DriveFailed
+from bowden_rig.rig.parameters import Operator, Rig
 from bowden_rig.virtual_bus import VirtualBus
+
+from tools.lent_rig import lent_rig
 
 Make = Callable[..., tuple[Drive, VirtualBus]]
 
@@ -95,3 +100,24 @@ def test_index_pulses_are_not_learned_without_a_zero(rig: Make) -> None:
     drive, _ = after_a_reset_in_motion(rig)
     with pytest.raises(DriveFailed, match="set it first"):
         learn_index(drive)
+
+
+def test_the_command_learns_and_finds_the_zero(capsys: pytest.CaptureFixture[str]) -> None:
+    with lent_rig(Rig(operator=Operator(motion="sine", starts="now"))) as bus:
+        bus.advance(0.3)
+        assert main(["home"]) == 0
+        capsys.readouterr()
+        assert main(["home", "--learn-index", "--json"]) == 0
+        learned = json.loads(capsys.readouterr().out)
+        assert (learned["reference"], learned["known"]) == ("homed", True)
+        assert set(learned["index_position"]) == {"motor", "load"}
+        assert main(["home", "--index", "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert (found["reference"], found["known"]) == ("indexed", True)
+
+
+def test_the_command_fails_when_nobody_moves_the_load(capsys: pytest.CaptureFixture[str]) -> None:
+    with lent_rig():
+        assert main(["home", "--index", "--timeout", "1"]) == 3
+        assert "no index pulse of the motor and the load encoder" in capsys.readouterr().err
+        assert main(["home", "--index", "--timeout", "nan"]) == 2
