@@ -156,7 +156,6 @@ class _Session:
         ]
         if sync:
             require_ours(drives, self.ours)
-        self.hint = "" if sync else missing_sync_hint(self.ours)
         self.senders = [_sender(one, run) for one in self.followers] if run is not None else []
         for drive in self.ours:
             drive.nmt("PRE-OPERATIONAL")
@@ -195,8 +194,9 @@ class _Session:
         except DriveFailed as failure:
             self.ended = str(failure)
             writer.note(cut=self.ended)
+            hint = "" if self.sync else missing_sync_hint(self.ours)
             raise DriveFailed(
-                f"{failure}{self.hint}; what was recorded until then is kept and marked as cut"
+                f"{failure}{hint}; what was recorded until then is kept and marked as cut"
             ) from failure
         except BadInput:
             self.raise_unwritten()

@@ -83,15 +83,15 @@ def require_ours(drives: Sequence[Drive], ours: Sequence[Drive]) -> None:
 
 
 def missing_sync_hint(drives: Sequence[Drive]) -> str:
-    """Return what to do where a recording without SYNC meets a drive that waits for one."""
-    waiting = [
-        drive.node_id
-        for drive in drives
-        if drive.read_raw("tpdo1_communication.transmission_type") <= LAST_SYNC_TYPE
-    ]
-    if not waiting:
-        return ""
-    return (
-        f"; node {waiting[0]} samples by SYNC only (its PDO transmission type): record with "
-        "--sync, or restart the drive"
-    )
+    """Return what to do where a recording without SYNC failed and a drive waits for one.
+
+    Empty where none does, or where the drive that failed does not answer.
+    """
+    with suppress(DriveFailed):
+        for drive in drives:
+            if drive.read_raw("tpdo1_communication.transmission_type") <= LAST_SYNC_TYPE:
+                return (
+                    f"; node {drive.node_id} samples by SYNC only (its PDO transmission type): "
+                    "record with --sync, or restart the drive"
+                )
+    return ""
