@@ -124,10 +124,10 @@ def test_the_configuration_is_shown_changed_and_drawn_anew(studio: Studio) -> No
     with page(studio) as socket:
         values = {"tunnel_half_width": 0.1, "tunnel_angle_source": "load"}
         socket.send(json.dumps({"do": "configure", "values": values}))
-        now = until(socket, "message", "1 entries would change")
+        now = until(socket, "message", "1 entry would change")
         assert now["changes"][0]["after"] == pytest.approx(0.1)
         socket.send(json.dumps({"do": "configure", "values": values, "dry_run": False}))
-        now = until(socket, "message", "1 entries changed and read back")
+        now = until(socket, "message", "1 entry changed and read back")
         assert now["tunnel"]["tunnel_half_width"] == pytest.approx(0.1)
         # Inside the wider dead zone nothing is prescribed any more.
         angles, torques = studio.bench.tunnel_curve()

@@ -19,6 +19,7 @@ from bowden.cli.configure import STORE_HELP
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.model_arguments import read_model
 from bowden.cli.output import add_json_argument, console, print_json
+from bowden.counted import counted
 from bowden.drive.configuration import Change, difference, store, write
 from bowden.drive.effect_ways import WAYS
 from bowden.drive.forecast import Forecast, forecast
@@ -122,7 +123,8 @@ def _accepted() -> str:
 def _agreed(args: argparse.Namespace, changed: int) -> bool:
     if args.yes:
         return True
-    console().print(f"write {changed} entries into node {args.node}? \\[y/N] ", end="")
+    entries = counted(changed, "entry", "entries")
+    console().print(f"write {entries} into node {args.node}? \\[y/N] ", end="")
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
@@ -140,7 +142,9 @@ def _show(changes: list[Change], compared: int, reduced: ReducedModel) -> None:
     out = console()
     if changes:
         out.print(change_table(changes))
-    out.print(f"{len(changes)} of {compared} entries differ")
+    out.print(
+        counted(len(changes), f"of {compared} entries differs", f"of {compared} entries differ")
+    )
     if reduced.folded:
         out.print(f"folded into them: {', '.join(reduced.folded)}")
     if reduced.tabled:

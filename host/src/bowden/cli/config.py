@@ -19,6 +19,7 @@ from pathlib import Path
 from bowden.cli.changes import change_table, changes_document
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json
+from bowden.counted import counted
 from bowden.drive.client import Drive
 from bowden.drive.configuration import Change, difference, store, write
 from bowden.drive.configuration_file import (
@@ -114,7 +115,9 @@ def _dump(args: argparse.Namespace) -> int:
         write_configuration(path, raw, origin, args.notes)
     if args.json:
         print_json({"node_id": args.node, "file": str(path), "entries": len(raw)})
-    console().print(f"{path}: {len(raw)} entries of node {args.node}", soft_wrap=True)
+    console().print(
+        f"{path}: {counted(len(raw), 'entry', 'entries')} of node {args.node}", soft_wrap=True
+    )
     return 0
 
 
@@ -253,4 +256,5 @@ def _show(changes: list[Change], title: str) -> None:
 
     if changes:
         console().print(change_table(changes))
-    console().print(f"{len(changes)} entries differ ({title})", soft_wrap=True, markup=False)
+    differ = counted(len(changes), "entry differs", "entries differ")
+    console().print(f"{differ} ({title})", soft_wrap=True, markup=False)

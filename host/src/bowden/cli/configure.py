@@ -13,6 +13,7 @@ from pathlib import Path
 from bowden.cli.changes import change_table, changes_document
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json
+from bowden.counted import counted
 from bowden.drive.configuration import Change, difference, store, write
 from bowden.drive.meanings import TunnelAngleSource
 from bowden.drive.reduced_model import DEFAULT_SEGMENTS, reduced_model
@@ -96,7 +97,8 @@ def _show(
         out.print(change_table(changes))
     state = "would change" if args.dry_run else "written and read back"
     same = compared - len(changes)
-    out.print(f"node {args.node}: {len(changes)} entries {state}, {same} already as wanted")
+    entries = counted(len(changes), "entry", "entries")
+    out.print(f"node {args.node}: {entries} {state}, {same} already as wanted")
     if args.store and not args.dry_run:
         out.print("stored: the next start has it, too")
     if left_out:

@@ -31,6 +31,7 @@ from bowden.cli.tunnel_experiment import (
     telling_the_law,
     tunnel_of,
 )
+from bowden.counted import counted
 from bowden.diagnosis.rendering import PrescribedTunnel
 from bowden.drive.bus_options import add_bus_arguments
 from bowden.drive.client import Drive
@@ -236,7 +237,8 @@ def _apply(drive: Drive, model: Model, law: CompensationLaw) -> None:
     reduced = reduced_model(model)
     changes = difference(drive, reduced.entries | {"compensation_law": law})
     write(drive, changes)
-    say(f"{law.word}: {len(changes)} entries changed; effects in them: {', '.join(reduced.folded)}")
+    entries = counted(len(changes), "entry", "entries")
+    say(f"{law.word}: {entries} changed; effects in them: {', '.join(reduced.folded)}")
 
 
 def _diagnose(

@@ -13,6 +13,7 @@ from bowden.cli.diagnose import show
 from bowden.cli.improve_rounds import Applied, Improvement, in_words
 from bowden.cli.output import say, stages
 from bowden.cli.tunnel_experiment import SETTLE_S, render, telling_the_law, tunnel_of
+from bowden.counted import counted
 from bowden.diagnosis.diagnose import diagnose
 from bowden.diagnosis.result import Diagnosis
 from bowden.drive.client import Drive
@@ -59,7 +60,7 @@ class DriveBench:
         reduced = reduced_model(model)
         changes = difference(self.drive, reduced.entries | {"compensation_law": self.law})
         write(self.drive, changes)
-        say(f"{len(changes)} entries of the drive changed")
+        say(f"{counted(len(changes), 'entry', 'entries')} of the drive changed")
         for one in reduced.left_out:
             say(f"the drive runs without {one}")
         return Applied(len(changes), reduced.left_out)

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from bowden.cli.changes import change_table, changes_document
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json
+from bowden.counted import counted
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, store, write
 from bowden.drive.dictionary import ENTRIES
@@ -176,7 +177,10 @@ def _write(args: argparse.Namespace) -> int:
     if changes:
         out.print(change_table(changes))
     state = "written and read back" if written else "would change"
-    out.print(f"{len(changes)} entries {state}, {len(wanted) - len(changes)} already as wanted")
+    out.print(
+        f"{counted(len(changes), 'entry', 'entries')} {state}, "
+        f"{len(wanted) - len(changes)} already as wanted"
+    )
     if changes and written and not args.store:
         out.print("the drive forgets it at power-off: --store, or `bowden config store`")
     return 0

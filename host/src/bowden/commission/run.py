@@ -33,6 +33,7 @@ from bowden.commission.with_motor import (
     find_torque_constant,
     find_winding,
 )
+from bowden.counted import counted
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, store, write
 from bowden.drive.reduced_model import reduced_model
@@ -59,10 +60,11 @@ def configure_nominal(job: Job) -> list[StepFinding]:
     job.operator.ask(
         "Nominal rig",
         "",
-        f"nothing to do: the model sets {len(changes)} entries of the drive",
+        f"nothing to do: the model sets {counted(len(changes), 'entry', 'entries')} of the drive",
     )
     job.write(reduced.entries)
-    found = f"{len(changes)} entries written, {len(reduced.entries) - len(changes)} as they were"
+    same = len(reduced.entries) - len(changes)
+    found = f"{counted(len(changes), 'entry', 'entries')} written, {same} as they were"
     return [StepFinding(what="configuration", verdict="as stated", found=found)]
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import can
 
+from bowden.counted import counted
 from bowden.drive.bus_load import BusLoad
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, write
@@ -315,7 +316,7 @@ class LiveSession:
             {"name": c.name, "before": c.before, "after": c.wanted, "unit": c.unit} for c in changes
         ]
         done = "would change" if dry_run else "changed and read back"
-        self._message = f"{len(changes)} entries {done}"
+        self._message = f"{counted(len(changes), 'entry', 'entries')} {done}"
 
     def _read_tunnel(self) -> None:
         self.tunnel = {name: self.drive.read(name) for name in TUNNEL}

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.counted import counted
 from bowden.diagnosis.compare import Comparison, Figures, RecordingComparison
 from bowden.model import format_model
 from bowden.recording.recording import Recording
@@ -60,12 +61,11 @@ def comparison_report(comparison: Comparison, facts: Mapping[str, str] | None = 
 
 def _subtitle(comparison: Comparison) -> str:
     duration = sum(float(np.ptp(one.recording.time_s)) for one in comparison.recordings)
-    count = len(comparison.recordings)
-    noun = "recording" if count == 1 else "recordings"
+    recordings = counted(len(comparison.recordings), "recording", "recordings")
     lost = [one.recording.metadata.get("frames_lost", "") for one in comparison.recordings]
     losses = f", {sum(map(int, lost))} frames lost" if all(map(str.isdigit, lost)) else ""
     return (
-        f"{count} {noun}, {duration:.0f} s in all{losses} · {comparison.mode.value} mode: "
+        f"{recordings}, {duration:.0f} s in all{losses} · {comparison.mode.value} mode: "
         f"{NAMES[comparison.quantity]} is predicted and compared"
     )
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
+from bowden.counted import counted
 from bowden.diagnosis.result import Diagnosis, NamedEffect, Series, Value
 from bowden.estimation.gap import Gap
 from bowden.model import format_model
@@ -89,11 +90,9 @@ def diagnosis_report(diagnosis: Diagnosis, facts: Mapping[str, str] | None = Non
 def _subtitle(diagnosis: Diagnosis) -> str:
     of = _quantity_series(diagnosis, diagnosis.gap.quantity)
     duration = sum(float(one.time_s[-1] - one.time_s[0]) for one in of)
-    noun = "recording" if len(of) == 1 else "recordings"
+    recordings = counted(len(of), "recording", "recordings")
     names = " and ".join(NAMES[gap.quantity] for gap in diagnosis.gaps)
-    return (
-        f"{len(of)} {noun}, {duration:.0f} s in all · {diagnosis.mode.value} mode: {names} judged"
-    )
+    return f"{recordings}, {duration:.0f} s in all · {diagnosis.mode.value} mode: {names} judged"
 
 
 def _quantity_series(diagnosis: Diagnosis, quantity: str) -> list[Series]:
