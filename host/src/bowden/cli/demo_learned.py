@@ -43,9 +43,12 @@ def learn_a_law(args: argparse.Namespace, folder: Path) -> dict[str, object]:
         tunnel = tunnel_of(drive)
     first = found.runs[0]
     errors = [first.figures.rms_error_nm, after.figures.rms_error_nm]
+    left_out = found.state.rounds[-1].left_out
+    told = f" The drive runs without {', '.join(left_out)}." if left_out else ""
     finding = (
-        f"{found.diagnoses[0].sentence} The rendered torque was {1e3 * errors[0]:.3g} mN m RMS "
-        f"from the wanted one before, {1e3 * errors[1]:.3g} mN m with the law in the drive."
+        f"{found.diagnoses[0].sentence}{told} The rendered torque was {1e3 * errors[0]:.3g} mN m "
+        f"RMS from the wanted one before, {1e3 * errors[1]:.3g} mN m with what the drive took of "
+        "the model."
     )
     hidden = HiddenLaw(
         "friction_factor",
@@ -63,6 +66,7 @@ def learn_a_law(args: argparse.Namespace, folder: Path) -> dict[str, object]:
     console().print(f"[bold]{'the law':<10}[/]{(folder / REPORT_FILE).resolve()}", soft_wrap=True)
     return {
         "diagnosis": found.diagnoses[0].to_document(),
+        "left_out": list(left_out),
         "rendering_error_nm": {"lab_model": errors[0], "learned_law": errors[1]},
         "report": str(folder / REPORT_FILE),
     }

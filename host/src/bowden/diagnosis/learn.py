@@ -74,18 +74,11 @@ def with_laws(
     tell = progress or (lambda _stage, _share: None)
     tell("looking for a law that no name fits", 0.9)
     searched = as_searched(model)
-    tried = [
-        _begun(material, searched, parent, look)
-        for parent in _parents(found)
-        for look in _promising(material, parent)
-    ]
-    rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(tried)]
-    smooth = [_smoothed(material, searched, one) for one in _in_reach(rough)[:FITTED]]
-    laws = _in_reach(smooth)
+    laws = [law for parent in _parents(found) for law in _laws_on(material, searched, parent)]
     if not laws:
         return found
     tell("predicting by learned laws", 0.93)
-    best = laws[0]
+    best = min(laws, key=lambda one: one.best.cost)
     numbers = [best.problem.numbers(best.best.x, k) for k in range(len(material.coarse))]
     noises = material.noise(best.model, numbers)
     known = [
@@ -112,6 +105,17 @@ def _parents(found: Found) -> list[Hypothesis]:
     every = [one.hypothesis for one in found.weighed]
     base = next(one for one in every if not one.effects)
     return [base, *[one for one in every if len(one.effects) == 1][:1]]
+
+
+def _laws_on(material: Material, searched: Model, parent: Hypothesis) -> list[Hypothesis]:
+    """Return the likeliest laws on top of a set of effects, fitted to the end.
+
+    Each set has its own: a law beside a named effect that turns out idle does not count.
+    """
+    begun = [_begun(material, searched, parent, look) for look in _promising(material, parent)]
+    rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun)]
+    smooth = [_smoothed(material, searched, one) for one in _in_reach(rough)[:FITTED]]
+    return _in_reach(smooth)
 
 
 def _promising(material: Material, parent: Hypothesis) -> list[Look]:

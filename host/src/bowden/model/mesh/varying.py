@@ -89,22 +89,33 @@ def set_friction(t: Tables, f: FrictionLevel, factor: float) -> None:
     a^2/12, and no segment at standstill shall stretch because friction changes.
     """
     n = t.half.shape[1]
+    alike = True  # cables and directions: without direction asymmetry
     for j in range(n):
         first = f.exponent[0, 0, j]
         held = math.exp(factor * first)
         for cable in range(2):
             for towards_load in range(2):
                 own = f.exponent[cable, towards_load, j]
-                f.held[cable, towards_load, j] = held if own == first else math.exp(factor * own)
+                if own == first:
+                    f.held[cable, towards_load, j] = held
+                else:
+                    f.held[cable, towards_load, j] = math.exp(factor * own)
+                    alike = False
     for cable in range(2):
         for end in range(2):
             for motion in range(2):
+                if alike and cable == 1:
+                    for k in range(n):
+                        t.decay[1, end, motion, k + 1] = t.decay[0, end, motion, k + 1]
+                        t.outer[1, end, motion, k + 1] = t.outer[0, end, motion, k + 1]
+                        t.hold[1, end, motion, k] = t.hold[0, end, motion, k]
+                    continue
                 towards_load = motion if end == 1 else 1 - motion
                 fall, outer = 1.0, 0.0
                 for k in range(n):
                     j = k if end == 0 else n - 1 - k
                     held = f.held[cable, towards_load, j]
-                    after = fall / held if motion == PULL else fall * held
+                    after = fall * (1.0 / held if motion == PULL else held)
                     outer += t.half[end, k] * (fall + after)
                     fall = after
                     t.decay[cable, end, motion, k + 1] = fall
