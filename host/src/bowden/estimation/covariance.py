@@ -157,7 +157,7 @@ def simulated_samples(recording: Recording, step_s: float, mode: Mode) -> _Index
 
 
 def is_dear(model: Model) -> bool:
-    """Return whether the law needs the implicit solver, ten times slower than the others."""
+    """Return whether a simulation takes several times as long as that of a plain pair."""
     changing = any(one.variant.histories is not None for one in model.effects)
     return model.solver == "lumped" or changing or needs_implicit_steps(model.transmission)
 
