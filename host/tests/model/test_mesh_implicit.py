@@ -117,6 +117,16 @@ def test_a_viscous_bearing_takes_torque_in_proportion_to_speed() -> None:
     assert found.load_torque_nm[-1] == pytest.approx(left * R_LOAD_M / R_MOTOR_M, rel=1e-6)
 
 
+def test_a_bearing_where_the_angle_is_given_leaves_the_cables_alone() -> None:
+    """Whoever holds the angle overcomes it; the cables know nothing of it."""
+    torque = through(0, 0.4, -0.4, 0.4, steps=100)
+    series = TP, times(torque), torque, 0.3 * np.sin(3.0 * times(torque))
+    with_it = simulate_mesh(printed(20, load_bearing_nm=0.1), *series)
+    without = simulate_mesh(printed(20), *series)
+    np.testing.assert_array_equal(with_it.load_torque_nm, without.load_torque_nm)
+    np.testing.assert_array_equal(with_it.motor_angle_rad, without.motor_angle_rad)
+
+
 def test_a_bearing_is_a_dead_zone_of_twice_its_friction() -> None:
     """A locked load: the motor's cables get the play operator of the torque, of half width b."""
     b = 0.05

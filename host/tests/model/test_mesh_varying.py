@@ -72,8 +72,8 @@ def both(
     """Return the load's torque from event to event, and from implicit steps."""
     pair = printed(SEGMENTS)
     other = printed(SEGMENTS, mu_v_s_per_m=UNSEEN_S_PER_M)
-    assert needs_implicit_steps(other)
-    assert not needs_implicit_steps(pair)
+    assert needs_implicit_steps(other, mode)
+    assert not needs_implicit_steps(pair, mode)
     changing = Histories(friction_factor=factor)
     series = (time_s, motor, load, changing)
     return (

@@ -106,7 +106,7 @@ class Material:
 
     def finer(self, model: Model) -> tuple[Data, ...]:
         """Return the recordings at the steps that a model's law can afford."""
-        return self.dear if is_dear(model) else self.fine
+        return self.dear if is_dear(model, self.mode) else self.fine
 
     def noise(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]

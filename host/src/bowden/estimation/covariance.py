@@ -81,7 +81,7 @@ class Data:
         estimates = estimate_channels(recording, model, mode)
         observations = observe(recording, estimates, mode)
         if step_s is None:
-            step_s = COARSE_S if is_dear(model) else FINEST_S
+            step_s = COARSE_S if is_dear(model, mode) else FINEST_S
         kept = simulated_samples(estimates.recording, step_s, mode)
         given = estimates.recording.select(kept)
         return cls(number, mode, estimates, given, observations, kept, seed)
@@ -156,10 +156,10 @@ def simulated_samples(recording: Recording, step_s: float, mode: Mode) -> _Index
     return np.unique(np.concatenate(kept))
 
 
-def is_dear(model: Model) -> bool:
+def is_dear(model: Model, mode: Mode) -> bool:
     """Return whether a simulation takes several times as long as that of a plain pair."""
     changing = any(one.variant.histories is not None for one in model.effects)
-    return model.solver == "lumped" or changing or needs_implicit_steps(model.transmission)
+    return model.solver == "lumped" or changing or needs_implicit_steps(model.transmission, mode)
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def fit(
         The model of the file cannot run a recording.
     """
     every = [*recordings, *held_out]
-    parameters = replace(parameters, model=as_fitted(parameters.model))
+    parameters = replace(parameters, model=as_fitted(parameters.model, mode))
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         data = tuple(
             pool.map(
@@ -175,7 +175,7 @@ def channel_floor(model: Model, recording: Recording, mode: Mode, number: int = 
     return _rms(sigma)
 
 
-def as_fitted(model: Model) -> Model:
+def as_fitted(model: Model, mode: Mode) -> Model:
     """Return the model as fits solve it: exactly where its law allows, else on the file's mesh.
 
     An implicit law is fitted on a coarser mesh; what that changes is measured and corrected.
@@ -184,7 +184,7 @@ def as_fitted(model: Model) -> Model:
     if free.solver == "mesh_free":
         return free
     segments = model.transmission.segments
-    if model.solver == "mesh" and is_dear(model):
+    if model.solver == "mesh" and is_dear(model, mode):
         return with_segments(model, min(segments or MOST_SEGMENTS, MOST_SEGMENTS))
     return model
 

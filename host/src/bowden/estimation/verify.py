@@ -135,7 +135,7 @@ def verify(
         raise ModelError("recordings: found none, accepted: at least one")
     for one in recordings:
         require_mode(one, mode, "verifying")
-    fixed = Parameters(as_fitted(model), (), np.zeros((0, 0)))
+    fixed = Parameters(as_fitted(model, mode), (), np.zeros((0, 0)))
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         data = tuple(Data.of(one, k, fixed.model, mode, seed) for k, one in enumerate(recordings))
         nuisances = usual_nuisances(mode, recordings, [one.estimates for one in data], zeros)

@@ -49,7 +49,7 @@ class PairStepper:
         self._pair = model.transmission
         self._free = FREE_PULLEY[mode]
         self._last_force: float | None = None
-        self._implicit = needs_implicit_steps(self._pair)
+        self._implicit = needs_implicit_steps(self._pair, mode)
         self._events_tables, self._events = tables(self._pair), rest_state(self._pair)
         if self._implicit:
             self._chain_tables, self._chain = chain_tables(self._pair), chain_state(self._pair)

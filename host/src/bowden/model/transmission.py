@@ -262,11 +262,19 @@ class Transmission:
     @property
     def is_plain(self) -> bool:
         """Return whether cables and pulleys are linear springs without losses."""
+        return self.has_plain_cables and not any(getattr(self, name) for name in BEARINGS)
+
+    @property
+    def has_plain_cables(self) -> bool:
+        """Return whether the cables are linear springs, fixed to their pulleys without play."""
+        return self.stiffening == 0.0 and self.creep_share == 0.0 and self.load_play_rad == 0.0
+
+    @property
+    def bearings(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Dry friction, N m, and viscous, N m s/rad, of the motor's bearing and of the load's."""
         return (
-            self.stiffening == 0.0
-            and self.creep_share == 0.0
-            and not any(getattr(self, name) for name in BEARINGS)
-            and self.load_play_rad == 0.0
+            (self.motor_bearing_nm, self.motor_bearing_nm_s_per_rad),
+            (self.load_bearing_nm, self.load_bearing_nm_s_per_rad),
         )
 
     @property

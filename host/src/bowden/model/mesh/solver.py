@@ -73,7 +73,7 @@ def simulate_mesh(  # noqa: PLR0917
     damping_s = transmission.damping_s
     factor, longer = _series(histories or Histories(), time_s.size)
     changing = bool(np.any(factor != 1.0)) and transmission.friction.has_stiction
-    if needs_implicit_steps(transmission) or changing or np.any(longer != 0.0):
+    if needs_implicit_steps(transmission, mode) or changing or np.any(longer != 0.0):
         failed = implicit.run(
             chain_tables(transmission),
             chain_state(transmission),
@@ -111,9 +111,15 @@ def simulate_mesh(  # noqa: PLR0917
     return trajectory_of(transmission, mode, time_s, motor, load, out)
 
 
-def needs_implicit_steps(transmission: Transmission) -> bool:
-    """Return whether the pair has laws that the exact steps from event to event leave out."""
-    return not (transmission.friction.is_coulomb and transmission.is_plain)
+def needs_implicit_steps(transmission: Transmission, mode: Mode) -> bool:
+    """Return whether the pair has laws that the exact steps from event to event leave out.
+
+    A bearing is one where its pulley's torque is given. Where the angle is, the bearing stands
+    between the mesh and whoever holds that angle.
+    """
+    free = FREE_PULLEY[mode]
+    dragged = free >= 0 and any(transmission.bearings[free])
+    return dragged or not (transmission.friction.is_coulomb and transmission.has_plain_cables)
 
 
 def _series(histories: Histories, samples: int) -> tuple[FloatArray, FloatArray]:
@@ -209,15 +215,12 @@ def pulleys(transmission: Transmission, free: int) -> Pulleys:
     A load whose torque is given (`free` 1) is the pulley itself: the handle's angle differs from it
     by the play, see `effects.termination_backlash`.
     """
-    r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
-    bearings_n = transmission.motor_bearing_nm / r_motor, transmission.load_bearing_nm / r_load
-    drags_n_s_per_m = (
-        transmission.motor_bearing_nm_s_per_rad / r_motor**2,
-        transmission.load_bearing_nm_s_per_rad / r_load**2,
-    )
+    dry_nm, viscous_nm_s_per_rad = transmission.bearings[free] if free >= 0 else (0.0, 0.0)
+    r_load = transmission.load_pulley_radius_m
+    radius_m = r_load if free == 1 else transmission.motor_pulley_radius_m
     return Pulleys(
-        bearing_n=float(bearings_n[free]) if free >= 0 else 0.0,
-        drag_n_s_per_m=float(drags_n_s_per_m[free]) if free >= 0 else 0.0,
+        bearing_n=float(dry_nm / radius_m),
+        drag_n_s_per_m=float(viscous_nm_s_per_rad / radius_m**2),
         play_m=float(transmission.load_play_rad * r_load) if free != 1 else 0.0,
         rolls=np.zeros(1, dtype=np.int64),
         touches=np.zeros(1, dtype=np.int64),
