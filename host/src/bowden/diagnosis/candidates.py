@@ -1,7 +1,7 @@
 """Effects of the catalogue as numbers that a search can move.
 
 An `Effect` of the model's catalogue becomes `Candidate`s, one a variant, each with the shapes that
-a search starts from. `screening` takes a first look at them, `select` fits the promising ones.
+a search starts from. `screening` predicts what each would gain, `growing` fits the best of them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """`diagnose`: a model and recordings in, the missing effect with all that is known about it out.
 
-The stages in order: the data gate and `excitation` look at the data, `material` makes them ready,
+The stages in order: the data gate and `excitation` check the data, `material` makes them ready,
 `search` (with `screening`, `hypothesis`, `predict`, `odds`) compares sets of effects by how well
 they predict what they have not seen, `verdict` words the posterior, `localise` and
 `next_experiment` say where the gap sits and what would tell more. Touches no file;
@@ -80,7 +80,7 @@ def diagnose(
         A recording that the model cannot run at all.
     """
     tell = progress or (lambda _stage, _share: None)
-    tell("looking at the data", 0.0)
+    tell("checking the data", 0.0)
     quality = check_data(model, recordings, mode)
     contents = excitation(model, recordings, mode)
     if stops(quality):
@@ -110,13 +110,13 @@ def diagnose(
         if found.in_time and decision.verdict == "unlisted":
             found = with_laws(material, model, found, seed, tell)
             decision = decide(found)
-        tell("judging", 0.95)
+        tell("computing the verdict", 0.95)
         base = next(one for one in found.weighed if not one.hypothesis.effects)
         series = series_of(material, base, decision.chosen)
     gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
     hidden = invisible(found)
     verdict: Verdict = decision.verdict
-    if verdict == "complete" and len({x.candidate.name for x in found.looks}) <= len(hidden):
+    if verdict == "complete" and len({x.candidate.name for x in found.screened}) <= len(hidden):
         verdict = "insufficient_excitation"
     where = _where(base, recordings, mode, series, seed)
     advice = _advice(found.weighed, mode, series)

@@ -1,6 +1,6 @@
 """Fit a set of effects with one more, or without those that do nothing.
 
-Takes what `looking` chose; `search` compares what comes back.
+Takes what `proposals` chose; `search` compares what comes back.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from bowden.diagnosis.hypothesis import ROUGH, Hypothesis, start_of
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.relevance import idle
-from bowden.diagnosis.screening import Look
+from bowden.diagnosis.screening import ScreenedCandidate
 from bowden.model import Model
 
 Done = dict[frozenset[tuple[str, str]], Hypothesis]
@@ -21,16 +21,16 @@ def grown_from(
     material: Material,
     searched: Model,
     parent: Hypothesis,
-    chosen: Sequence[Look],
+    chosen: Sequence[ScreenedCandidate],
     done: Done,
 ) -> list[Hypothesis]:
     """Fit additions to a parent."""
     found = []
-    for look in chosen:
-        key = parent.key | {look.candidate.key}
-        if key in done and look.origin is parent:
+    for screened in chosen:
+        key = parent.key | {screened.candidate.key}
+        if key in done and screened.origin is parent:
             continue
-        child = _with_effect(material, searched, parent, look)
+        child = _with_effect(material, searched, parent, screened)
         if child is not None:
             found.append(child)
             if key not in done or child.best.cost < done[key].best.cost:
@@ -39,16 +39,17 @@ def grown_from(
 
 
 def _with_effect(
-    material: Material, searched: Model, parent: Hypothesis, look: Look
+    material: Material, searched: Model, parent: Hypothesis, screened: ScreenedCandidate
 ) -> Hypothesis | None:
-    """Fit what a look promises, the other numbers as it has them or as they were.
+    """Fit a screened candidate, the other numbers as it moves them or as they were.
 
-    Whichever is likelier: where the model is jagged, the step that a look has for them is wrong.
+    Whichever is likelier: where the model is jagged, the step predicted for them is wrong.
     """
     known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
-    effects, like = [*known, (look.candidate, look.values)], look.origin.best
+    effects, like = [*known, (screened.candidate, screened.values)], screened.origin.best
     starts = [
-        start_of(material, searched, effects, look.others_at(share), like) for share in (1.0, 0.0)
+        start_of(material, searched, effects, screened.others_at(share), like)
+        for share in (1.0, 0.0)
     ]
     able = [one for one in starts if one is not None]
     return min(able, key=lambda one: one.here.cost).fitted(ROUGH) if able else None

@@ -369,13 +369,13 @@ def shares(one: Hypothesis) -> list[float]:
 def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
     """Return covariances in which each effect's law may be off by its share of what it does.
 
-    The share is the effect's `leeway`: a name that stands for several laws says by how much they
-    differ, observation by observation; parts and solvers of one law differ by a little, too.
+    The share is the effect's `form_error`: how much the laws of one name differ, observation by
+    observation; parts and solvers of one law differ by a little, too.
     """
     squares = [np.zeros(noise.own.size) for noise in noises]
     for effect, change in zip(one.effects, contributions(one), strict=True):
         for k, done in enumerate(_beyond_calibration(one, change) if change else []):
-            squares[k] += (effect.effect.leeway * done) ** 2
+            squares[k] += (effect.effect.form_error * done) ** 2
     return [replace(noise, law=np.sqrt(s)) for noise, s in zip(noises, squares, strict=True)]
 
 

@@ -30,7 +30,7 @@ from bowden.diagnosis.odds import posterior
 from bowden.diagnosis.predict import WIDEST, predict_unseen
 from bowden.diagnosis.relevance import matters
 from bowden.diagnosis.result import Learned
-from bowden.diagnosis.screening import Look, Screen
+from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.diagnosis.search import Found
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import bounded_step, normal_equations
@@ -43,7 +43,7 @@ from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
-PROMISING = 4  # laws that are begun on top of each parent
+PROPOSED = 4  # laws that are begun on top of each parent
 FITTED = 4  # of those, at most, to the end
 ROUNDS = 12  # of Gauss-Newton: a law has many numbers
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
@@ -72,7 +72,7 @@ def with_laws(
     progress : callable (stage, share of the whole), optional
     """
     tell = progress or (lambda _stage, _share: None)
-    tell("looking for a law that no name fits", 0.9)
+    tell("learning a law that no name fits", 0.9)
     searched = as_searched(model)
     laws = [law for parent in _parents(found) for law in _laws_on(material, searched, parent)]
     if not laws:
@@ -91,7 +91,7 @@ def with_laws(
     ]
     compared = [finish(material, one, noises) for one in (*laws, *known)]
     compared = [one for one in compared if not one.effects or matters(one)]
-    names = len({one.candidate.name for one in found.looks})
+    names = len({one.candidate.name for one in found.screened})
     weighed = posterior([(one, predict_unseen(one)) for one in compared], names, seed)
     return replace(found, weighed=tuple(weighed))
 
@@ -112,28 +112,28 @@ def _laws_on(material: Material, searched: Model, parent: Hypothesis) -> list[Hy
 
     Each set has its own: a law beside a named effect that turns out idle does not count.
     """
-    begun = [_begun(material, searched, parent, look) for look in _promising(material, parent)]
+    begun = [_begun(material, searched, parent, one) for one in _proposed(material, parent)]
     rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun)]
     smooth = [_smoothed(material, searched, one) for one in _in_reach(rough)[:FITTED]]
     return _in_reach(smooth)
 
 
-def _promising(material: Material, parent: Hypothesis) -> list[Look]:
-    """Return the laws whose fits promise most on top of a set of effects."""
+def _proposed(material: Material, parent: Hypothesis) -> list[ScreenedCandidate]:
+    """Return the laws with the largest predicted gains on top of a set of effects."""
     screen = Screen(parent)
     laws = laws_over([data.estimates.recording for data in material.coarse])
-    looks = [one for one in material.pool.map(screen.look_once, laws) if one is not None]
-    gains = list(material.pool.map(screen.annealed, looks))
-    order = np.argsort(gains)[::-1][:PROMISING]
-    return [looks[k] for k in order if gains[k] > 0.0]
+    screened = [one for one in material.pool.map(screen.screen_once, laws) if one is not None]
+    gains = list(material.pool.map(screen.annealed, screened))
+    order = np.argsort(gains)[::-1][:PROPOSED]
+    return [screened[k] for k in order if gains[k] > 0.0]
 
 
 def _begun(
-    material: Material, searched: Model, parent: Hypothesis, look: Look
+    material: Material, searched: Model, parent: Hypothesis, screened: ScreenedCandidate
 ) -> Hypothesis | None:
     """Fit a law on top of a set of effects, one round."""
-    assert isinstance(look.candidate, LawCandidate)
-    law, values = finer(look.candidate, look.values)
+    assert isinstance(screened.candidate, LawCandidate)
+    law, values = finer(screened.candidate, screened.values)
     if law.scales_friction:  # on the file's mu, not on what calibration made of it
         share = parent.model.value(FRICTION[0]) / searched.value(FRICTION[0])
         values = {name: share * (1.0 + f) - 1.0 for name, f in values.items()}
@@ -168,7 +168,7 @@ def _in_reach(tried: Sequence[Hypothesis | None]) -> list[Hypothesis]:
 def _reach(one: Hypothesis, noises: Sequence[Covariance]) -> float:
     """Return the -log posterior that a fit could come down to under a covariance.
 
-    What its derivatives promise is believed twice over, for no fit is quite a parabola.
+    Twice the fall that its derivatives predict: no fit is quite a parabola.
     """
     own = with_offset(noises, [noise.offset for noise in one.best.noises])
     like = one.best.x, one.best.residuals

@@ -17,7 +17,7 @@ from bowden.diagnosis.probes import strength_of
 from bowden.estimation.parameters import WEAK
 
 STRAINED = 2.5  # tolerances
-ERROR = 1.0  # of a single observation: an effect that does less is of no use to anybody
+ERROR = 1.0  # of a single observation: an effect that does less makes no practical difference
 
 
 def is_strained(one: Hypothesis) -> bool:
@@ -61,5 +61,5 @@ def idle(one: Hypothesis) -> list[int]:
 
 
 def law_errors(one: Hypothesis, beyond: Sequence[float]) -> list[float]:
-    """Return what each law may be off by: its leeway of what it does beyond calibration."""
-    return [e.effect.leeway * size for e, size in zip(one.effects, beyond, strict=True)]
+    """Return each law's model-form error: its share of what it does beyond calibration."""
+    return [e.effect.form_error * size for e, size in zip(one.effects, beyond, strict=True)]

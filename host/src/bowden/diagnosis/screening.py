@@ -1,4 +1,4 @@
-"""A first look at what each effect would gain, before anything is fitted.
+"""Screen the candidates: what each effect would gain, before anything is fitted.
 
 Each candidate is simulated at a finite strength from a few shapes; the whitened residual is
 projected on what that does together with what the numbers that move can do.
@@ -30,15 +30,15 @@ from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
 
-STRENGTHS = (0.3, 1.0, 3.0)  # of the usual one: looked at where an effect has no shape
+STRENGTHS = (0.3, 1.0, 3.0)  # of the usual one: tried where an effect has no shape
 UNLIKE = 0.85  # cosine: below it, what two strengths of an effect do differs in kind
 EVERY = np.geomspace(0.1, 10.0, 15)  # of the usual strength, for those
 OVERSHOOT = 3.0  # how far beyond its first guess a strength may be taken on one secant
 
 
 @dataclass(frozen=True)
-class Look:
-    """What one candidate from one starting shape promises.
+class ScreenedCandidate:
+    """What one candidate is predicted to gain, from one starting shape.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Look:
     values : dict of str to float
         Where a fit should start.
     gain : float
-        Fall of -log likelihood under the covariance of the hypothesis looked from.
+        Fall of -log likelihood under the covariance of the hypothesis screened from.
     change : tuple of ndarray of shape (n,)
         What it does to each recording's residual at those values.
     visible : float
@@ -54,13 +54,13 @@ class Look:
     shape : dict of str to float
         Its values with every strength off.
     probes : tuple of Probe
-        The strengths that were simulated; none where it was looked at as it is.
+        The strengths that were simulated; none where its values are tried as they are.
     responses : tuple of tuple of ndarray of shape (n,)
         What each probe does to each recording's residual.
     step : ndarray of shape (k,)
-        How the numbers of the hypothesis looked from follow.
+        How the numbers of the hypothesis screened from follow.
     origin : Hypothesis
-        The hypothesis looked from.
+        The hypothesis screened from.
     """
 
     candidate: Candidate
@@ -86,7 +86,7 @@ class Look:
 
 
 class Screen:
-    """Looks at candidates from one fitted hypothesis.
+    """Screens candidates from one fitted hypothesis.
 
     Parameters
     ----------
@@ -120,50 +120,43 @@ class Screen:
             [self.problem.parameters.high, np.full(len(self.problem.nuisances), np.inf)]
         )
 
-    def look(self, candidate: Candidate) -> list[Look]:
-        """Return what a candidate promises from each of its shapes.
+    def screen(self, candidate: Candidate) -> list[ScreenedCandidate]:
+        """Predict the gain of a candidate from each of its shapes.
 
-        What most effects do grows with their strength. A mass rings on its cables at a frequency
-        of its own instead: where two strengths do unlike things, each is looked at as it is.
+        What most effects do grows with their strength. A mass on its cables resonates at a
+        frequency of its own instead: where two strengths do unlike things, each is tried as it is.
         """
         shapes = list(candidate.shapes())
         off = self._predict(candidate, switched_off(candidate, shapes[0]))
         if off is None:
             return []
-        factors = STRENGTHS if len(shapes) == 1 else (1.0,)
         found = []
-        for shape, factor in itertools.product(shapes, factors):
+        for shape, factor in itertools.product(shapes, STRENGTHS if len(shapes) == 1 else (1.0,)):
             nothing = switched_off(candidate, shape)
             probes = probes_of(candidate, nothing, factor)
-            found.append(self._look(candidate, nothing, probes, off))
-        if len(shapes) == 1 and self._is_unlike(candidate, shapes[0], off):
+            found.append(self._screen(candidate, nothing, probes, off))
+        tried = [one for one in found if one is not None]
+        if len(shapes) == 1 and self._are_unlike(tried):
             signs = (1.0, -1.0) if candidate.strengths[0].low < 0.0 else (1.0,)
             for factor, sign in itertools.product(EVERY, signs):
                 nothing = switched_off(candidate, shapes[0])
                 (probe,) = probes_of(candidate, nothing, sign * float(factor))[:1]
-                found.append(self._as_it_is(candidate, nothing, probe.values, off))
-        return [one for one in found if one is not None]
+                as_it_is = self._as_it_is(candidate, nothing, probe.values, off)
+                tried += [] if as_it_is is None else [as_it_is]
+        return tried
 
-    def look_once(self, candidate: Candidate) -> Look | None:
-        """Return what a candidate without a shape promises, in proportion to its strengths."""
+    def screen_once(self, candidate: Candidate) -> ScreenedCandidate | None:
+        """Predict the gain of a candidate without a shape, in proportion to its strengths."""
         nothing = switched_off(candidate, {})
         off = self._predict(candidate, nothing)
         if off is None:
             return None
-        return self._look(candidate, nothing, probes_of(candidate, nothing, 1.0), off)
+        return self._screen(candidate, nothing, probes_of(candidate, nothing, 1.0), off)
 
-    def _is_unlike(
-        self, candidate: Candidate, shape: Mapping[str, float], off: Sequence[_Floats]
-    ) -> bool:
-        """Whether an effect does something else in kind when it is stronger."""
-        nothing = switched_off(candidate, shape)
-        seen = []
-        for factor in STRENGTHS:
-            values = probes_of(candidate, nothing, factor)[0].values
-            change = self._change(candidate, values, off)
-            if change is not None:
-                column = self._beyond(self._whiten(change)[:, None])[:, 0]
-                seen.append(column / max(float(np.linalg.norm(column)), 1e-300))
+    def _are_unlike(self, tried: Sequence[ScreenedCandidate]) -> bool:
+        """Whether an effect does something else in kind at one strength than at the next."""
+        columns = [self._beyond(self._whiten(one.responses[0])[:, None])[:, 0] for one in tried]
+        seen = [column / max(float(np.linalg.norm(column)), 1e-300) for column in columns]
         return any(abs(float(a @ b)) < UNLIKE for a, b in itertools.pairwise(seen))
 
     def _as_it_is(
@@ -172,8 +165,8 @@ class Screen:
         nothing: dict[str, float],
         values: dict[str, float],
         off: Sequence[_Floats],
-    ) -> Look | None:
-        """Look at an effect at one strength, without a guess of what another would do."""
+    ) -> ScreenedCandidate | None:
+        """Try an effect at one strength, without a guess of what another would do."""
         change = self._change(candidate, values, off)
         if change is None:
             return None
@@ -182,24 +175,26 @@ class Screen:
 
     def _nothing(
         self, candidate: Candidate, nothing: dict[str, float], off: Sequence[_Floats]
-    ) -> Look:
-        """Return a look that promises nothing."""
+    ) -> ScreenedCandidate:
+        """Return a candidate with no predicted gain."""
         still, stays = tuple(0.0 * one for one in off), np.zeros(self.parent.best.x.size)
-        return Look(candidate, nothing, 0.0, still, 0.0, nothing, (), (), stays, self.parent)
+        return ScreenedCandidate(
+            candidate, nothing, 0.0, still, 0.0, nothing, (), (), stays, self.parent
+        )
 
-    def _whole(self, look: Look) -> Look:
-        """Return a look at the effect as it is."""
-        column = self._whiten(look.change)[:, None]
+    def _whole(self, screened: ScreenedCandidate) -> ScreenedCandidate:
+        """Predict the gain of the effect at its values."""
+        column = self._whiten(screened.change)[:, None]
         _, gain, step = self._project(column, np.array([1.0 - 1e-6]), 1.0)
-        return replace(look, gain=gain, step=step, origin=self.parent)
+        return replace(screened, gain=gain, step=step, origin=self.parent)
 
-    def _look(
+    def _screen(
         self,
         candidate: Candidate,
         nothing: dict[str, float],
         probes: Sequence[Probe],
         off: Sequence[_Floats],
-    ) -> Look | None:
+    ) -> ScreenedCandidate | None:
         responses = []
         for probe in probes:
             response = self._change(candidate, probe.values, off)
@@ -208,78 +203,79 @@ class Screen:
             responses.append(tuple(response))
         columns = np.stack([self._whiten(one) for one in responses], axis=1)
         visible = float(np.linalg.norm(self._beyond(columns), axis=0).max())
-        look = replace(
+        screened = replace(
             self._nothing(candidate, nothing, off),
             visible=visible / probes[0].factor,
             probes=tuple(probes),
             responses=tuple(responses),
         )
-        promised = self._from_probes(look)
-        if promised.gain <= 0.0:
-            return look
+        scaled = self._from_probes(screened)
+        if scaled.gain <= 0.0:
+            return screened
         # Once more from there: the secant to where the effect would be, not to where it is usual.
-        change = self._change(candidate, promised.values, off)
+        change = self._change(candidate, scaled.values, off)
         if change is None:
             return None
-        return self._along(replace(look, values=promised.values, change=tuple(change)))
+        return self._along(replace(screened, values=scaled.values, change=tuple(change)))
 
-    def anew(self, look: Look) -> Look | None:
-        """Return what a look from another hypothesis promises here, simulated from here."""
-        candidate, nothing = look.candidate, look.shape
+    def anew(self, screened: ScreenedCandidate) -> ScreenedCandidate | None:
+        """Screen again from this hypothesis what was screened from another."""
+        candidate, nothing = screened.candidate, screened.shape
         off = self._predict(candidate, nothing)
         if off is None:
             return None
-        if not look.probes:
-            return self._as_it_is(candidate, nothing, look.values, off)
-        return self._look(candidate, nothing, look.probes, off)
+        if not screened.probes:
+            return self._as_it_is(candidate, nothing, screened.values, off)
+        return self._screen(candidate, nothing, screened.probes, off)
 
-    def again(self, look: Look) -> Look:
-        """Return what a look from another hypothesis promises here, without simulating it again.
+    def again(self, screened: ScreenedCandidate) -> ScreenedCandidate:
+        """Predict the gain here of what was screened from another hypothesis, without a simulation.
 
-        In proportion to what it does at its own values; to its probes where it promised nothing.
+        In proportion to what it does at its values; to its probes where no gain was predicted.
         """
-        if not look.probes:
-            return self._whole(look)
-        return self._along(look) if look.gain > 0.0 else self._from_probes(look)
+        if not screened.probes:
+            return self._whole(screened)
+        return self._along(screened) if screened.gain > 0.0 else self._from_probes(screened)
 
-    def _along(self, look: Look) -> Look:
-        """Return a look with the share of what it does at its values that suits best."""
+    def _along(self, screened: ScreenedCandidate) -> ScreenedCandidate:
+        """Scale what it does at its values to the share with the largest gain."""
         share, gain, step = self._project(
-            self._whiten(look.change)[:, None], np.zeros(1), OVERSHOOT
+            self._whiten(screened.change)[:, None], np.zeros(1), OVERSHOOT
         )
-        values = dict(look.values)
-        for one in look.candidate.strengths:
+        values = dict(screened.values)
+        for one in screened.candidate.strengths:
             values[one.name] = value_of(one, float(share[0]) * strength_of(one, values[one.name]))
-        change = tuple(share[0] * one for one in look.change)
+        change = tuple(share[0] * one for one in screened.change)
         origin = self.parent
-        return replace(look, values=values, gain=gain, change=change, step=step, origin=origin)
+        return replace(screened, values=values, gain=gain, change=change, step=step, origin=origin)
 
-    def _from_probes(self, look: Look) -> Look:
-        """Return a look at the amounts of its probes that suit best."""
-        sizes = np.array([one.size for one in look.probes])
-        columns = np.stack([self._whiten(one) for one in look.responses], axis=1) / sizes
-        amounts, gain, step = self._project(columns, _lowest(look.probes), np.inf)
+    def _from_probes(self, screened: ScreenedCandidate) -> ScreenedCandidate:
+        """Combine its probes in the amounts with the largest gain."""
+        sizes = np.array([one.size for one in screened.probes])
+        columns = np.stack([self._whiten(one) for one in screened.responses], axis=1) / sizes
+        amounts, gain, step = self._project(columns, _lowest(screened.probes), np.inf)
         if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
-            return replace(look, gain=0.0, step=0.0 * step, origin=self.parent)
+            return replace(screened, gain=0.0, step=0.0 * step, origin=self.parent)
         change = tuple(
             np.asarray(
                 sum(
-                    a / s * one[k] for a, s, one in zip(amounts, sizes, look.responses, strict=True)
+                    a / s * one[k]
+                    for a, s, one in zip(amounts, sizes, screened.responses, strict=True)
                 )
             )
-            for k in range(len(look.change))
+            for k in range(len(screened.change))
         )
-        values, origin = start_values(look.candidate, look.shape, amounts), self.parent
-        return replace(look, values=values, gain=gain, change=change, step=step, origin=origin)
+        values, origin = start_values(screened.candidate, screened.shape, amounts), self.parent
+        return replace(screened, values=values, gain=gain, change=change, step=step, origin=origin)
 
-    def annealed(self, look: Look) -> float:
-        """Return a promise with the scales of the covariance found anew: what a fit would gain."""
-        column = self._whiten(look.change)[:, None]
+    def annealed(self, screened: ScreenedCandidate) -> float:
+        """Predict the gain of a fit: with the scales of the covariance estimated anew."""
+        column = self._whiten(screened.change)[:, None]
         step, amounts = self._solve(column, np.zeros(1), OVERSHOOT)
         best = self.parent.best
         left = [
             r + j @ step + amounts[0] * c
-            for r, j, c in zip(best.residuals, self.parent.slopes, look.change, strict=True)
+            for r, j, c in zip(best.residuals, self.parent.slopes, screened.change, strict=True)
         ]
         parts = fitted_parts(self.problem, left, best.noises)
         now = cost(parts, best_scales(parts, best.scales))

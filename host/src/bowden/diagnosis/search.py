@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -18,12 +18,12 @@ import numpy as np
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.growing import Done, grown_from, lowest, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis, finish, start_of
-from bowden.diagnosis.looking import FITTED, anew, as_filed, every_shape, looks_from, promising
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import Weighed, log_prior, posterior
 from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
+from bowden.diagnosis.proposals import anew, as_filed, every_shape, proposed, screened_from
 from bowden.diagnosis.relevance import holds, matters
-from bowden.diagnosis.screening import Look
+from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.nuisance import Nuisance
@@ -50,7 +50,7 @@ class Found:
         The calibrated model.
     filed : Hypothesis
         The model with the file's own values.
-    looks : tuple of Look
+    screened : tuple of ScreenedCandidate
         Every candidate from the calibrated model, best shape of each place.
     in_time : bool
         Whether the search ended by itself, not by its time limit.
@@ -59,7 +59,7 @@ class Found:
     weighed: tuple[Weighed, ...]
     base: Hypothesis
     filed: Hypothesis
-    looks: tuple[Look, ...]
+    screened: tuple[ScreenedCandidate, ...]
     in_time: bool = True
 
 
@@ -91,9 +91,9 @@ def search(
     tell("calibrating", 0.05)
     base = _base(material, searched)
     noises = base.best.noises
-    tell("looking at every effect", 0.15)
+    tell("screening every effect", 0.15)
     filed = as_filed(material, searched, base)
-    looks, strained = looks_from(material, searched, base, partial(every_shape, material, every))
+    first = screened_from(material, searched, base, partial(every_shape, material, every))
     done: Done = {base.key: base}
     frontier = [base]
     in_time = True
@@ -104,18 +104,18 @@ def search(
         tell(f"sets of {size}", 0.2 + 0.13 * size)
         children: list[Hypothesis] = []
         for parent in frontier:
-            fresh, own = looks, strained
-            if parent.effects and not holds(parent):
-                again = partial(anew, material, looks)
-                fresh, own = looks_from(material, searched, parent, again)
-            others = [one for one in own if one.candidate.name not in parent.names]
-            chosen = [*promising(parent, fresh), *others[:FITTED]]
-            children += grown_from(material, searched, parent, chosen, done)
+            screening = first
+            if parent.effects and holds(parent):
+                screening = replace(first, screen=Screen(parent))
+            elif parent.effects:
+                again = partial(anew, material, first.here)
+                screening = screened_from(material, searched, parent, again)
+            children += grown_from(material, searched, parent, proposed(screening), done)
         if not children:
             break
         best = min(children, key=lambda one: one.best.cost)
         if size == 1:  # the noise of a model that holds is not that of one that doesn't
-            tell("noise about the best", 0.3)
+            tell("noise scale about the best", 0.3)
             noises = _noises_about(material, best)
         finished = [finish(material, one, noises) for one in lowest(children, FINISHED)]
         finished += [
@@ -134,12 +134,12 @@ def search(
     compared = _comparable(material, done, noises)
     names = len({one.name for one in every})
     return Found(
-        tuple(posterior(compared, names, seed)), done[base.key], filed, tuple(looks), in_time
+        tuple(posterior(compared, names, seed)), done[base.key], filed, tuple(first.here), in_time
     )
 
 
 def _merit(one: Hypothesis) -> float:
-    """Return what a set costs within a search: -log posterior with the prior of its size."""
+    """Return -log posterior of a set within a search, with the prior of its size."""
     return one.best.cost - log_prior(one)
 
 

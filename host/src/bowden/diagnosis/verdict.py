@@ -190,8 +190,9 @@ def ranking(found: Found) -> tuple[Ranked, ...]:
             gap = unseen_gap(one.hypothesis, one.prediction, 0)
             ranked.setdefault(effect.key, Ranked(*effect.key, _density(one) - start, gap))
     before = unseen_gap(base.hypothesis, base.prediction, 0)
-    for look in sorted(found.looks, key=lambda one: -one.gain):
-        ranked.setdefault(look.candidate.key, Ranked(*look.candidate.key, 0.0, before))
+    for screened in sorted(found.screened, key=lambda one: -one.gain):
+        key = screened.candidate.key
+        ranked.setdefault(key, Ranked(*key, 0.0, before))
     return tuple(ranked.values())
 
 
@@ -211,5 +212,5 @@ def unseen_gap(one: Hypothesis, prediction: UnseenPrediction, channel: int) -> f
 
 def invisible(found: Found) -> tuple[str, ...]:
     """Return the effects that would not show in these recordings at their usual size."""
-    seen = {one.candidate.name for one in found.looks if one.visible > VISIBLE}
-    return tuple(sorted({one.candidate.name for one in found.looks} - seen))
+    seen = {one.candidate.name for one in found.screened if one.visible > VISIBLE}
+    return tuple(sorted({one.candidate.name for one in found.screened} - seen))

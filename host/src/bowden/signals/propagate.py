@@ -126,7 +126,7 @@ def local_noise(
     pool : ThreadPoolExecutor, optional
         Where they run; one of its own for as long as this takes, when absent.
     or_else : sequence of (model, share), optional
-        Models of which a share of the distance is open: `leeway` gives those without an effect.
+        Models of which a share of the distance is open: the caller gives those without an effect.
 
     Returns
     -------

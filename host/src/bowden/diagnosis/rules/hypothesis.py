@@ -55,7 +55,7 @@ class FittedEffects:
     def leeway(self) -> float:
         """Share of what the effects do that a rig which has them may leave; of many, the least."""
         most = EXACT if len(self.effects) == MOST_EFFECTS else 1.0
-        return min(most, max((one.effect.leeway for one in self.effects), default=0.0))
+        return min(most, max((one.effect.form_error for one in self.effects), default=0.0))
 
     @property
     def score(self) -> float:

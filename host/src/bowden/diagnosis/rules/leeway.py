@@ -4,7 +4,7 @@ Dahl's bristle or a stiff spring, friction that ages in motion or only at rest: 
 laws that differ by a third of what they do, and a few samples that are known to half a millinewton
 metre would refuse all but one of them, or pull its numbers to where it fits those. So where the
 chosen law leaves more than the noise, it is fitted and judged once more, each sample's noise
-widened by `Effect.leeway` of what the effect does there (`propagate`). The reported noise floor
+widened by `Effect.form_error` of what the effect does there (`propagate`). The reported noise floor
 stays that of the data.
 """
 
@@ -91,6 +91,6 @@ def _without(model: Model, selection: Selection) -> list[tuple[Model, float]]:
     return [
         # What one effect alone does is what calibration cannot do without it.
         (model.without_effect(i) if len(effects) > 1 else selection.base.fitted.model, leeway)
-        for i, leeway in enumerate((one.effect.leeway for one in effects), first)
+        for i, leeway in enumerate((one.effect.form_error for one in effects), first)
         if leeway > EXACT
     ]

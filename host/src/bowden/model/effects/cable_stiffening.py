@@ -76,5 +76,5 @@ EFFECT = Effect(
         "tension_dependent_friction",
         "presliding_compliance",
     ),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
 )

@@ -134,6 +134,6 @@ EFFECT = Effect(
     signature="a peak of torque on the first motion after a rest",
     excited_by=("reversal", "rest"),
     confused_with=("stribeck_friction", "viscoelastic_cable"),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
     known_to=TO_A_TENTH,
 )

@@ -222,7 +222,7 @@ class Effect:
         Names of effects that look alike on many recordings.
     counts_from_anywhere : bool
         Whether the encoder's zero is lost with it: counted from where the rig stood.
-    leeway : float
+    form_error : float
         Share of what the effect does by which laws of its name differ, observation by observation:
         `ONE_OF_SEVERAL` where the name stands for several laws in use, or for one whose answer is
         not unique; `EXACT` where the name is the law.
@@ -240,7 +240,7 @@ class Effect:
     excited_by: tuple[Excitation, ...]
     confused_with: tuple[str, ...]
     counts_from_anywhere: bool = False
-    leeway: float = EXACT
+    form_error: float = EXACT
     known_to: float = SOLVED
 
     @property

@@ -109,6 +109,6 @@ EFFECT = Effect(
         "viscous_friction",
         "presliding_compliance",
     ),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
     known_to=TO_A_TENTH,
 )

@@ -86,7 +86,7 @@ MOTOR = Effect(
     signature="torque in proportion to acceleration, growing with frequency squared",
     excited_by=("acceleration",),
     confused_with=("load_inertia", "viscous_friction", "amplifier_lag", "time_delay"),
-    leeway=ONE_OF_SEVERAL,  # the damping law is one of several
+    form_error=ONE_OF_SEVERAL,  # the damping law is one of several
     known_to=TO_A_TENTH,
 )
 

@@ -200,5 +200,5 @@ HYSTERESIS = Effect(
     signature="the reading lags every change of torque by the same amount, at any speed",
     excited_by=("reversal",),
     confused_with=("bearing_friction", "presliding_compliance", "termination_backlash"),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
 )

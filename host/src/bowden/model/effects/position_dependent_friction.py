@@ -86,5 +86,5 @@ EFFECT = Effect(
     signature="the loop's width changes along the stroke, at the same angles both ways",
     excited_by=("reversal", "angle_range"),
     confused_with=("gravity_imbalance", "cogging", "pulley_eccentricity"),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
 )

@@ -79,5 +79,5 @@ EFFECT = Effect(
         "load_cell_hysteresis",
         "time_delay",
     ),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
 )

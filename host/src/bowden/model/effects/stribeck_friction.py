@@ -53,6 +53,6 @@ EFFECT = Effect(
     signature="more friction below v_s than above: the torque dips as a stroke gets going",
     excited_by=("reversal", "slow_motion", "speed_range"),
     confused_with=("dwell_strengthening", "viscous_friction", "presliding_compliance"),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
     known_to=TO_A_TENTH,
 )

@@ -58,6 +58,6 @@ EFFECT = Effect(
         "viscous_friction",
         "pretension_loss",
     ),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
     known_to=TO_A_TENTH,
 )

@@ -50,5 +50,5 @@ EFFECT = Effect(
     signature="the loop's width changes with travel, for good",
     excited_by=("reversal", "many_cycles"),
     confused_with=("thermal_friction", "pretension_loss", "dwell_strengthening"),
-    leeway=ONE_OF_SEVERAL,
+    form_error=ONE_OF_SEVERAL,
 )

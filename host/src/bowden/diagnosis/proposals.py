@@ -1,0 +1,124 @@
+"""Propose which effects are fitted on top of a fitted set.
+
+What an effect does to a rig depends on what else the rig has: from the calibrated model every shape
+of every effect is simulated, from larger sets those that suit what the set leaves. `growing` fits
+what is proposed here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.hypothesis import Hypothesis, shares, start_of
+from bowden.diagnosis.material import Material
+from bowden.diagnosis.odds import MORE
+from bowden.diagnosis.relevance import ERROR, is_strained, law_errors
+from bowden.diagnosis.screening import Screen, ScreenedCandidate
+from bowden.model import Model
+from bowden.model.effects import CATALOGUE
+
+FITTED = 5  # of the screened candidates at each step
+RESHAPED = 3  # shapes of an effect that are simulated from another set
+
+
+@dataclass(frozen=True)
+class Screening:
+    """The candidates as screened from one fitted set.
+
+    Parameters
+    ----------
+    screen : Screen
+        From where the set's fit ended.
+    here : list of ScreenedCandidate
+        From there.
+    filed : list of ScreenedCandidate
+        From the file's values, the best of each place; none unless calibration is strained.
+    """
+
+    screen: Screen
+    here: list[ScreenedCandidate]
+    filed: list[ScreenedCandidate]
+
+
+def screened_from(
+    material: Material,
+    searched: Model,
+    parent: Hypothesis,
+    screening: Callable[[Screen], list[ScreenedCandidate]],
+) -> Screening:
+    """Screen every effect that a set doesn't have, from where its fit ended.
+
+    And from the file's values where calibration is strained: it may stand in for an effect. The
+    best of each place, by what a fit from there would gain.
+    """
+    screen = Screen(parent)
+    here = screening(screen)
+    if not is_strained(parent):
+        return Screening(screen, here, [])
+    filed = Screen(as_filed(material, searched, parent))
+    best = _best_of_each(sorted(screening(filed), key=lambda one: -one.gain))[: 3 * FITTED]
+    gains = material.pool.map(filed.annealed, best)
+    annealed = [replace(one, gain=gain) for one, gain in zip(best, gains, strict=True)]
+    return Screening(screen, here, sorted(annealed, key=lambda one: -one.gain))
+
+
+def every_shape(
+    material: Material, every: Sequence[Candidate], screen: Screen
+) -> list[ScreenedCandidate]:
+    """Simulate each effect from a set, from each of its shapes."""
+    return [one for found in material.pool.map(screen.screen, every) for one in found]
+
+
+def anew(
+    material: Material, before: Sequence[ScreenedCandidate], screen: Screen
+) -> list[ScreenedCandidate]:
+    """Simulate each effect from another set, of the shapes that suit what that set leaves."""
+    names = screen.parent.names
+    others = [one for one in before if one.candidate.name not in names]
+    shapes: dict[tuple[str, str], list[ScreenedCandidate]] = {}
+    for one in sorted(map(screen.again, others), key=lambda one: -one.gain):
+        shapes.setdefault(one.candidate.key, []).append(one)
+    chosen = [one for each in shapes.values() for one in each[:RESHAPED]]
+    return [one for one in material.pool.map(screen.anew, chosen) if one is not None]
+
+
+def as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis:
+    """Return a set with the file's own values of the calibrated numbers, weighed as it is."""
+    effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
+    found = start_of(material, searched, effects, {}, one.best)
+    return one if found is None else found.fitted(0)
+
+
+def proposed(screening: Screening) -> list[ScreenedCandidate]:
+    """Choose what is fitted on top of a set: what would matter and has the largest gains.
+
+    By the gain under the parent's covariance, and by the gain with its discrepancy estimated anew;
+    then those from the file's values.
+    """
+    screen, parent = screening.screen, screening.screen.parent
+    others = [one for one in screening.here if one.candidate.name not in parent.names]
+    fresh = [screen.again(one) for one in others]
+    least = max(ERROR, math.hypot(*law_errors(parent, shares(parent))))
+    fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > least]
+    fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
+    annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
+    fresh = [one for one in fresh if annealed[one.candidate.key] > penalty(one)]
+    most = sorted(fresh, key=lambda one: -annealed[one.candidate.key])
+    filed = [one for one in screening.filed if one.candidate.name not in parent.names]
+    return [*_best_of_each([*most[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]
+
+
+def _best_of_each(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
+    """Return the best of each place of each effect, in the order given."""
+    found: dict[tuple[str, str], ScreenedCandidate] = {}
+    for one in screened:
+        found.setdefault(one.candidate.key, one)
+    return list(found.values())
+
+
+def penalty(screened: ScreenedCandidate) -> float:
+    """Return the log prior odds against one more effect: a smaller gain can't win."""
+    return math.log(len(CATALOGUE) * len(screened.candidate.effect.variants) / MORE)
