@@ -8,6 +8,7 @@ import pytest
 from bowden.cli.main import main
 from bowden.model import Inputs, Mode, parse_model, simulate
 from bowden.recording.csv_file import write_csv
+from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
 
 MODEL = """
@@ -71,3 +72,22 @@ def test_calibrate_refuses_unknown_parameters(
     shown = capsys.readouterr().err
     assert complaint in shown
     assert "Traceback" not in shown
+
+
+@pytest.mark.parametrize("command", [["calibrate"], ["estimate", "pretension"]])
+def test_the_start_of_a_rig_that_was_used_before_can_be_left_unjudged(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str], command: list[str]
+) -> None:
+    model, recording = files
+    late = read_recording(recording)
+    write_csv(late.select(late.time_s >= 0.8), recording)  # what went before is not recorded
+    named = [str(recording), "--model", str(model)]
+    if command == ["calibrate"]:
+        named = [str(model), str(recording), "--free", "rig.cable.pretension_n", "--widen"]
+    found = []
+    for settle in ("0", "1"):
+        assert main([*command, *named, "--json", "--settle", settle]) == 0
+        document = json.loads(capsys.readouterr().out)
+        found.append(document["parameters"]["rig.cable.pretension_n"])
+    assert found[1]["low"] < 11.0 < found[1]["high"]
+    assert abs(found[1]["value"] - 11.0) < abs(found[0]["value"] - 11.0)

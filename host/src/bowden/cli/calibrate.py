@@ -13,7 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.cli.data_gate import admit_data
-from bowden.cli.model_arguments import add_mode_argument, add_model_argument, mode_of, read_model
+from bowden.cli.model_arguments import (
+    add_mode_argument,
+    add_model_argument,
+    add_settle_argument,
+    mode_of,
+    read_model,
+    settle_of,
+)
 from bowden.cli.output import add_json_argument, print_json, stages
 from bowden.cli.posterior_table import show, sources
 
@@ -55,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="channels that are not fitted: load_angle_rad ...",
     )
+    add_settle_argument(parser)
     parser.add_argument("--write-model", metavar="OUT.yaml", type=Path)
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="default: %(default)s")
     add_json_argument(parser)
@@ -82,8 +90,9 @@ def run(args: argparse.Namespace) -> int:
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
     model = read_model(args.model)
-    session = read_recordings(args.recordings)
-    held_out = read_recordings(args.hold_out) if args.hold_out else None
+    settle_s = settle_of(args)
+    session = read_recordings(args.recordings).since(settle_s)
+    held_out = read_recordings(args.hold_out).since(settle_s) if args.hold_out else None
     zeros = [*session.groups["zeros"], *(held_out.groups["zeros"] if held_out else ())]
     every = [*session.recordings, *(held_out.recordings if held_out else ())]
     admit_data(model, every, mode_of(args))

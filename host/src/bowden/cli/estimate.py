@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 from bowden.cli.data_gate import admit_data
-from bowden.cli.model_arguments import read_model
+from bowden.cli.model_arguments import add_settle_argument, read_model, settle_of
 from bowden.cli.output import add_json_argument, console, print_json, stages
 from bowden.cli.posterior_table import show, sources
 
@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", metavar="MODEL", type=Path, required=True, help="model file to start from"
     )
+    add_settle_argument(parser)
     parser.add_argument("--write-model", metavar="OUT.yaml", type=Path)
     add_json_argument(parser)
 
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
     model = read_model(args.model)
-    session = read_recordings(args.recordings)
+    session = read_recordings(args.recordings).since(settle_of(args))
     admit_data(model, session.recordings, Mode.TORQUE_POSITION)
     with stages("fitting") as tell:
         found = estimate(
