@@ -39,8 +39,10 @@ def test_operator_waits_for_the_bridge_and_stops_with_it() -> None:
     assert abs(rig.plant.scalars[at.LOAD_SPEED]) < 1e-3
 
 
-def test_the_operator_moves_without_jumps() -> None:
-    motion, s, period = packed(reduced(Operator())), np.zeros(at.SCALARS), 250e-6
+@pytest.mark.parametrize("second_share", [0.0, 0.4])
+def test_the_operator_moves_without_jumps(second_share: float) -> None:
+    operator = Operator(second_share=second_share)
+    motion, s, period = packed(reduced(operator)), np.zeros(at.SCALARS), 250e-6
     path = [intended(motion, s, k < 14000, period) for k in range(20000)]
     angle, speed = np.array(path).T
     largest_rad_per_s = 1.2 * math.radians(41.6) * math.pi + 1.5 * math.radians(41.6)
@@ -49,6 +51,13 @@ def test_the_operator_moves_without_jumps() -> None:
     central = (angle[2:] - angle[:-2]) / (2.0 * period)
     assert np.max(np.abs(central - speed[1:-1])) < 2e-3
     assert path[-1] == (0.0, 0.0)
+
+
+def test_strokes_with_a_second_sine_are_not_alike() -> None:
+    motion, s = packed(reduced(Operator(second_share=0.4))), np.zeros(at.SCALARS)
+    angle = np.array([intended(motion, s, True, 1e-3)[0] for _ in range(20000)])
+    ends = angle[1:-1][np.diff(np.sign(np.diff(angle))) != 0]
+    assert np.ptp(np.abs(ends)) > 0.3 * np.abs(angle).max()
 
 
 @pytest.mark.parametrize("motion", ["still", "locked"])

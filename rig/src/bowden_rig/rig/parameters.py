@@ -235,12 +235,14 @@ class Operator:
 
     The transmission resists with 3 to 5 N m: to reach 40 deg, the operator aims `overreach_rad`
     beyond. Motion `still` holds the handle at zero, `locked` bolts it (Experiment 1),
-    `free` releases it.
+    `free` releases it. `second_share` of a `sine` is a second one at 0.618 of the frequency: no
+    two strokes are alike then, as an operator's are not.
     """
 
     motion: OperatorMotion = "sine"
     amplitude_rad: float = math.radians(40.0)
     frequency_hz: float = 0.5
+    second_share: float = 0.0
     overreach_rad: float = math.radians(1.6)
     ramp_s: float = 1.0
     stiffness_nm_per_rad: float = 200.0
