@@ -120,7 +120,7 @@ def test_until_both_pulses_have_come_the_zero_stays() -> None:
     assert rig.reference is AngleReference.POWER_ON
     assert (values.index_found_motor_counts, values.index_found_load_counts) == (100, NOT_YET)
     rig.ask(Homing.NONE)
-    rig.move(0.2)  # it comes, but nobody wants it
+    rig.move(0.2)  # a pulse without a search
     assert rig.reference is AngleReference.POWER_ON
     assert values.index_found_load_counts == 1500
 

@@ -85,12 +85,12 @@ def _judged_again(
 
 
 def _without(model: Model, selection: Selection) -> list[tuple[Model, float]]:
-    """Return the model without each effect whose law is one of several, and its leeway."""
+    """Return the model without each effect whose law is one of several, and its model-form error."""
     effects = selection.chosen.effects
     first = len(model.document.effects) - len(effects)
     return [
         # What one effect alone does is what calibration cannot do without it.
-        (model.without_effect(i) if len(effects) > 1 else selection.base.fitted.model, leeway)
-        for i, leeway in enumerate((one.effect.form_error for one in effects), first)
-        if leeway > EXACT
+        (model.without_effect(i) if len(effects) > 1 else selection.base.fitted.model, form_error)
+        for i, form_error in enumerate((one.effect.form_error for one in effects), first)
+        if form_error > EXACT
     ]
