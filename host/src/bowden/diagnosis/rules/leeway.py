@@ -85,7 +85,7 @@ def _judged_again(
 
 
 def _without(model: Model, selection: Selection) -> list[tuple[Model, float]]:
-    """Return the model without each effect whose law is one of several, and its model-form error."""
+    """Return the model without each effect whose name stands for several laws, and its share."""
     effects = selection.chosen.effects
     first = len(model.document.effects) - len(effects)
     return [
