@@ -6,7 +6,8 @@
  * quarter of a turn (a cable is off or slack) nothing is concluded, and the search goes on.
  *
  * A pulse counts where it begins in positive direction. At 4000 counts per turn and 20 rad/s,
- * faster than an operator moves, the latency of its interrupt (at most 6 us) is a thirteenth of a count.
+ * faster than an operator moves, the latency of its interrupt (at most 6 us) is a thirteenth of a
+ * count.
  *
  * Pure.
  */
