@@ -118,7 +118,7 @@ def test_a_viscous_bearing_takes_torque_in_proportion_to_speed() -> None:
 
 
 def test_a_bearing_where_the_angle_is_given_leaves_the_cables_alone() -> None:
-    """Whoever holds the angle overcomes it; the cables know nothing of it."""
+    """Whoever holds the angle overcomes it; tensions and motor angle do not depend on it."""
     torque = through(0, 0.4, -0.4, 0.4, steps=100)
     series = TP, times(torque), torque, 0.3 * np.sin(3.0 * times(torque))
     with_it = simulate_mesh(printed(20, load_bearing_nm=0.1), *series)
