@@ -80,7 +80,7 @@ def learn_a_law(args: argparse.Namespace, folder: Path) -> dict[str, object]:
 
 
 def close_the_loop(
-    drive: Drive, folder: Path, duration_s: float, seed: int, names: list[str] | None = None
+    drive: Drive, folder: Path, duration_s: float, seed: int
 ) -> tuple[LawRun, Improvement, LawRun]:
     """Render with the lab's model, learn from a run without compensation, apply, render again.
 
@@ -94,15 +94,13 @@ def close_the_loop(
     duration_s : float, s
         Of each run.
     seed : int
-    names : list of str, optional
-        Candidates; the whole catalogue when absent.
     """
     drive.write("torque_constant", TORQUE_CONSTANT_NM_PER_A)
     write(drive, difference(drive, ENTRIES | {"compensation_use_load_cell": 0}))
     inverting = DriveBench(drive, CompensationLaw.MODEL_INVERSION, duration_s, seed)
     inverting.apply(parse_model(LAB_MODEL, "lab.yaml"))
     before = inverting.record(1, folder / "before.blf")
-    plain = DriveBench(drive, CompensationLaw.NONE, duration_s, seed, names=names)
+    plain = DriveBench(drive, CompensationLaw.NONE, duration_s, seed)
     found = improve(plain, LAB_MODEL, "lab.yaml", folder, 1, tell=say)
     write(drive, difference(drive, {"compensation_law": CompensationLaw.MODEL_INVERSION}))
     return before, found, inverting.record(2, folder / "after.blf")
