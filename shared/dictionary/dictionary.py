@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from shared.dictionary.schema import (
+    Absent,
     Access,
     Check,
     Device,
@@ -79,6 +80,7 @@ class Variable:
     node_id_added: bool = False
     enumeration: Enumeration | None = None
     urgent: bool = False
+    absent: Absent | None = None
     doc: str = ""
 
     @property
@@ -273,6 +275,7 @@ def _variable(
         node_id_added=value.node_id_added,
         enumeration=enumeration,
         urgent=value.urgent,
+        absent=value.absent,
         doc=value.doc,
     )
 

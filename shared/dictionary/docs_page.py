@@ -94,10 +94,16 @@ def _row(obj: Object, v: Variable) -> str:
         v.role,
         v.unit or "",
         span,
-        _shown(v, v.default) + (" + id" if v.node_id_added else ""),
+        _default(v) + (" + id" if v.node_id_added else ""),
         _meaning(v),
     ]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _default(v: Variable) -> str:
+    if v.absent and v.default == v.absent.raw:
+        return f"{v.absent.text} (raw {v.absent.raw})"
+    return _shown(v, v.default)
 
 
 def _meaning(v: Variable) -> str:

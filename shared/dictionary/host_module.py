@@ -19,7 +19,7 @@ types and what they can do (look up, encode, decode) are in `bowden.drive.entry`
 from __future__ import annotations
 
 from bowden.drive import meanings
-from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
+from bowden.drive.entry import Absent, Check, Emergency, Entry, Layout, Table, array
 
 HASH = 0x{hash:08X}
 DEFAULT_NODE_ID = {node_id}
@@ -92,6 +92,7 @@ def _entry(obj: Object, variable: Variable) -> str:
         ("persist", variable.persist, False),
         ("node_id_added", variable.node_id_added, False),
         ("meaning", _class(variable), None),
+        ("absent", _absent(variable), None),
         ("doc", variable.doc or obj.doc, ""),
     ]
     if variable.type.is_text:
@@ -113,6 +114,11 @@ class _Name(str):
 def _class(variable: Variable) -> _Name | None:
     enumeration = variable.enumeration
     return _Name(f"meanings.{enumeration.class_name}") if enumeration else None
+
+
+def _absent(variable: Variable) -> _Name | None:
+    absent = variable.absent
+    return _Name(f"Absent({absent.raw}, {absent.text!r})") if absent else None
 
 
 def _default(obj: Object, variable: Variable) -> str:

@@ -107,6 +107,10 @@ def _variable(v: Variable, obj: Object) -> Iterator[str]:
         yield "a range limits writes, but nobody can write it"
     if v.enumeration is not None:
         yield from _meanings(v, v.enumeration)
+    if v.absent is not None and (v.type.is_text or v.enumeration is not None):
+        yield "only a number without named values may be absent"
+    elif v.absent is not None and not v.low <= v.absent.raw <= v.high:
+        yield f"absent {v.absent.raw} is outside [{v.low}, {v.high}]"
     if v.type.is_text:
         yield from _text(v)
     else:

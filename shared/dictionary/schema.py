@@ -62,6 +62,13 @@ class NamedBit(Meaning):
     number: int = Field(validation_alias="bit")
 
 
+class Absent(_Strict):
+    """The raw value that says that there is none, and what people read instead."""
+
+    raw: int
+    text: Annotated[str, Field(min_length=1)]
+
+
 class Value(_Strict):
     """What an entry and a sub-entry have in common."""
 
@@ -80,6 +87,7 @@ class Value(_Strict):
     values: Annotated[list[NamedValue], Field(min_length=1)] | Name | None = None
     bits: Annotated[list[NamedBit], Field(min_length=1)] | Name | None = None
     urgent: bool = False
+    absent: Absent | None = None
     doc: str = ""
 
 
@@ -102,6 +110,7 @@ class Entry(_Strict):
     values: Annotated[list[NamedValue], Field(min_length=1)] | Name | None = None
     bits: Annotated[list[NamedBit], Field(min_length=1)] | Name | None = None
     urgent: bool = False
+    absent: Absent | None = None
     doc: str = ""
     array: Annotated[int, Field(ge=1, le=254)] | None = None
     sub0_access: Literal["const", "rw"] = "const"

@@ -134,6 +134,16 @@ DEFECTS = {
         "only an event-driven TPDO has an event timer",
     ),
     "more PDOs than the firmware has": ("number: 3, cob_id", "number: 9, cob_id", "room for 8"),
+    "absent beyond the range": (
+        STIFFNESS,
+        STIFFNESS + ", absent: {raw: -1, text: none}",
+        "absent -1 is outside [0",
+    ),
+    "absent beside words": (
+        '    doc: "the angle that the tunnel is laid around"',
+        "    absent: {raw: 0, text: none}",
+        "only a number without named values may be absent",
+    ),
     "hash left out": ("default: schema_hash", "default: 0", "default must be schema_hash"),
     "missing emergency": (
         "code: 0x8210",

@@ -70,6 +70,19 @@ def test_read_write_and_read_back(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("bus")
+def test_what_is_not_there_yet_is_said_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    """An index pulse that has not come is no count of minus two thousand million."""
+    assert main(["od", "read", "index_found"]) == 0
+    lines = "".join(capsys.readouterr()).splitlines()
+    assert lines[1:] == ["index_found.motor = not seen yet", "index_found.load = not seen yet"]
+    assert main(["od", "watch", "index_found.load", "--count", "1", "--json"]) == 0
+    assert document(capsys)["samples"][0]["values"] == {"index_found.load": None}
+    assert main(["od", "list", "index_found.load", "--json"]) == 0
+    assert document(capsys)["entries"][0]["default"] is None
+    assert shown(find("index_found.load"), -12) == "-12 count"
+
+
+@pytest.mark.usefixtures("bus")
 def test_one_refused_value_undoes_the_others(capsys: pytest.CaptureFixture[str]) -> None:
     # mu_s below mu_d cannot run: the drive says so only when both are there
     assert main(["od", "write", "tunnel_stiffness=0.8", "friction_static=0.1"]) == 3

@@ -145,9 +145,11 @@ def _value_document(drive: Drive, entry: Entry) -> dict[str, object]:
         text = drive.read_text(entry.name)
         return {"name": entry.name, "value": text, "raw": None, "unit": None, "text": text}
     raw = drive.read_raw(entry.name)
+    absent = entry.is_absent(raw)
     return {
         "name": entry.name,
-        "value": float(f"{entry.to_value(raw):.12g}"),  # 0.8, not 0.7999999999999999
+        # 0.8, not 0.7999999999999999
+        "value": None if absent else float(f"{entry.to_value(raw):.12g}"),
         "raw": raw,
         "unit": entry.unit,
         "text": shown(entry, raw),

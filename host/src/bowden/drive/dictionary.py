@@ -11,7 +11,7 @@ types and what they can do (look up, encode, decode) are in `bowden.drive.entry`
 from __future__ import annotations
 
 from bowden.drive import meanings
-from bowden.drive.entry import Check, Emergency, Entry, Layout, Table, array
+from bowden.drive.entry import Absent, Check, Emergency, Entry, Layout, Table, array
 
 HASH = 0x67C3E381
 DEFAULT_NODE_ID = 16
@@ -155,8 +155,8 @@ TABLE = Table(
         Entry(0x2018, 1, 'index_position.motor', 'i32', 'rw', 'calibration', 0, low=-1073741824, high=1073741823, unit='count', scale=1.0, persist=True, doc='at any turn of the motor'),
         Entry(0x2018, 2, 'index_position.load', 'i32', 'rw', 'calibration', 0, low=-1073741824, high=1073741823, unit='count', scale=1.0, persist=True, doc="of the encoders' index pulses, counted from the zero of the angles"),
         Entry(0x2019, 0, 'index_found.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
-        Entry(0x2019, 1, 'index_found.motor', 'i32', 'ro', 'state', -2147483648, low=-2147483648, high=2147483647, unit='count', scale=1.0, doc='where an index pulse was last passed in positive direction, since the start or since homing was asked for; counted from the zero of the angles; -2147483648: not yet'),
-        Entry(0x2019, 2, 'index_found.load', 'i32', 'ro', 'state', -2147483648, low=-2147483648, high=2147483647, unit='count', scale=1.0, doc='where an index pulse was last passed in positive direction, since the start or since homing was asked for; counted from the zero of the angles; -2147483648: not yet'),
+        Entry(0x2019, 1, 'index_found.motor', 'i32', 'ro', 'state', -2147483648, low=-2147483648, high=2147483647, unit='count', scale=1.0, absent=Absent(-2147483648, 'not seen yet'), doc='where an index pulse was last passed in positive direction, since the start or since homing was asked for; counted from the zero of the angles'),
+        Entry(0x2019, 2, 'index_found.load', 'i32', 'ro', 'state', -2147483648, low=-2147483648, high=2147483647, unit='count', scale=1.0, absent=Absent(-2147483648, 'not seen yet'), doc='where an index pulse was last passed in positive direction, since the start or since homing was asked for; counted from the zero of the angles'),
         Entry(0x2020, 0, 'motor_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2021, 0, 'load_encoder', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='count', scale=1.0, pdo='tx'),
         Entry(0x2022, 0, 'motor_angle', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='rad', scale=1e-06, pdo='tx'),

@@ -20,6 +20,14 @@ _BITS = {"u8": 8, "u16": 16, "u32": 32, "i8": 8, "i16": 16, "i24": 24, "i32": 32
 
 
 @dataclass(frozen=True)
+class Absent:
+    """The raw value that says that there is no value, and what people read for it."""
+
+    raw: int
+    text: str
+
+
+@dataclass(frozen=True)
 class Entry:
     """One value of the drive.
 
@@ -51,6 +59,8 @@ class Entry:
         The default is relative to the node id.
     meaning : type of NamedValue or of NamedBits, or None
         What its values or its bits mean.
+    absent : Absent or None
+        Its raw value while it has none.
     doc : str
         What it means.
     """
@@ -70,6 +80,7 @@ class Entry:
     persist: bool = False
     node_id_added: bool = False
     meaning: Meaning | None = None
+    absent: Absent | None = None
     doc: str = ""
 
     @property
@@ -103,6 +114,10 @@ class Entry:
     def to_value(self, raw: int) -> float:
         """Value in `unit` of a raw value (a plain number where there is no scale)."""
         return float(raw) if self.scale is None else raw * self.scale
+
+    def is_absent(self, raw: int) -> bool:
+        """Return whether a raw value says that there is none."""
+        return self.absent is not None and raw == self.absent.raw
 
     def encode(self, raw: int, where: str = "") -> bytes:
         """Little-endian bytes of a raw value; `BadInput` outside [low, high]."""

@@ -71,6 +71,8 @@ def search(words: Iterable[str]) -> list[Entry]:
 
 def shown(entry: Entry, raw: int) -> str:
     """Return a value with unit or meaning: ``0.5 N m/rad``, ``1 motor: motor angle``."""
+    if entry.absent is not None and entry.is_absent(raw):
+        return entry.absent.text
     if entry.meaning is not None and issubclass(entry.meaning, NamedValue):
         word, text = entry.meaning.word_of(raw), entry.meaning.describe(raw)
         return f"{raw} {word}" if text == word else f"{raw} {word}: {text}"
@@ -81,8 +83,10 @@ def shown(entry: Entry, raw: int) -> str:
     return _with_unit(f"{entry.to_value(raw):.{_DIGITS}g}", entry)
 
 
-def plain(entry: Entry, raw: int) -> float | int | str:
-    """Return a value for a file: its word where it has one, else the number in its unit."""
+def plain(entry: Entry, raw: int) -> float | int | str | None:
+    """Return a value for a file: its word where it has one, else the number in its unit, if any."""
+    if entry.is_absent(raw):
+        return None
     if entry.meaning is not None and issubclass(entry.meaning, NamedValue):
         return entry.meaning.word_of(raw) if raw in tuple(entry.meaning) else raw
     return raw if entry.scale is None or entry.scale == 1 else float(f"{raw * entry.scale:.12g}")

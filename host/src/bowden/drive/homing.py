@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import Final, NamedTuple
 
 from bowden.drive.client import Drive
+from bowden.drive.dictionary import lookup
 from bowden.drive.meanings import AngleReference, Homing
 from bowden.drive.power import BRIDGE_ON, power_state
 from bowden.errors import DriveFailed
@@ -19,7 +20,6 @@ from bowden.errors import DriveFailed
 UNKNOWN = (AngleReference.PROVING, AngleReference.MOVED, AngleReference.LOST)
 _DONE_S = 0.01  # several control ticks
 _LOOK_EVERY_S: Final = 0.05
-_NOT_YET: Final = -(2**31)  # entry index_found
 
 
 class IndexPosition(NamedTuple):
@@ -61,8 +61,9 @@ def home_here(drive: Drive) -> None:
 
 def _passed(drive: Drive) -> dict[str, int]:
     """Read the index pulses that have been passed: by encoder, counts from the zero."""
-    found = {name: drive.read_raw(f"index_found.{name}") for name in IndexPosition._fields}
-    return {name: counts for name, counts in found.items() if counts != _NOT_YET}
+    entries = {name: lookup(f"index_found.{name}") for name in IndexPosition._fields}
+    found = {name: drive.read_raw(entry.name) for name, entry in entries.items()}
+    return {name: counts for name, counts in found.items() if not entries[name].is_absent(counts)}
 
 
 def _missing(drive: Drive, timeout_s: float) -> str:
