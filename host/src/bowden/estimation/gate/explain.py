@@ -208,7 +208,8 @@ class ChannelReading:
     def explained(self, factor: float, far: float = 1.0) -> Explained:
         """Weigh that the channel is written `factor` times too large.
 
-        `far`: how many times more than usual the model may lack.
+        `far`: how many times more than usual the model may lack. Unit and sign of an angle are told
+        by its geometry, so such a model may lack its elastic part altogether, too.
         """
         y = self.measured / factor - self.target
         usual = self.sigmas * np.where(self.smooth, far, 1.0)
@@ -218,7 +219,11 @@ class ChannelReading:
         gain, sigma = float(weights[0]), math.sqrt(max(float(fit.covariance[0, 0]), 1e-300))
         if self.elastic_size == 0.0:
             gain, sigma = 1.0, _UNTOLD
-        of_gain = _log_prior(gain, sigma)
+        lost = self.geometric and far > 1.0
+        of_gain, of_one = (
+            _log_normal(each - 1.0, sigma, far * SMOOTH_SIGMA) if lost else _log_prior(each, sigma)
+            for each in (gain, 1.0)
+        )
         left = float(np.sqrt(np.mean(residual**2)))
         size_here = min(self.elastic_size, float(np.std(y)))
         found = (
@@ -235,7 +240,7 @@ class ChannelReading:
             delay_s=float(weights[2]),
             residual=residual,
             relative=0.0 if noise_alone else left / max(size_here, 1e-300),
-            surprise=max(_log_prior(1.0, sigma) - of_gain, 0.0)
+            surprise=max(of_one - of_gain, 0.0)
             + (0.5 * float(prior[-1]) ** 2 if self.geometric else 0.0),
         )
 
@@ -288,8 +293,7 @@ def _log_prior(gain: float, sigma: float) -> float:
     """
     relative = sigma / gain if gain > 0.0 else math.inf
     if relative < _NARROW:  # the product of two normal densities of log gain
-        spread = math.hypot(GAIN_SIGMA, relative)
-        return math.log(relative / spread) - 0.5 * (math.log(gain) / spread) ** 2
+        return _log_normal(math.log(gain), relative, GAIN_SIGMA)
     step = float(_LOG_GAINS[1] - _LOG_GAINS[0])
     sigma = max(sigma, 1e-3)
     misfit = (gain - np.exp(_LOG_GAINS)) / sigma
@@ -297,3 +301,9 @@ def _log_prior(gain: float, sigma: float) -> float:
     most = float(exponent.max())
     area = step / (GAIN_SIGMA * math.sqrt(2.0 * math.pi))
     return most + math.log(float(np.sum(np.exp(exponent - most))) * area)
+
+
+def _log_normal(off: float, sigma: float, prior: float) -> float:
+    """Return the logarithm of how likely a number is that was found so far off, likewise."""
+    spread = math.hypot(prior, sigma)
+    return math.log(sigma / spread) - 0.5 * (off / spread) ** 2
