@@ -38,14 +38,15 @@ void ends_start(ends_t *ends, int32_t apart_nm) {
     ends->low_unm = 0;
 }
 
-/* The largest difference at a motor torque. */
+/* The largest difference at a motor torque. One that pulls the other way takes off at least what it
+ * stretches cables of twice the stiffness by. */
 static int32_t reach_nm(const ends_t *ends, int32_t torque_unm) {
     uint32_t saturations = 0; /* 2 m are beyond any difference */
-    const int32_t taut_nm =
-        fixed_add(fixed_scale(torque_unm, ends->taut, &saturations), ends->held_nm, &saturations);
+    const int32_t pulled_nm = fixed_scale(torque_unm, ends->taut, &saturations);
     if (torque_unm <= 0) {
-        return taut_nm;
+        return fixed_add(pulled_nm / 2, ends->held_nm, &saturations);
     }
+    const int32_t taut_nm = fixed_add(pulled_nm, ends->held_nm, &saturations);
     const int32_t slack_nm = fixed_subtract(fixed_scale(torque_unm, ends->slack, &saturations),
                                             ends->stretch_nm, &saturations);
     return taut_nm > slack_nm ? taut_nm : slack_nm;

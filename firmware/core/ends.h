@@ -9,12 +9,17 @@
  *
  *     max( C T0 (1 - e^-m)/(1 + e^-m) + C g F/(1 + e^-m),  C g e^m F - C T0 )
  *
- * the first alone for F < 0, and the smallest is its mirror image. It needs no state of the cables,
- * holds for every law, and does not drift. The zero may have been taken anywhere between what
- * friction holds at no torque, which widens the band once more. Inertia and delays of the sensors
- * make the torque of now that of a little while ago or later: the band is that of all torques of
- * the last 30 ms. And when the torque has changed the motor swings to beyond where it will stay, at
- * most as far again as it has come: the band is wider by the span of those torques, either way.
+ * and the smallest is its mirror image. For F < 0 the first alone holds, where the cables are as
+ * stiff as configured. That is what they are at the pretension; strands bed in, so a cable that
+ * carries far more is stiffer and gives less. Half of that stretch is taken for sure, as the
+ * fallback does (rendering.c).
+ *
+ * The band needs no state of the cables, holds for every law, and does not drift. The zero may have
+ * been taken anywhere between what friction holds at no torque, which widens the band once more.
+ * Inertia and delays of the sensors make the torque of now that of a little while ago or later: the
+ * band is that of all torques of the last 30 ms. And when the torque has changed the motor swings
+ * to beyond where it will stay, at most as far again as it has come: the band is wider by the span
+ * of those torques, either way.
  *
  * Pure; no division in the tick.
  */

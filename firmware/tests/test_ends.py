@@ -63,6 +63,29 @@ def test_the_band_is_what_stretch_and_friction_allow(
         lib.ends_start(raw, 0)
 
 
+def bedding_in_m(torque_nm: float, gain: float, mu: float, pretension_n: float) -> float:
+    """Difference of the ends with one cable slack, of strands that bed in: `cable_stiffening`.
+
+    The other one slides, T = F exp(-mu s/R), and its strain is the integral of dT over the tangent
+    stiffness EA sqrt(1 - gain + gain T/T0).
+    """
+    s_m = np.linspace(0.0, 2.0, 2001)
+    tension_n = torque_nm / 0.020 * np.exp(-mu * s_m / 0.28)
+    stiffer = np.sqrt(1.0 - gain + gain * tension_n / pretension_n)
+    return float(np.trapezoid(2.0 * pretension_n / (gain * 4000.0) * (stiffer - 1.0), s_m))
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_cables_that_get_stiffer_as_they_are_pulled_are_no_fault(side: int) -> None:
+    """At 45 N a cable that was measured at 1 N gives half of what its stiffness there says."""
+    raw = ends(tolerance_nm=2_000_000, mu_d=0.21, pretension_n=1.0)
+    apart_nm = round(1e9 * bedding_in_m(0.9, 0.5, 0.21, 1.0))
+    for torque_unm in range(0, 900_000, 1000):
+        lib.ends_beyond(raw, side * apart_nm * torque_unm // 900_000, side * torque_unm)
+    assert not any(lib.ends_beyond(raw, side * apart_nm, side * 900_000) for _ in range(2000))
+    assert lib.ends_beyond(raw, 0, side * 900_000)  # a motor that does not move is still found
+
+
 def test_a_torque_that_was_just_there_widens_the_band_by_the_swing_that_it_leaves() -> None:
     raw = ends(mu_d=0.05)
     for _ in range(2000):
