@@ -33,6 +33,7 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
         .motor_per_load_torque = ratio_reciprocal(ratio),
         .friction_unm = friction_unm,
         .adaptation = adaptation_of(ratio, friction_unm, settings->ticks_per_s),
+        .restored_ppm = {PPM, PPM},
         .share_q16 = q16(settings->friction_share_ppm),
         .configured = sliding,
         .sliding = sliding,
@@ -77,6 +78,22 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
     friction_observer_expect(&compensation->observer,
                              (uint32_t)((uint64_t)adaptation_friction_q16(adaptation) *
                                         adaptation_pretension_q16(adaptation) / ADAPTATION_ONE));
+    compensation->restored_ppm[0] = friction_factor_ppm;
+    compensation->restored_ppm[1] = pretension_factor_ppm;
+    take_adapted(compensation);
+}
+
+/* The integral law's sum stays: it is all of that law's torque, and follows the model's error from
+ * here. Starting at nothing it would drop the friction's share for as long as it took to learn. */
+void compensation_forget_cell(compensation_t *compensation) {
+    laws_t *laws = &compensation->laws;
+    laws->model_inversion.shift_q8_unm[0] = 0;
+    laws->model_inversion.shift_q8_unm[1] = 0;
+    laws->adaptive_hysteresis.amplitude_unm = laws->adaptive_hysteresis.friction_unm;
+    compensation->estimator.correction_q8_unm = 0;
+    /* the friction observer stays: it has never seen the cell */
+    adaptation_set_ppm(&compensation->adaptation, compensation->restored_ppm[0],
+                       compensation->restored_ppm[1]);
     take_adapted(compensation);
 }
 

@@ -86,8 +86,9 @@ typedef struct {
     passivity_t passivity;
     load_motion_t load_motion;
     laws_t laws;
-    law_answer_t answer; /* of the last tick */
-    int32_t next_sign;   /* direction whose factor on the friction is next */
+    law_answer_t answer;      /* of the last tick */
+    int32_t next_sign;        /* direction whose factor on the friction is next */
+    uint32_t restored_ppm[2]; /* factors on friction and pretension that adaptation began with */
 } compensation_t;
 
 /* Computes the constants from a configured transmission, and starts at standstill. Slow: not in a
@@ -103,5 +104,9 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
 /* Adaptation: continues from levels that were saved; outside the bounds they are limited. */
 void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm,
                           uint32_t pretension_factor_ppm);
+
+/* The load cell was wrong while it was in use: what laws, estimator and adaptation have learned
+ * from it since compensation_restore() is taken back. It would act on without the cell. */
+void compensation_forget_cell(compensation_t *compensation);
 
 #endif

@@ -35,10 +35,14 @@ static bool lasts(bool true_now, uint32_t *ticks, uint32_t long_ticks) {
     return *ticks == long_ticks;
 }
 
+/* The largest difference between cell and model that a usable model leaves possible. */
+static int32_t apart_most_unm(const fallback_t *fallback, const fallback_found_t *found) {
+    uint32_t saturations = 0; /* a margin of 2 kN m is as good as none */
+    return fixed_add(fallback->settings.tolerance_unm, found->model_margin_unm, &saturations);
+}
+
 static uint16_t causes_of_cell(fallback_t *fallback, const fallback_found_t *found) {
-    uint32_t saturations = 0;
-    const int32_t tolerance_unm =
-        fixed_add(fallback->settings.tolerance_unm, found->model_margin_unm, &saturations);
+    const int32_t tolerance_unm = apart_most_unm(fallback, found);
     uint16_t causes = 0;
     if (found->cell_broken) {
         causes |= COMPENSATION_FALLBACK_CELL_BROKEN;
@@ -115,10 +119,21 @@ bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
               SLIPPED_TICKS)) {
         causes |= COMPENSATION_FALLBACK_ENCODER_SLIPPED;
     }
+    const bool believed = (fallback->causes & FALLBACK_CELL_CAUSES) == 0;
     keep(fallback, causes);
+    fallback->misled = believed && (fallback->causes & FALLBACK_CELL_LATE_CAUSES) != 0;
     const compensation_rung_t before = fallback->level;
     fallback->level = level_for(fallback);
     return fallback->level != before;
+}
+
+int32_t fallback_plausible_unm(const fallback_t *fallback, const fallback_found_t *found) {
+    uint32_t saturations = 0; /* clamped to what both can be */
+    const int32_t most_unm = apart_most_unm(fallback, found);
+    const int32_t apart_unm =
+        fixed_subtract(found->cell_torque_unm, found->model_torque_unm, &saturations);
+    return fixed_add(found->model_torque_unm, fixed_clamp(apart_unm, -most_unm, most_unm),
+                     &saturations);
 }
 
 int32_t fallback_blend(fallback_t *fallback, int32_t torque_unm, bool changed) {

@@ -1,15 +1,16 @@
 /* fallback.h: which compensation runs: the law that is configured, or a lesser one while something
  * that it needs is wrong; and how the torque goes over from one to the other without a jump.
  *
- *   level                   what runs                                  left because
- *   COMPENSATION_RUNG_WITH_CELL      the configured law, the load cell in it    the cell cannot be
- * trusted COMPENSATION_RUNG_WITHOUT_CELL   the configured law, on the model alone     the model
- * cannot: an encoder slipped, a number saturated COMPENSATION_RUNG_COULOMB        Coulomb
- * feed-forward                       there is no model: refused COMPENSATION_RUNG_NONE nothing: the
- * torque as it is asked for
+ *   COMPENSATION_RUNG_*   what runs                      left because
+ *   WITH_CELL             the configured law             the cell cannot be trusted
+ *   WITHOUT_CELL          the same on the model alone    an encoder slipped, a number saturated
+ *   COULOMB               Coulomb feed-forward           there is no model: it was refused
+ *   NONE                  the torque as it is asked for
  *
  * A cause counts from the tick that finds it until it has been absent for the clean time. The
- * estimate that the cell is held against must not itself be corrected by the cell.
+ * estimate that the cell is held against must not itself be corrected by the cell. What that
+ * estimate leaves possible bounds the cell from the first tick: while it is still to be found out
+ * whether the cell is wrong, it misleads by no more than the model may be wrong.
  *
  * Pure: what was found in a tick in, the level out. drive.c runs the laws.
  */
@@ -27,6 +28,9 @@ enum {
         COMPENSATION_FALLBACK_ENCODER_SLIPPED | COMPENSATION_FALLBACK_MODEL_SATURATES,
     FALLBACK_CELL_CAUSES =
         COMPENSATION_FALLBACK_CELL_BROKEN | COMPENSATION_FALLBACK_CELL_END_OF_RANGE |
+        COMPENSATION_FALLBACK_CELL_STUCK | COMPENSATION_FALLBACK_CELL_IMPLAUSIBLE,
+    /* Found only after a while, in which the laws have learned from the wrong cell. */
+    FALLBACK_CELL_LATE_CAUSES =
         COMPENSATION_FALLBACK_CELL_STUCK | COMPENSATION_FALLBACK_CELL_IMPLAUSIBLE,
 };
 
@@ -60,6 +64,7 @@ typedef struct {
     int32_t quiet_counts, quiet_model_unm; /* cell and estimate when the cell last moved */
     uint32_t quiet_ticks, implausible_ticks, slipped_ticks;
     bool slipped_back;             /* the innovation was negative */
+    bool misled;                   /* this tick found that a cell in use has been wrong */
     int32_t given_unm, offset_unm; /* of the blend */
 } fallback_t;
 
@@ -68,6 +73,9 @@ void fallback_start(fallback_t *fallback, const fallback_settings_t *settings);
 
 /* Looks at one tick; true when the level has changed. */
 bool fallback_step(fallback_t *fallback, const fallback_found_t *found);
+
+/* The cell's torque, or the nearest one that a usable model leaves possible. */
+int32_t fallback_plausible_unm(const fallback_t *fallback, const fallback_found_t *found);
 
 /* From the torque of the law on the level to the one to give: the same, but for a difference that
  * starts at a change of the level (`changed`) with what is missing to the torque given last, and

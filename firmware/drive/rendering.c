@@ -57,25 +57,23 @@ static int32_t arc_margin_nm(const transmission_t *transmission, int32_t motor_t
 
 /* What the fallback checks: this tick's measurements against what the model made of the last
  * one's, in which the load cell has no part. */
-static bool watch(rendering_t *rendering, transmission_t *transmission,
-                  const rendering_inputs_t *inputs) {
+static fallback_found_t found_now(rendering_t *rendering, transmission_t *transmission,
+                                  const rendering_inputs_t *inputs) {
     const compensation_outputs_t *outputs = &rendering->compensation.outputs;
     const bool saturates = transmission->saturations != rendering->saturations_seen;
     rendering->saturations_seen = transmission->saturations;
     const int32_t model_unm = transmission_load_torque_unm(transmission);
-    return fallback_step(
-        &rendering->fallback,
-        &(fallback_found_t){
-            .cell_broken = inputs->load_cell_broken,
-            .cell_end_of_range = inputs->load_cell_saturated,
-            .cell_counts = inputs->load_cell_counts,
-            .cell_torque_unm = inputs->load_cell_unm,
-            .model_torque_unm = model_unm,
-            .model_margin_unm = torque_margin_unm(outputs, model_unm),
-            .innovation_nm = outputs->innovation_nm,
-            .innovation_margin_nm = arc_margin_nm(transmission, inputs->motor_torque_unm),
-            .model_saturates = saturates,
-        });
+    return (fallback_found_t){
+        .cell_broken = inputs->load_cell_broken,
+        .cell_end_of_range = inputs->load_cell_saturated,
+        .cell_counts = inputs->load_cell_counts,
+        .cell_torque_unm = inputs->load_cell_unm,
+        .model_torque_unm = model_unm,
+        .model_margin_unm = torque_margin_unm(outputs, model_unm),
+        .innovation_nm = outputs->innovation_nm,
+        .innovation_margin_nm = arc_margin_nm(transmission, inputs->motor_torque_unm),
+        .model_saturates = saturates,
+    };
 }
 
 static compensation_law_t law_on(compensation_rung_t level, compensation_law_t configured) {
@@ -124,7 +122,11 @@ static int32_t rendered_unm(rendering_t *rendering, transmission_t *transmission
     fallback_t *fallback = &rendering->fallback;
     uint32_t saturations = 0; /* torques are far from the range */
     const tables_t *tables = inputs->tables;
-    const bool changed = watch(rendering, transmission, inputs);
+    const fallback_found_t found = found_now(rendering, transmission, inputs);
+    const bool changed = fallback_step(fallback, &found);
+    if (fallback->misled) {
+        compensation_forget_cell(&rendering->compensation);
+    }
     compensation_step(
         &rendering->compensation, transmission,
         &(compensation_inputs_t){
@@ -136,7 +138,7 @@ static int32_t rendered_unm(rendering_t *rendering, transmission_t *transmission
             .motor_arc_nm = inputs->motor_arc_nm,
             .load_arc_nm = inputs->load_arc_nm,
             .motor_torque_unm = inputs->motor_torque_unm,
-            .load_cell_unm = inputs->load_cell_unm,
+            .load_cell_unm = fallback_plausible_unm(fallback, &found),
             .friction_q14 = tables != NULL && tables->has_friction ? tables->friction_q14 : NULL,
         });
     if (!inputs->active) {

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bowden.drive.meanings import CompensationLaw
 from hypothesis import example, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -22,6 +23,7 @@ from firmware.tests.controlled import (
     DAMPED,
     DISAGREES,
     FRICTION_NM,
+    INVERSION,
     LIMITED,
     RATIO,
     Controlled,
@@ -298,6 +300,41 @@ def test_strokes_with_a_slack_cable_tell_pretension_from_friction(
     one.run(0.5, np.full(2000, -0.5), cell=True)
     one.run(0.0, stroke(-0.5, 0.5), cell=False)
     assert (outputs.friction_factor_ppm, outputs.pretension_factor_ppm) == learned
+
+
+def learned(one: Controlled) -> tuple[int, ...]:
+    """All that a load cell teaches, as numbers."""
+    laws, outputs = one.raw.laws, one.raw.outputs
+    return (
+        *laws.model_inversion.shift_q8_unm,
+        laws.adaptive_hysteresis.amplitude_unm,
+        one.raw.estimator.correction_q8_unm,
+        outputs.friction_factor_ppm,
+        outputs.pretension_factor_ppm,
+    )
+
+
+@pytest.mark.parametrize("law", [INVERSION, CompensationLaw.ADAPTIVE_HYSTERESIS])
+def test_what_a_cell_has_taught_is_taken_back_and_nothing_else(law: CompensationLaw) -> None:
+    """The model's friction is a quarter too high; the cell says so, and is then disbelieved."""
+    wrong = settings(pretension_n=12.5, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
+    one = Controlled(model=wrong, adapt=True)
+    one.inputs.law = law
+    lib.compensation_restore(one.raw, 1_100_000, 900_000)
+    untaught = learned(one)
+    for _ in range(3):
+        one.run(0.0, np.concatenate([stroke(0.0, 0.7, 1.0), stroke(0.7, 0.0, 1.0)]), cell=True)
+    taught = learned(one)
+    of_the_law = slice(0, 2) if law == INVERSION else slice(2, 3)
+    assert taught[of_the_law] != untaught[of_the_law]
+    assert taught[3] != 0
+    assert taught[4] != untaught[4]
+    observer = ffi.addressof(one.raw.observer)
+    friction_q16 = lib.friction_observer_mean_q16(observer)
+    lib.compensation_forget_cell(one.raw)
+    assert learned(one) == untaught
+    # from encoders and current: right without any cell
+    assert lib.friction_observer_mean_q16(observer) == friction_q16
 
 
 def test_adaptation_is_bounded_and_off_unless_asked_for() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from bowden.drive.meanings import CompensationFallback, CompensationLaw, CompensationRung
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from firmware.tests.native import Drive, ffi, lib
@@ -158,7 +158,65 @@ def test_without_a_model_nothing_is_compensated_for_ever() -> None:
     assert (fallback.level, fallback.causes) == (NONE, REFUSED)
 
 
-torques = st.integers(-8_000_000, 8_000_000)
+# ---- a cell that lies: what it may teach until it is found out, and after ----
+
+torques = st.integers(-8_388_608, 8_388_607)  # an i24
+
+
+@given(cell_unm=torques, model_unm=torques, margin_unm=st.integers(0, 2**31 - 1))
+@example(cell_unm=-8_388_608, model_unm=8_388_607, margin_unm=0)
+@example(cell_unm=8_388_607, model_unm=0, margin_unm=2**31 - 1)
+def test_a_cell_is_used_as_far_as_the_model_leaves_it_possible(
+    cell_unm: int, model_unm: int, margin_unm: int
+) -> None:
+    """As it reads where that is possible; else the nearest torque that is."""
+    found = Cell()(model_unm, cell_torque_unm=cell_unm, model_margin_unm=margin_unm)
+    used_unm = lib.fallback_plausible_unm(fallback_with(), found)
+    most_unm = TOLERANCE_UNM + margin_unm
+    assert used_unm == min(max(cell_unm, model_unm - most_unm), model_unm + most_unm)
+
+
+OFF_UNM = TOLERANCE_UNM + 1
+
+
+@pytest.mark.parametrize(
+    ("found", "cause", "misled"),
+    [
+        ({"cell_torque_unm": OFF_UNM}, IMPLAUSIBLE, True),
+        ({"cell_torque_unm": -OFF_UNM}, IMPLAUSIBLE, True),
+        ({"cell_counts": 7, "cell_torque_unm": 0, "model_torque_unm": 400_000}, STUCK, True),
+        ({"cell_broken": True}, BROKEN, False),  # told at once: it has taught nothing wrong
+        ({"cell_end_of_range": True}, END_OF_RANGE, False),
+        ({"innovation_nm": SLIP_NM + 1}, SLIPPED, False),
+    ],
+)
+def test_a_cell_has_misled_when_it_was_wrong_before_that_was_found(
+    found: dict[str, Any], cause: int, misled: bool
+) -> None:
+    fallback, cell = fallback_with(), Cell()
+    for _ in range(2):  # and again, when it was used again
+        run(fallback, 1, cell, cell_counts=found.get("cell_counts", 0))  # the cell's last move
+        ticks_of = []
+        for tick in range(400):
+            run(fallback, 1, cell, **found)
+            if fallback.misled:
+                ticks_of.append(tick)
+                assert fallback.causes == cause
+        assert len(ticks_of) == misled  # once, in the tick that finds it
+        run(fallback, CLEAN_TICKS, cell)
+        assert (fallback.level, fallback.causes) == (WITH_CELL, 0)
+
+
+def test_a_broken_cell_that_reads_anything_has_not_misled() -> None:
+    """What it taught while it was alive is right: a reading that nobody uses takes nothing back."""
+    fallback, cell = fallback_with(), Cell()
+    for _ in range(2 * CLEAN_TICKS):
+        run(fallback, 1, cell, cell_broken=True, cell_torque_unm=2 * OFF_UNM)
+        assert not fallback.misled
+    assert fallback.causes == BROKEN | IMPLAUSIBLE
+
+
+# ---- the blend ----
 
 
 @given(
@@ -218,6 +276,8 @@ class Rig:
         self.drive.values.compensation_law = law
         self.ticks = 0
         self.cell_dead = False
+        self.cell_stuck = False
+        self.cell_offset_unm = 0
         self.slip_counts = 0
         self.commands: list[int] = []
         assert self.drive.enable().bridge_enabled
@@ -233,8 +293,9 @@ class Rig:
             sensors.motor_encoder_counts = round(motor_counts) + self.slip_counts
             sensors.motor_current_ua = round(values.motor_torque_command_unm / 0.06)
             sensors.faults = FAULT_LOAD_CELL if self.cell_dead else 0
-            if not self.cell_dead:
-                sensors.load_cell_counts = values.model_load_torque_unm // 200 + self.ticks % 2
+            if not self.cell_dead and not self.cell_stuck:
+                reads_unm = values.model_load_torque_unm + self.cell_offset_unm
+                sensors.load_cell_counts = reads_unm // 200 + self.ticks % 2
             drive.tick()
             self.commands.append(values.motor_torque_command_unm)
 
@@ -266,6 +327,35 @@ def test_a_cell_that_fails_in_motion_costs_a_fallback_level_and_a_warning_but_no
     assert (values.compensation_rung, values.compensation_fallback) == (WITH_CELL, 0)
     assert values.error_register == 0
     assert emergencies(rig.drive) == [(0, 0)]
+
+
+def test_a_cell_that_lies_more_than_is_possible_misleads_no_further() -> None:
+    """For the 50 ms until it is found out the motor gives what the largest possible lie asks."""
+    commands = []
+    for offset_unm in (0, 1_000_000, 5_000_000, 6_000_000):
+        rig = Rig()
+        rig.run(2.1)  # has slid both ways; 3.6 N m at most are possible in the wall
+        rig.commands.clear()
+        rig.cell_offset_unm = offset_unm
+        rig.run(0.049)
+        assert rig.drive.values.compensation_rung == WITH_CELL
+        commands.append(rig.commands)
+    true, possible, impossible, more = commands
+    assert true != possible != impossible
+    assert impossible == more
+
+
+@pytest.mark.parametrize(("broken", "cause"), [("cell_dead", BROKEN), ("cell_stuck", STUCK)])
+def test_only_a_cell_that_was_wrong_takes_back_what_it_taught(broken: str, cause: int) -> None:
+    rig = Rig()
+    rig.run(0.5)  # out of the wall and nearly back: the cell has shifted the wanted torque
+    inversion = rig.drive.raw.rendering.compensation.laws.model_inversion
+    taught = list(inversion.shift_q8_unm)
+    assert taught[1] > 256 * 50_000  # uN m; five times what is left to be felt at standstill
+    setattr(rig, broken, True)
+    rig.run(0.1)  # the load turns, and with it the torque of the cables
+    assert rig.drive.values.compensation_fallback & cause
+    assert list(inversion.shift_q8_unm) == (taught if cause == BROKEN else [0, 0])
 
 
 @pytest.mark.parametrize("torque_unm", [8_388_607, -8_388_607])  # ends of an i24
