@@ -5,6 +5,8 @@ The whole campaign is `make bench-faults`; which rows may break a ceiling stands
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bowden_rig.bench import TICKS_PER_S
@@ -186,6 +188,24 @@ def test_native_rows_hold_or_are_listed_with_their_reason(where: object) -> None
     assert hasattr(where, "name")
     outcomes = run_batch(Batch("native", where.name, named(EVERY_TIME)))
     assert disagreements(outcomes, load()) == [], HOW_TO_UPDATE
+
+
+@pytest.mark.parametrize("name", ["torque-none", "tunnel-none", "tunnel-adaptive-hysteresis"])
+def test_a_host_that_is_silent_or_late_stays_below_the_ceilings_with_the_deadline_of_safety_md(
+    name: str,
+) -> None:
+    """20 ms, as the ceiling's 20 ms of the motor's limit; the host sends every 10 ms."""
+    where = replace(situation(name), command_deadline_s=0.02)
+    run = NativeFork(where).run
+    healthy = run()
+    assert healthy.bridge_on.all()
+    assert not healthy.emergencies
+    stopped = run(stop=True), run(stop=True, cut=True)
+    for fault in named(("commands-dropout", "commands-late")):
+        found = judge("native", where, fault, run(fault, stop=True), stopped)
+        assert found.off_s is not None
+        assert found.off_s <= 0.02
+        assert found.holds
 
 
 @NEEDS_ELF

@@ -49,6 +49,8 @@ class Situation:
         In Fault, by a supply that was missing once.
     stops : bool
         The host asks for a quick stop at the onset.
+    command_deadline_s : float or None
+        Of the drive; None: its default.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Situation:
     operational: bool = True
     faulted: bool = False
     stops: bool = False
+    command_deadline_s: float | None = None
 
     @property
     def rig(self) -> Rig:
@@ -73,7 +76,10 @@ class Situation:
 
     def entries(self) -> dict[str, float]:
         """Entries to configure, in their units."""
-        return ENTRIES | {"compensation_law": float(self.law)}
+        entries = ENTRIES | {"compensation_law": float(self.law)}
+        if self.command_deadline_s is not None:
+            entries["command_deadline"] = self.command_deadline_s
+        return entries
 
 
 UP: Final = (SHUTDOWN, SWITCH_ON, ENABLE)
