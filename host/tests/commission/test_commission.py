@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import json
+import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 from bowden.cli.main import main
 from bowden.commission.job import Declined, Facts
-from bowden.commission.run import MODEL_FILE, STEPS, commission
-from bowden.commission.state import STATE_FILE, DriveIdentity, open_state, save_state
-from bowden.errors import BadInput
+from bowden.commission.run import MODEL_FILE, STEPS, commission, steps_for
+from bowden.commission.state import (
+    STATE_FILE,
+    DoneStep,
+    DriveIdentity,
+    open_state,
+    save_state,
+)
+from bowden.drive.client import Drive
+from bowden.drive.connection import Connection
+from bowden.drive.homing import home_at_index, home_here
+from bowden.errors import BadInput, DriveFailed
 from bowden.model import parse_model
-from bowden_rig.rig.parameters import Cable
+from bowden_rig.rig.parameters import Cable, Operator, Rig
 
 from hil_tests.workshop import Fitter, Wiring, open_workshop
+from tools.lent_rig import lent_rig
 
 NOMINAL = """
 rig:
@@ -98,7 +112,7 @@ def test_every_wrong_sign_and_scale_is_named_and_the_model_is_right(
     drive, bus, fitter = open_workshop(wiring, CABLE)
     wiring.hung_nm = None
     state = commission(drive, nominal, folder, fitter, FACTS)
-    assert [step.name for step in state.steps] == [step.name for step in STEPS]
+    assert [step.name for step in state.steps] == [step.name for step in steps_for(FACTS)]
     assert fitter.asked[0][0] == "Torque constant"
     assert drive.read("load_cell_zero") == pytest.approx(120.0, abs=1.0)
     constant = fitter.findings["torque constant"]
@@ -141,6 +155,80 @@ def test_a_rig_as_stated_is_left_as_it_is(nominal: Path, tmp_path: Path) -> None
     verdicts = {what: finding.verdict for what, finding in tired.findings.items()}
     verdicts.pop("current zero")
     assert set(verdicts.values()) == {"as stated"}
+    bus.shutdown()
+
+
+def ended(folder: Path, nominal: Path, drive: Drive) -> None:
+    """Leave a folder as a commissioning without --learn-index does."""
+    identity = DriveIdentity(
+        node_id=drive.node_id, serial_number=drive.read_raw("identity.serial_number")
+    )
+    state = open_state(folder, nominal, identity)
+    steps = tuple(DoneStep(name=step.name, ended="") for step in steps_for(FACTS))
+    folder.mkdir()
+    save_state(folder, state.model_copy(update={"steps": steps}))
+    (folder / MODEL_FILE).write_text(NOMINAL)
+
+
+@pytest.mark.parametrize("homed", [False, True])
+def test_index_pulses_are_learned_from_the_zero_that_was_shown_and_stored(
+    homed: bool, nominal: Path, tmp_path: Path
+) -> None:
+    """Also later, by the same command: the zero is asked for again unless it still holds."""
+    wants = replace(FACTS, learn_index=True)
+    drive, bus, fitter = open_workshop(Wiring(), CABLE)
+    ended(folder := tmp_path / "bench", nominal, drive)
+    if homed:
+        home_here(drive)
+    state = commission(drive, nominal, folder, fitter, wants)
+    zero = [] if homed else ["Zero of the angles"]
+    assert [title for title, _, _ in fitter.asked] == [*zero, "Index pulses", "Keep"]
+    assert not any(moves for _, moves, _ in fitter.asked)
+    assert [step.name for step in state.steps[-2:]] == ["index", "keep"]
+    assert len(state.steps) == len(STEPS)
+    learned = {name: drive.read(f"index_position.{name}") for name in ("motor", "load")}
+    assert state.steps[-2].written == {f"index_position.{n}": at for n, at in learned.items()}
+
+    target = cast(Any, bus.bench.target)
+    target._identity.reset = target._lib.RESET_CAUSE_BROWN_OUT
+    target.reset()
+    fitter.ask("Home", "", "turn the load to and fro")
+    home_at_index(drive)
+    moved = bus.bench.rig.sensors.load_encoder_counts + learned["load"]
+    # 5 ms of an answer at up to 2.2 rad/s
+    assert drive.read("load_angle") == pytest.approx(moved * 2 * math.pi / 10_000, abs=0.011)
+    fitter.asked.clear()
+    commission(drive, nominal, folder, fitter, wants)
+    assert fitter.asked == []
+    bus.shutdown()
+
+
+def test_the_command_adds_the_index_to_what_was_commissioned(
+    nominal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "bench"
+    weights = ["--weights", "1", "2", "--lever", "0.1", "--yes"]
+    command = ["commission", str(nominal), "--output", str(folder), *weights]
+    with lent_rig(Rig(operator=Operator(motion="sine", starts="now"))) as bus:
+        drive = Drive(Connection(bus, clock=lambda: bus.time_s, threaded=False))
+        ended(folder, nominal, drive)
+        assert main([*command, "--learn-index", "--json"]) == 0
+    steps = json.loads(capsys.readouterr().out)["steps"]
+    assert [step["name"] for step in steps[-2:]] == ["index", "keep"]
+    assert set(steps[-2]["written"]) == {"index_position.motor", "index_position.load"}
+
+
+def test_a_rig_without_index_pulses_is_told_and_keeps_what_is_done(
+    nominal: Path, tmp_path: Path
+) -> None:
+    drive, bus, fitter = open_workshop(Wiring(), CABLE)
+    ended(folder := tmp_path / "bench", nominal, drive)
+    fitter.bench.amplitude_rad = 0.0  # the load does not come past its pulse
+    with pytest.raises(DriveFailed, match=r"no index pulse .* does the encoder have an index"):
+        commission(drive, nominal, folder, fitter, replace(FACTS, learn_index=True))
+    fitter.asked.clear()
+    commission(drive, nominal, folder, fitter, FACTS)
+    assert fitter.asked == []
     bus.shutdown()
 
 

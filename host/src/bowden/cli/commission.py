@@ -2,7 +2,8 @@
 
 Wiring signs, encoder directions and counts, zero of the current, zero and gain of the load cell
 from known weights, direction and torque constant of the motor; then stiffness, pretension and
-friction of the cables from torque ramps on the locked load. Each step says what it will move and
+friction of the cables from torque ramps on the locked load, and the zero of the angles, with
+--learn-index also where the encoders' index pulses lie. Each step says what it will move and
 waits. Each fault is named: settings are corrected in drive and model, wires by you.
 
 DIR keeps the raw recordings, the progress (commissioning.yaml) and the model with its posterior
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 EXAMPLES = """examples:
   bowden commission nominal.yaml --output bench3 --weights 0.5 1 2 --lever 0.104
   bowden commission nominal.yaml --output bench3 --weights 0.5 1 2 --lever 0.104   goes on
+  bowden commission nominal.yaml --weights 1 2 --lever 0.1 --learn-index
   bowden commission nominal.yaml --weights 1 2 --lever 0.1 --marks 60 -i socketcan -c can0
 """
 
@@ -78,6 +80,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="how long the load is turned by hand in a step (default: %(default)s)",
     )
+    parser.add_argument(
+        "--learn-index",
+        action="store_true",
+        help="both encoders have an index pulse: note where it lies, for `bowden home --index`",
+    )
     parser.add_argument("--yes", action="store_true", help="do not wait between the steps")
     add_json_argument(parser)
     add_drive_arguments(parser)
@@ -86,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Go through the steps, show what was found."""
     from bowden.commission.job import Declined  # noqa: PLC0415  (keeps --help fast)
-    from bowden.commission.run import MODEL_FILE, STEPS, commission  # noqa: PLC0415
+    from bowden.commission.run import MODEL_FILE, commission, steps_for  # noqa: PLC0415
     from bowden.commission.state import STATE_FILE  # noqa: PLC0415
 
     facts = _facts(args)
@@ -100,7 +107,9 @@ def run(args: argparse.Namespace) -> int:
             out.print("ended here; the same command goes on")
             return EXIT_INTERRUPTED
     model = args.output / MODEL_FILE
-    out.print(f"{len(STEPS)} steps done; model: {model}, log: {args.output / STATE_FILE}")
+    out.print(
+        f"{len(steps_for(facts))} steps done; model: {model}, log: {args.output / STATE_FILE}"
+    )
     if args.json:
         print_json(
             {
@@ -136,6 +145,7 @@ def _facts(args: argparse.Namespace) -> Facts:
         weights_kg=tuple(args.weights),
         lever_m=args.lever,
         by_hand_s=args.by_hand,
+        learn_index=args.learn_index,
     )
 
 

@@ -1,7 +1,7 @@
 """Steps with the bridge off: the operator turns the load and hangs weights.
 
 Directions of the sensors, counts per turn, zero of the current, zero and gain of the load cell,
-zero of the angles.
+zero of the angles, and where the index pulses lie from it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from bowden.commission.job import Job
 from bowden.commission.measures import Measured, cell_scale, directions, encoder_counts
 from bowden.commission.state import StepFinding, Verdict
-from bowden.drive.homing import angle_reference, home_here
+from bowden.drive.homing import angle_reference, home_here, learn_index
+from bowden.drive.meanings import AngleReference
 from bowden.errors import DriveFailed
 
 GRAVITY_M_PER_S2 = 9.80665  # standard; on earth it differs by up to 0.3 %
@@ -167,6 +168,20 @@ def set_zero(job: Job) -> list[StepFinding]:
     home_here(job.drive)
     found = f"angles count {angle_reference(job.drive).doc}"
     return [StepFinding(what="zero of the angles", verdict="measured", found=found)]
+
+
+def learn_pulses(job: Job) -> list[StepFinding]:
+    """Note where both encoders' index pulses lie; set the zero anew where it is not the one shown.
+
+    A drive that was switched off since the zero was set counts from where it stood at power-on.
+    """
+    shown = angle_reference(job.drive) is AngleReference.HOMED
+    findings = [] if shown else set_zero(job)
+    job.operator.ask("Index pulses", "", "turn the load slowly to and fro, through its whole range")
+    pulses = learn_index(job.drive)
+    job.written |= {f"index_position.{name}": float(at) for name, at in pulses._asdict().items()}
+    found = f"{pulses.motor} (motor) and {pulses.load} (load) counts from the zero"
+    return [*findings, StepFinding(what="index pulses", verdict="measured", found=found)]
 
 
 def _mean(values: NDArray[np.float64]) -> Measured:

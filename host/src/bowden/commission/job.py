@@ -62,6 +62,8 @@ class Facts:
         How long the operator turns the load in a step.
     ramp_nm_per_s : float, N m/s
         Slope of the torque on the locked load.
+    learn_index : bool
+        Both encoders have an index pulse: note in the drive where they lie.
     """
 
     angle_rad: float
@@ -70,6 +72,7 @@ class Facts:
     lever_m: float
     by_hand_s: float = 10.0
     ramp_nm_per_s: float = 0.1
+    learn_index: bool = False
 
 
 @dataclass

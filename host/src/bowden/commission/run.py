@@ -1,7 +1,8 @@
 """Run the steps of a commissioning in order, keep its progress, end in model and configuration.
 
 What is done is in the folder's file and is not done again; a drive that has lost what was written
-meanwhile (a restart) gets it again. At the end the drive stores its configuration.
+meanwhile (a restart) gets it again. At the end the drive stores its configuration, also when a
+commissioning that had ended goes on with a step that was not wanted before.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from bowden.commission.by_hand import (
     find_current_zero,
     find_directions,
     find_load_cell,
+    learn_pulses,
     set_zero,
 )
 from bowden.commission.job import WRITABLE, Facts, Job, Operator
@@ -86,8 +88,14 @@ STEPS = (
     CommissioningStep("torque_constant", "torque per ampere", find_torque_constant),
     CommissioningStep("cables", "stiffness, pretension and friction", find_cables),
     CommissioningStep("zero", "zero of the angles", set_zero),
+    CommissioningStep("index", "index pulses of both encoders", learn_pulses),
     CommissioningStep("keep", "store the configuration", keep),
 )
+
+
+def steps_for(facts: Facts) -> list[CommissioningStep]:
+    """Return the steps that such a rig needs, in order."""
+    return [step for step in STEPS if facts.learn_index or step.name != "index"]
 
 
 def commission(
@@ -123,9 +131,11 @@ def commission(
     model = _read_model(folder / MODEL_FILE if state.steps else model_file)
     job = Job(drive, model, folder, operator, facts)
     write(drive, difference(drive, state.written, WRITABLE))
-    for step in STEPS:
-        if state.done(step.name) is not None:
+    news = False
+    for step in steps_for(facts):
+        if state.done(step.name) is not None and not (news and step.do is keep):
             continue
+        news = True
         job.recordings.clear()
         job.written.clear()
         findings = step.do(job)
@@ -140,7 +150,8 @@ def commission(
             findings=tuple(findings),
             written=dict(job.written),
         )
-        state = state.model_copy(update={"steps": (*state.steps, done)})
+        others = [step for step in state.steps if step.name != done.name]
+        state = state.model_copy(update={"steps": (*others, done)})
         save_state(folder, state)
     return state
 
