@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from bowden.model import Inputs, Mode, ModelError, format_model, parse_model, simulate
 from bowden.model.effects import LawTable
-from bowden.model.effects.learned import argument_of, direction_of
+from bowden.model.effects.last_motion import STILL_RAD, direction_of
+from bowden.model.effects.learned import argument_of, curve_through
 from hypothesis import given as drawn
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -18,6 +19,18 @@ from .rigs import FloatArray
 
 TP, PT = Mode.TORQUE_POSITION, Mode.POSITION_TORQUE
 TENT = LawTable("load_torque_nm", ("load_angle_rad",), (-0.1, 0.0, 0.1))
+
+
+def arc(at: FloatArray, step: float, values: tuple[float, float, float]) -> FloatArray:
+    """Return the natural cubic spline through three knots at -step, 0, step; level beyond.
+
+    Its second derivative is zero at the outer knots and 1.5 of the second difference in the middle.
+    """
+    first, middle, last = values
+    u = np.clip(np.abs(at) / step, 0.0, 1.0)
+    bend = 1.5 * (first - 2.0 * middle + last)
+    straight = (1.0 - u) * middle + u * np.where(at < 0.0, first, last)
+    return np.asarray(straight - bend / 6.0 * ((1.0 - u) - (1.0 - u) ** 3))
 
 
 def same(found: FloatArray, expected: FloatArray, share: float = 1e-9) -> None:
@@ -36,7 +49,7 @@ def test_a_level_factor_on_friction_is_another_coefficient_of_friction() -> None
 def test_a_torque_at_the_load_is_read_by_the_cell_and_nothing_else_changes() -> None:
     true = simulate(plain(), TP, given(TP))
     found = simulate(plain().with_law(TENT, (0.02, 0.05, -0.01)), TP, given(TP))
-    expected = np.interp(true.load_angle_rad, TENT.x, (0.02, 0.05, -0.01))
+    expected = arc(true.load_angle_rad, 0.1, (0.02, 0.05, -0.01))
     same(found.load_torque_nm, true.load_torque_nm + expected)
     same(found.motor_angle_rad, true.motor_angle_rad)
 
@@ -54,10 +67,10 @@ def test_a_torque_at_the_motor_is_added_to_the_recorded_one() -> None:
 
 def test_a_law_of_a_torque_that_is_predicted_holds_for_what_came_out() -> None:
     table = LawTable("load_torque_nm", ("load_torque_nm",), (-1.0, 0.0, 1.0))
-    law = (0.1, 0.0, 0.1)  # |torque| / 10
+    law = (0.1, 0.0, 0.1)
     true = simulate(plain(), TP, given(TP))
     found = simulate(plain().with_law(table, law), TP, given(TP))
-    expected = true.load_torque_nm + np.interp(true.load_torque_nm, table.x, law)
+    expected = true.load_torque_nm + arc(true.load_torque_nm, 1.0, law)
     same(found.load_torque_nm, expected)
     # Given as a reading, it is taken off again.
     back = Inputs(found.time_s, found.motor_angle_rad, load_torque_nm=found.load_torque_nm)
@@ -66,10 +79,51 @@ def test_a_law_of_a_torque_that_is_predicted_holds_for_what_came_out() -> None:
     same(first.load_angle_rad, simulate(plain(), PT, plainly).load_angle_rad, 1e-6)
 
 
+def test_a_torque_at_the_motor_over_its_own_is_of_the_recorded_one() -> None:
+    table = LawTable("motor_torque_nm", ("motor_torque_nm",), (-1.0, 1.0))
+    found = simulate(plain().with_law(table, (-0.3, 0.3)), TP, given(TP))
+    motor = given(TP).motor_torque_nm
+    assert motor is not None
+    assert np.abs(motor).max() < 1.0  # within the knots
+    other = simulate(plain(), TP, replace(given(TP), motor_torque_nm=1.3 * motor))
+    same(found.load_torque_nm, other.load_torque_nm)
+
+
+def test_a_smooth_law_is_met_between_its_knots() -> None:
+    # Of a sine that ends where it is straight, seventeen knots: h^4/384 times the fourth
+    # derivative's 5 (Hall and Meyer 1976), and the natural ends cost nothing.
+    x = np.linspace(0.0, 1.0, 17)
+    at = np.linspace(0.0, 1.0, 1001)
+    found = curve_through(x.tolist(), np.sin(np.pi * x), at)
+    most = 5.0 / 384.0 * (np.pi / 16.0) ** 4
+    np.testing.assert_allclose(found, np.sin(np.pi * at), rtol=0.0, atol=most)
+
+
+def test_the_curve_is_linear_in_its_values_and_straight_between_two() -> None:
+    x, at = (0.0, 1.0, 3.0), np.linspace(-1.0, 4.0, 51)
+    values = np.array([0.3, -0.2, 0.1])
+    each = curve_through(x, np.eye(3), at)
+    same(each @ values, curve_through(x, values, at), 1e-12)
+    same(curve_through((0.0, 3.0), np.array([1.0, 4.0]), at), 1.0 + np.clip(at, 0.0, 3.0), 1e-12)
+
+
 def test_direction_is_that_of_the_last_motion_and_is_held_at_rest() -> None:
     angle = np.array([0.0, 0.0, 0.1, 0.2, 0.2, 0.1995, 0.2, 0.15, 0.15, 0.05, 0.3])
     # What comes before the first motion counts as it; half a milliradian back is no motion.
     assert direction_of(angle).tolist() == [1, 1, 1, 1, 1, 1, 1, -1, -1, -1, 1]
+
+
+def test_direction_changes_where_the_load_leaves_its_turning_point() -> None:
+    # Out, at standstill with noise below its limit, then slowly back: a milliradian takes 20
+    # samples, and the motion began when it left the turning point, not when it was certain.
+    noise = STILL_RAD / 2.0 * np.array([1.0, -1.0] * 5)
+    angle = np.concatenate([np.linspace(0.0, 0.1, 11), 0.1 + noise, 0.1 - 5e-5 * np.arange(1, 40)])
+    way = direction_of(angle)
+    turned = int(np.flatnonzero(way < 0.0)[0])
+    assert 21 <= turned <= 21 + STILL_RAD / 5e-5
+    assert np.all(way[:turned] == 1.0)
+    assert np.all(way[turned:] == -1.0)
+    assert direction_of(-angle).tolist() == (-way).tolist()
 
 
 def test_time_since_a_reversal_begins_anew_where_the_direction_changes() -> None:
@@ -85,10 +139,12 @@ def test_beyond_its_knots_a_law_stays_level(angle: float, values: list[float]) -
     around = {"time_s": np.zeros(1), "load_angle_rad": np.array([angle])}
     named = dict(zip(TENT.names, values, strict=True))
     (found,) = TENT.at(around, named)
-    rounding = 1e-15  # of values up to 1
-    assert min(values) - rounding <= found <= max(values) + rounding
+    rounding = 1e-14  # of values up to 1
+    first, middle, last = values
+    expected = arc(np.array([angle]), 0.1, (first, middle, last))
+    assert found == pytest.approx(expected[0], abs=rounding)
     if abs(angle) >= 0.1:
-        assert found == values[0 if angle < 0.0 else 2]
+        assert found == pytest.approx(values[0 if angle < 0.0 else 2], abs=rounding)
 
 
 def test_it_stands_in_a_model_file_and_its_values_move() -> None:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,7 +20,6 @@ from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
-EDGE = 0.005  # share of the samples beyond the first and the last knot: seen too seldom to tell
 SCREENED, FITTED = 6, 17  # knots
 LEVEL = 10.0  # usual values: how large a law may be before it is bent
 
@@ -65,11 +65,23 @@ def learned_among(effects: Sequence[Candidate]) -> LawCandidate | None:
 
 
 def smooth_precision(table: LawTable, bend: float) -> _Floats:
-    """Return the precision of a prior: second differences of size `bend`, level within reason."""
-    knots = len(table.x)
-    second = np.diff(np.eye(knots), 2, axis=0)
+    """Return the precision of a prior: second differences of size `bend`, level within reason.
+
+    The curvature is white noise: the spline through the knots is then what is expected between
+    them, and its energy is the prior's exponent (Green, Silverman 1994, section 2.1).
+    """
+    x = np.array(table.x)
+    knots, step = x.size, np.diff(x)
+    usual = (x[-1] - x[0]) / (knots - 1)
+    second = np.zeros((knots - 2, knots))  # divided differences
+    for k, (before, after) in enumerate(itertools.pairwise(step)):
+        second[k, k : k + 3] = 1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after
+    across = np.diag((step[:-1] + step[1:]) / 3.0)
+    across += np.diag(step[1:-1] / 6.0, 1) + np.diag(step[1:-1] / 6.0, -1)
+    density = 1.5 * bend**2 / usual**3  # of the curvature's noise
+    energy = second.T @ np.linalg.solve(across, second) / density
     level = LEVEL * PLACES[table.place].usual
-    return np.asarray(second.T @ second / bend**2 + np.eye(knots) / (knots * level**2))
+    return np.asarray(energy + np.eye(knots) / (knots * level**2))
 
 
 LAWS = 2 * len(PLACES) * len(ARGUMENTS)  # that there are to choose from
@@ -100,10 +112,11 @@ def laws_over(recordings: Sequence[Recording], knots: int = SCREENED) -> list[La
 def visited_by(
     argument: str, channel: str, recordings: Sequence[Recording]
 ) -> tuple[float, float] | None:
-    """Return the range of an argument, without what is seen too seldom; None where it stands."""
+    """Return the range of an argument; None where it stands."""
     if any(channel not in {"time_s", *one.channels} for one in recordings):
         return None
-    low, high = np.quantile(_seen(argument, recordings), [EDGE, 1.0 - EDGE]).tolist()
+    seen = _seen(argument, recordings)
+    low, high = float(seen.min()), float(seen.max())
     return (low, high) if high - low > 1e-9 * max(abs(low), abs(high), 1.0) else None
 
 
@@ -123,7 +136,7 @@ def finer(one: LawCandidate, values: Mapping[str, float]) -> tuple[LawCandidate,
     """Return a law with more knots over the same range, and the same curve on them."""
     x = np.linspace(one.table.x[0], one.table.x[-1], FITTED)
     table = LawTable(one.table.place, one.table.arguments, tuple(x.tolist()))
-    curve = np.interp(x, one.table.x, [values[name] for name in one.table.names])
+    curve = one.table.curve(x, np.array([values[name] for name in one.table.names]))
     spread = max(float(np.ptp(curve)), float(np.max(np.abs(curve))), 1e-9)
     found = LawCandidate.of(table, spread / FITTED)
     return found, dict(zip(table.names, curve.tolist(), strict=True))

@@ -262,12 +262,9 @@ def way_of(effect: InForce, written: Mapping[str, Any]) -> Way:
 
 
 def _learned(law: LawTable, p: Values) -> tuple[DriveTable, ...]:
-    """Make a law's tables, at even knots between its first and its last."""
-    y = np.array([p[name] for name in law.names])
-    even = np.linspace(law.x[0], law.x[-1], len(law.x))
-    if not np.allclose(even, law.x, rtol=0.0, atol=1e-6 * (law.x[-1] - law.x[0])):
-        even = np.linspace(law.x[0], law.x[-1], KNOTS)
-    values = np.interp(even, law.x, y)
+    """Make a law's tables: its curve at as many knots as fit, evenly spaced, straight between."""
+    even = np.linspace(law.x[0], law.x[-1], KNOTS)
+    values = law.curve(even, np.array([p[name] for name in law.names]))
     place = _PLACES[law.place]
     if place is TablePlace.FRICTION_FACTOR:
         values = np.clip(values, _LEAST_FACTOR, _MOST_FACTOR)

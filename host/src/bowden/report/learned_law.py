@@ -14,11 +14,13 @@ from plotly.subplots import make_subplots
 
 from bowden.diagnosis.result import Diagnosis, Learned
 from bowden.diagnosis.wording import ARGUMENT_WORDS, law_in_words, place_in_words
+from bowden.model.effects.learned import curve_through
 from bowden.report.canvas import dress, legend_above
 from bowden.report.page import Section, figure, paragraph, table
 from bowden.report.words import percent
 
 LEAST_SHOWN = 0.01  # of probability
+DRAWN = 257  # points of a curve
 _LAW, _BAND, _VISITED = "#0072b2", "rgba(0,114,178,0.18)", "#9aa1aa"
 _HIDDEN = {"color": "#d55e00", "dash": "6px,3px"}
 _UNITS = {"rad": "rad", "rad_per_s": "rad/s", "nm": "N m", "s": "s", "c": "°C"}
@@ -69,22 +71,29 @@ def learned_section(diagnosis: Diagnosis, hidden: HiddenLaw | None = None) -> li
 
 
 def draw_law(one: Learned, hidden: HiddenLaw | None = None) -> go.Figure:
-    """Draw a learned law with its 95 % band, over bars of where it was visited."""
-    x, value, low, high = one.curve.T
+    """Draw a learned law with its 95 % band, over bars of where it was visited.
+
+    Between knots the band's ends are splines as well.
+    """
+    knots = one.curve[:, 0]
+    x = np.linspace(knots[0], knots[-1], DRAWN)
+    value, low, high = curve_through(knots.tolist(), one.curve[:, 1:], x).T
     plot = make_subplots(
         rows=2, cols=1, shared_xaxes=True, row_heights=[0.78, 0.22], vertical_spacing=0.06
     )
     band = {"fill": "toself", "fillcolor": _BAND, "name": "95 % band", "mode": "lines"}
     around = {"x": np.concatenate([x, x[::-1]]), "y": np.concatenate([high, low[::-1]])}
     plot.add_trace(go.Scatter(**around, **band, line={"width": 0}, hoverinfo="skip"), row=1, col=1)
-    law = {"name": "learned law", "line": {"color": _LAW}, "mode": "lines+markers"}
-    plot.add_trace(go.Scatter(x=x, y=value, **law), row=1, col=1)
+    law = {"name": "learned law", "line": {"color": _LAW}, "legendgroup": "law"}
+    plot.add_trace(go.Scatter(x=x, y=value, mode="lines", **law), row=1, col=1)
+    at_knots = go.Scatter(x=knots, y=one.curve[:, 1], mode="markers", showlegend=False, **law)
+    plot.add_trace(at_knots, row=1, col=1)
     if hidden is not None and (hidden.place, hidden.arguments) == (one.place, one.arguments):
         truth = go.Scatter(x=hidden.x, y=hidden.value, name="hidden in the rig", line=_HIDDEN)
         plot.add_trace(truth, row=1, col=1)
     bars = {"fill": "tozeroy", "fillcolor": _VISITED, "mode": "lines", "showlegend": False}
     plot.add_trace(
-        go.Scatter(x=x, y=100.0 * one.visited, line={"width": 0}, name="visited", **bars),
+        go.Scatter(x=knots, y=100.0 * one.visited, line={"width": 0}, name="visited", **bars),
         row=2,
         col=1,
     )

@@ -5,29 +5,30 @@
     - {name: learned, place: friction_factor, arguments: [load_angle_rad, direction],
        x: [-0.2, 0.0, 0.2], values: [0.1, 0.0, 0.3]}
 
-Straight between knots, flat beyond the first and the last. With `direction` the value counts times
-the sign of the load's last motion, which is held at standstill.
+A natural cubic spline through the knots, level beyond the first and the last: of all curves through
+them the one that bends least, and what is expected of a smooth law that is known at the knots. With
+`direction` the value counts times the sign of the load's last motion, which is held at standstill.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from bowden.model.compiled import compiled
 from bowden.model.effects.derivative import velocity
 from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
+from bowden.model.effects.last_motion import direction_of, since_reversal
 from bowden.model.histories import Histories
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
 
 LEARNED = "learned"
 DIRECTION = "direction"
-MOVED_RAD = 1e-3  # load: less than that is noise, not a change of direction
 MOST_KNOTS = 33  # what the drive's tables hold
 LEAST_FACTOR = -0.95  # of mu, added: friction does not vanish
 ROUNDS = 20  # iterations of a fixed point, whose error shrinks by the slope of the law
@@ -113,8 +114,28 @@ class LawTable:
     def at(self, around: Signals, values: Values) -> FloatArray:
         """Return the law's value at every sample."""
         where = argument_of(self.argument, around)
-        found = np.interp(where, self.x, [values[name] for name in self.names])
+        found = self.curve(where, np.array([values[name] for name in self.names]))
         return found * direction_of(around["load_angle_rad"]) if self.by_direction else found
+
+    def curve(self, at: FloatArray, values: FloatArray) -> FloatArray:
+        """Return the curve over its argument, whatever the direction; see `curve_through`."""
+        return curve_through(self.x, values, at)
+
+
+def curve_through(x: Sequence[float], values: FloatArray, at: FloatArray) -> FloatArray:
+    """Return the natural cubic spline through knots, level beyond the first and the last.
+
+    Parameters
+    ----------
+    x : sequence of float
+        Knots, rising, two or more: through two it is straight.
+    values : ndarray of shape (knots,) or (knots, c)
+        At the knots; of so many curves.
+    at : ndarray of shape (n,)
+        In the unit of `x`.
+    """
+    inside = np.clip(at, x[0], x[-1])
+    return np.asarray(CubicSpline(x, values, bc_type="natural")(inside))
 
 
 def argument_of(name: str, around: Signals) -> FloatArray:
@@ -127,47 +148,8 @@ def argument_of(name: str, around: Signals) -> FloatArray:
     if name.endswith("speed_rad_per_s"):
         return np.asarray(velocity(time_s, values))
     if name == "time_since_reversal_s":
-        return np.asarray(_since_change(time_s, direction_of(values)))
+        return since_reversal(time_s, values)
     return values - time_s[0] if name == "time_s" else values
-
-
-def direction_of(angle_rad: FloatArray) -> FloatArray:
-    """Return the sign of the last motion at every sample: -1, 1; that of the first before it."""
-    return np.asarray(_direction(np.ascontiguousarray(angle_rad, dtype=np.float64), MOVED_RAD))
-
-
-@compiled
-def _direction(angle_rad: FloatArray, least: float) -> FloatArray:
-    found = np.zeros(angle_rad.size)
-    now, low, high = 0.0, angle_rad[0], angle_rad[0]
-    for i in range(angle_rad.size):
-        here = angle_rad[i]
-        low, high = min(low, here), max(high, here)
-        if now <= 0.0 and here - low > least:
-            if now == 0.0:
-                found[:i] = 1.0
-            now, high = 1.0, here
-        elif now >= 0.0 and high - here > least:
-            if now == 0.0:
-                found[:i] = -1.0
-            now, low = -1.0, here
-        if now > 0.0:
-            low = high
-        elif now < 0.0:
-            high = low
-        found[i] = now
-    return found
-
-
-@compiled
-def _since_change(time_s: FloatArray, way: FloatArray) -> FloatArray:
-    found = np.zeros(time_s.size)
-    last = time_s[0]
-    for i in range(1, time_s.size):
-        if way[i] != way[i - 1]:
-            last = time_s[i]
-        found[i] = time_s[i] - last
-    return found
 
 
 @lru_cache(maxsize=512)
@@ -220,21 +202,23 @@ def _friction(table: LawTable) -> Any:  # noqa: ANN401  (a hook of `Variant`)
 def _torque(table: LawTable) -> Channel:
     """Return the channel: recorded = true + f at the load, true = recorded + f at the motor.
 
-    f is of what is recorded, but for the place's own torque: there it is of what is true.
+    f is of what is recorded, but at the load of the place's own torque: of what is true.
     """
     name = table.place
-    sign = 1.0 if name == "load_torque_nm" else -1.0
 
-    def applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
-        return values + sign * table.at({**around, name: values}, p)
+    def added(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+        return values + table.at({**around, name: values}, p)
 
-    def undone(values: FloatArray, around: Signals, p: Values) -> FloatArray:
+    def taken_off(values: FloatArray, around: Signals, p: Values) -> FloatArray:
         found = values
         for _ in range(ROUNDS if table.argument == name else 1):
-            found = values - sign * table.at({**around, name: found}, p)
+            found = values - table.at({**around, name: found}, p)
         return found
 
-    return Channel(name, undone, applied, tuple(one for one in table.sees if one != name))
+    seen = tuple(one for one in table.sees if one != name)
+    if name == "load_torque_nm":
+        return Channel(name, taken_off, added, seen)
+    return Channel(name, added, taken_off, seen)
 
 
 def table_in(entry: Mapping[str, Any]) -> tuple[LawTable | None, list[str]]:

@@ -1,0 +1,51 @@
+"""Learned laws as candidates: how smooth they are held, over what, and what moves beside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bowden.diagnosis.law_candidates import LawCandidate, finer, laws_over, smooth_precision
+from bowden.model.effects import LawTable
+from bowden.recording.recording import Recording
+from scipy.interpolate import CubicSpline
+
+X = tuple(np.linspace(-0.4, 0.4, 17).tolist())
+FACTOR = LawTable("friction_factor", ("load_angle_rad",), X)
+
+
+def test_a_smooth_law_is_likelier_the_less_its_curve_bends() -> None:
+    values, bend, step = np.cos(9.0 * np.array(X)), 0.01, 0.05
+    curve = CubicSpline(X, values, bc_type="natural")
+    fine = np.linspace(X[0], X[-1], 16 * 500 + 1)
+    energy = float(np.trapezoid(curve(fine, 2) ** 2, fine))
+    # White curvature of density q makes second differences of variance 2 q h^3 / 3.
+    expected = energy / (1.5 * bend**2 / step**3)
+    level = 17 * (10.0 * 0.3) ** 2  # ten usual factors at each of the knots together
+    found = values @ smooth_precision(FACTOR, bend) @ values
+    # the integral's own error is a sum over kinks of steps of 1/500 of a knot's distance
+    assert found == pytest.approx(expected + float(values @ values) / level, rel=1e-4)
+
+
+def test_second_differences_are_as_large_as_the_bend_says() -> None:
+    covariance = np.linalg.inv(smooth_precision(FACTOR, 0.02))
+    second = np.diff(np.eye(17), 2, axis=0)
+    spread = np.sqrt(np.diag(second @ covariance @ second.T))
+    # The level's own prior takes a ten-thousandth of it.
+    assert spread == pytest.approx(np.full(15, 0.02), rel=1e-3)
+
+
+def test_laws_span_all_that_the_recordings_visit() -> None:
+    angle = np.concatenate([np.zeros(997), [0.3, -0.2, 0.1]])  # the ends are seen once
+    one = Recording(0.001 * np.arange(1000), {"load_angle_rad": angle})
+    found = [law.table for law in laws_over([one]) if law.table.argument == "load_angle_rad"]
+    assert {(law.x[0], law.x[-1]) for law in found} == {(-0.2, 0.3)}
+
+
+def test_more_knots_leave_the_curve_as_it_is_where_it_had_some() -> None:
+    few = LawCandidate.of(LawTable("friction_factor", ("time_s",), (0.0, 2.0, 4.0)), 0.1)
+    values = {"values[0]": 0.1, "values[1]": -0.3, "values[2]": 0.2}
+    more, found = finer(few, values)
+    curve = np.array([found[name] for name in more.table.names])
+    assert curve[[0, 8, 16]] == pytest.approx([0.1, -0.3, 0.2])
+    between = more.table.curve(np.array([1.0]), curve)
+    assert between == pytest.approx(few.table.curve(np.array([1.0]), np.array([*values.values()])))
