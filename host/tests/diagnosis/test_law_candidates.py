@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bowden.diagnosis.hypothesis import parameters_with
 from bowden.diagnosis.law_candidates import LawCandidate, finer, laws_over, smooth_precision
 from bowden.model.effects import LawTable
 from bowden.recording.recording import Recording
 from scipy.interpolate import CubicSpline
+
+from .lab import MODEL
 
 X = tuple(np.linspace(-0.4, 0.4, 17).tolist())
 FACTOR = LawTable("friction_factor", ("load_angle_rad",), X)
@@ -49,3 +52,16 @@ def test_more_knots_leave_the_curve_as_it_is_where_it_had_some() -> None:
     assert curve[[0, 8, 16]] == pytest.approx([0.1, -0.3, 0.2])
     between = more.table.curve(np.array([1.0]), curve)
     assert between == pytest.approx(few.table.curve(np.array([1.0]), np.array([*values.values()])))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "moves"), [(("load_angle_rad",), False), (("load_angle_rad", "direction"), True)]
+)
+def test_the_coefficient_moves_beside_a_factor_that_cannot_stand_for_it(
+    arguments: tuple[str, ...], moves: bool
+) -> None:
+    # mu (1 + f) in both directions is one number; mu (1 + f) and mu (1 - f) are two.
+    law = LawCandidate.of(LawTable("friction_factor", arguments, X), 0.1)
+    found = parameters_with(MODEL, [(law, dict.fromkeys(law.table.names, 0.0))])
+    paths = [one.path for one in found.each]
+    assert ("friction.mu_d" in paths) is moves

@@ -50,8 +50,11 @@ class LawCandidate(Candidate):
 
     @property
     def scales_friction(self) -> bool:
-        """Whether it is a factor on friction: mu stays at the file's value then."""
-        return self.table.place == "friction_factor"
+        """Whether only mu (1 + f) can be told: mu stays at the file's value then.
+
+        With the direction the law is what differs between outward and back, and mu is known apart.
+        """
+        return self.table.place == "friction_factor" and not self.table.by_direction
 
     @property
     def precision(self) -> _Floats:
