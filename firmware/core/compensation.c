@@ -85,7 +85,7 @@ void compensation_restore(compensation_t *compensation, uint32_t friction_factor
 
 /* The integral law's sum stays: it is all of that law's torque, and follows the model's error from
  * here. Starting at nothing it would drop the friction's share for as long as it took to learn. */
-void compensation_forget_cell(compensation_t *compensation) {
+void compensation_reset_learned(compensation_t *compensation) {
     laws_t *laws = &compensation->laws;
     laws->model_inversion.shift_q8_unm[0] = 0;
     laws->model_inversion.shift_q8_unm[1] = 0;

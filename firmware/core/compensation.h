@@ -105,8 +105,8 @@ void compensation_step(compensation_t *compensation, transmission_t *transmissio
 void compensation_restore(compensation_t *compensation, uint32_t friction_factor_ppm,
                           uint32_t pretension_factor_ppm);
 
-/* The load cell was wrong while it was in use: what laws, estimator and adaptation have learned
- * from it since compensation_restore() is taken back. It would act on without the cell. */
-void compensation_forget_cell(compensation_t *compensation);
+/* For a load cell that was wrong while it was in use: resets what laws, estimator and adaptation
+ * have learned from it since compensation_restore(). It would act on without the cell. */
+void compensation_reset_learned(compensation_t *compensation);
 
 #endif

@@ -12,7 +12,7 @@
  *
  * Each direction has a *shift* of the wanted torque, an integral of the load cell's error: what the
  * model's friction is wrong by that way. It stays when the direction changes, and when the cell
- * dies; of a cell that was wrong it is taken back (compensation.h). It also says when it is enough:
+ * fails; of a cell that was wrong it is reset (compensation.h). It also says when it is enough:
  * the torque goes towards that of the direction only until what is wanted has arrived, so that a
  * wrong model does not overshoot, nor a load that the change itself moves be taken for a stroke and
  * pushed on. Without a cell only the friction that friction_observer.h is sure of is compensated

@@ -119,9 +119,9 @@ bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
               SLIPPED_TICKS)) {
         causes |= COMPENSATION_FALLBACK_ENCODER_SLIPPED;
     }
-    const bool believed = (fallback->causes & FALLBACK_CELL_CAUSES) == 0;
+    const bool was_used = (fallback->causes & FALLBACK_CELL_CAUSES) == 0;
     keep(fallback, causes);
-    fallback->misled = believed && (fallback->causes & FALLBACK_CELL_LATE_CAUSES) != 0;
+    fallback->used_wrong_cell = was_used && (fallback->causes & FALLBACK_CELL_LATE_CAUSES) != 0;
     const compensation_rung_t before = fallback->level;
     fallback->level = level_for(fallback);
     return fallback->level != before;

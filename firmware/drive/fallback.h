@@ -10,7 +10,7 @@
  * A cause counts from the tick that finds it until it has been absent for the clean time. The
  * estimate that the cell is held against must not itself be corrected by the cell. What that
  * estimate leaves possible bounds the cell from the first tick: while it is still to be found out
- * whether the cell is wrong, it misleads by no more than the model may be wrong.
+ * whether the cell is wrong, it is off by no more than the model may be.
  *
  * Pure: what was found in a tick in, the level out. drive.c runs the laws.
  */
@@ -64,7 +64,7 @@ typedef struct {
     int32_t quiet_counts, quiet_model_unm; /* cell and estimate when the cell last moved */
     uint32_t quiet_ticks, implausible_ticks, slipped_ticks;
     bool slipped_back;             /* the innovation was negative */
-    bool misled;                   /* this tick found that a cell in use has been wrong */
+    bool used_wrong_cell;          /* found in this tick: a cell in use has been wrong */
     int32_t given_unm, offset_unm; /* of the blend */
 } fallback_t;
 

@@ -124,8 +124,8 @@ static int32_t rendered_unm(rendering_t *rendering, transmission_t *transmission
     const tables_t *tables = inputs->tables;
     const fallback_found_t found = found_now(rendering, transmission, inputs);
     const bool changed = fallback_step(fallback, &found);
-    if (fallback->misled) {
-        compensation_forget_cell(&rendering->compensation);
+    if (fallback->used_wrong_cell) {
+        compensation_reset_learned(&rendering->compensation);
     }
     compensation_step(
         &rendering->compensation, transmission,

@@ -302,8 +302,8 @@ def test_strokes_with_a_slack_cable_tell_pretension_from_friction(
     assert (outputs.friction_factor_ppm, outputs.pretension_factor_ppm) == learned
 
 
-def learned(one: Controlled) -> tuple[int, ...]:
-    """All that a load cell teaches, as numbers."""
+def learned_numbers(one: Controlled) -> tuple[int, ...]:
+    """Return all that is learned from a load cell."""
     laws, outputs = one.raw.laws, one.raw.outputs
     return (
         *laws.model_inversion.shift_q8_unm,
@@ -315,24 +315,24 @@ def learned(one: Controlled) -> tuple[int, ...]:
 
 
 @pytest.mark.parametrize("law", [INVERSION, CompensationLaw.ADAPTIVE_HYSTERESIS])
-def test_what_a_cell_has_taught_is_taken_back_and_nothing_else(law: CompensationLaw) -> None:
-    """The model's friction is a quarter too high; the cell says so, and is then disbelieved."""
+def test_what_was_learned_from_a_cell_is_reset_and_nothing_else(law: CompensationLaw) -> None:
+    """The model's friction is a quarter too high; the cell shows it, and is then found wrong."""
     wrong = settings(pretension_n=12.5, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
     one = Controlled(model=wrong, adapt=True)
     one.inputs.law = law
     lib.compensation_restore(one.raw, 1_100_000, 900_000)
-    untaught = learned(one)
+    before = learned_numbers(one)
     for _ in range(3):
         one.run(0.0, np.concatenate([stroke(0.0, 0.7, 1.0), stroke(0.7, 0.0, 1.0)]), cell=True)
-    taught = learned(one)
+    after = learned_numbers(one)
     of_the_law = slice(0, 2) if law == INVERSION else slice(2, 3)
-    assert taught[of_the_law] != untaught[of_the_law]
-    assert taught[3] != 0
-    assert taught[4] != untaught[4]
+    assert after[of_the_law] != before[of_the_law]
+    assert after[3] != 0
+    assert after[4] != before[4]
     observer = ffi.addressof(one.raw.observer)
     friction_q16 = lib.friction_observer_mean_q16(observer)
-    lib.compensation_forget_cell(one.raw)
-    assert learned(one) == untaught
+    lib.compensation_reset_learned(one.raw)
+    assert learned_numbers(one) == before
     # from encoders and current: right without any cell
     assert lib.friction_observer_mean_q16(observer) == friction_q16
 

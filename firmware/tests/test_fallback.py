@@ -158,7 +158,7 @@ def test_without_a_model_nothing_is_compensated_for_ever() -> None:
     assert (fallback.level, fallback.causes) == (NONE, REFUSED)
 
 
-# ---- a cell that lies: what it may teach until it is found out, and after ----
+# ---- a wrong cell: how far it is used until that is found, and what is reset then ----
 
 torques = st.integers(-8_388_608, 8_388_607)  # an i24
 
@@ -180,18 +180,18 @@ OFF_UNM = TOLERANCE_UNM + 1
 
 
 @pytest.mark.parametrize(
-    ("found", "cause", "misled"),
+    ("found", "cause", "used_wrong_cell"),
     [
         ({"cell_torque_unm": OFF_UNM}, IMPLAUSIBLE, True),
         ({"cell_torque_unm": -OFF_UNM}, IMPLAUSIBLE, True),
         ({"cell_counts": 7, "cell_torque_unm": 0, "model_torque_unm": 400_000}, STUCK, True),
-        ({"cell_broken": True}, BROKEN, False),  # told at once: it has taught nothing wrong
+        ({"cell_broken": True}, BROKEN, False),  # told at once: it was right until then
         ({"cell_end_of_range": True}, END_OF_RANGE, False),
         ({"innovation_nm": SLIP_NM + 1}, SLIPPED, False),
     ],
 )
-def test_a_cell_has_misled_when_it_was_wrong_before_that_was_found(
-    found: dict[str, Any], cause: int, misled: bool
+def test_a_wrong_cell_was_used_when_it_was_wrong_before_that_was_found(
+    found: dict[str, Any], cause: int, used_wrong_cell: bool
 ) -> None:
     fallback, cell = fallback_with(), Cell()
     for _ in range(2):  # and again, when it was used again
@@ -199,20 +199,20 @@ def test_a_cell_has_misled_when_it_was_wrong_before_that_was_found(
         ticks_of = []
         for tick in range(400):
             run(fallback, 1, cell, **found)
-            if fallback.misled:
+            if fallback.used_wrong_cell:
                 ticks_of.append(tick)
                 assert fallback.causes == cause
-        assert len(ticks_of) == misled  # once, in the tick that finds it
+        assert len(ticks_of) == used_wrong_cell  # once, in the tick that finds it
         run(fallback, CLEAN_TICKS, cell)
         assert (fallback.level, fallback.causes) == (WITH_CELL, 0)
 
 
-def test_a_broken_cell_that_reads_anything_has_not_misled() -> None:
-    """What it taught while it was alive is right: a reading that nobody uses takes nothing back."""
+def test_what_a_broken_cell_reads_makes_it_no_wrong_cell_that_was_used() -> None:
+    """What was learned from it before is right; what it reads since is not used."""
     fallback, cell = fallback_with(), Cell()
     for _ in range(2 * CLEAN_TICKS):
         run(fallback, 1, cell, cell_broken=True, cell_torque_unm=2 * OFF_UNM)
-        assert not fallback.misled
+        assert not fallback.used_wrong_cell
     assert fallback.causes == BROKEN | IMPLAUSIBLE
 
 
@@ -329,8 +329,8 @@ def test_a_cell_that_fails_in_motion_costs_a_fallback_level_and_a_warning_but_no
     assert emergencies(rig.drive) == [(0, 0)]
 
 
-def test_a_cell_that_lies_more_than_is_possible_misleads_no_further() -> None:
-    """For the 50 ms until it is found out the motor gives what the largest possible lie asks."""
+def test_an_impossible_reading_counts_no_more_than_the_largest_possible_one() -> None:
+    """For the 50 ms until the cell is found wrong the motor's torque is the same."""
     commands = []
     for offset_unm in (0, 1_000_000, 5_000_000, 6_000_000):
         rig = Rig()
@@ -346,16 +346,16 @@ def test_a_cell_that_lies_more_than_is_possible_misleads_no_further() -> None:
 
 
 @pytest.mark.parametrize(("broken", "cause"), [("cell_dead", BROKEN), ("cell_stuck", STUCK)])
-def test_only_a_cell_that_was_wrong_takes_back_what_it_taught(broken: str, cause: int) -> None:
+def test_what_was_learned_is_reset_only_where_the_cell_was_wrong(broken: str, cause: int) -> None:
     rig = Rig()
     rig.run(0.5)  # out of the wall and nearly back: the cell has shifted the wanted torque
     inversion = rig.drive.raw.rendering.compensation.laws.model_inversion
-    taught = list(inversion.shift_q8_unm)
-    assert taught[1] > 256 * 50_000  # uN m; five times what is left to be felt at standstill
+    learned = list(inversion.shift_q8_unm)
+    assert learned[1] > 256 * 50_000  # uN m; five times what is left to be felt at standstill
     setattr(rig, broken, True)
     rig.run(0.1)  # the load turns, and with it the torque of the cables
     assert rig.drive.values.compensation_fallback & cause
-    assert list(inversion.shift_q8_unm) == (taught if cause == BROKEN else [0, 0])
+    assert list(inversion.shift_q8_unm) == (learned if cause == BROKEN else [0, 0])
 
 
 @pytest.mark.parametrize("torque_unm", [8_388_607, -8_388_607])  # ends of an i24
