@@ -2,8 +2,8 @@
 
 from bowden.estimation.gate.check import check_data
 from bowden.model import Mode, parse_model
-from bowden.recording.recording import Recording
 
+from hil_tests.benchmarks.diagnosis import recordings_of
 from hil_tests.hidden_effects.recordings import draw_case
 
 # A smooth law of the motor's torque that takes nearly all of the cables' wind-up away: the motor's
@@ -13,8 +13,6 @@ WITHOUT_WIND_UP = 4100191
 
 def test_a_law_that_takes_the_wind_up_away_stops_no_good_recording() -> None:
     case = draw_case(WITHOUT_WIND_UP, "smooth_law", length_s=30.0)
-    columns = {name: values for name, values in case.columns.items() if name != "time_s"}
-    recording = Recording(case.columns["time_s"], columns)
-    found = check_data(parse_model(case.model_yaml), [recording], Mode.TORQUE_POSITION)
+    found = check_data(parse_model(case.model_yaml), recordings_of(case), Mode.TORQUE_POSITION)
     assert [one.severity for one in found] == ["warn"]
     assert [one.what for one in found] == ["far"]

@@ -29,6 +29,7 @@ from bowden.recording.atomic import replace_whole
 from bowden.recording.recording import Recording
 
 from hil_tests.benchmarks.data_gate_faults import FAULTS
+from hil_tests.benchmarks.diagnosis import recordings_of
 from hil_tests.hidden_effects import sets
 from hil_tests.hidden_effects.recordings import KINDS, draw_case
 
@@ -76,8 +77,7 @@ def trial(seed: int, number: int, faults: bool) -> Trial | None:
             case = sets.draw_set(seed + number, kind, length_s=LENGTH_S, count=1)
     except ArithmeticError:
         return None
-    columns = {name: values for name, values in case.columns.items() if name != "time_s"}
-    recording = Recording(case.columns["time_s"], columns)
+    recording, *_ = recordings_of(case)
     model = parse_model(case.model_yaml)
     stops = _stops(model, recording)
     named = {}

@@ -173,6 +173,50 @@ def draw_effect(rng: np.random.Generator, kind: str, name: str, pair: Pair) -> D
     return unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, pair)
 
 
+@dataclass(frozen=True)
+class Plain:
+    """A run of a pair in which nothing is hidden, and the noise floor of its channels."""
+
+    signals: Signals
+    read: Read
+    floor: dict[str, float]
+
+
+def as_is(pair: Pair, signals: Signals) -> Plain:
+    """Run a pair in which nothing is hidden."""
+    read = read_out(pair, signals, [])
+    return Plain(signals, read, floor_of(pair, signals, read))
+
+
+def hide(
+    rng: np.random.Generator, kind: str, names: Sequence[str], pair: Pair, runs: Sequence[Plain]
+) -> tuple[list[Hidden], list[float]]:
+    """Draw effects, each as strong as the kind has it, and their strengths in noise floors.
+
+    The strength of an effect is that in the run that shows it best.
+    """
+    wanted = draw_strength(rng, kind)
+    twist = pair.ends.load_radius_m / pair.ends.motor_radius_m
+    found: list[Hidden] = []
+    worths: list[float] = []
+    for name in names:
+        make = hidden_of(kind)[name]
+
+        def run(values: Values, make: effects.Hide = make) -> tuple[float, Hidden]:
+            one = make(values)
+            reads = [read_out(pair, plain.signals, [one]) for plain in runs]
+            strengths = [
+                strength_of(read, plain.read, plain.floor, twist)
+                for read, plain in zip(reads, runs, strict=True)
+            ]
+            return max(strengths), one
+
+        _, worth, one = sized(draw_effect(rng, kind, name, pair), wanted, run)
+        found.append(one)
+        worths.append(worth)
+    return found, worths
+
+
 def most_torque_nm(pair: Pair) -> float:
     """Return the motor torque that a lab goes up to: most of what friction carries."""
     friction_nm = 2.0 * pair.ends.motor_radius_m * pair.law.pretension_n
@@ -219,24 +263,9 @@ def draw_case(
     rig = draw_rig(rng)
     signals = excitation.draw(rng, most_torque_nm(rig.pair), length_s)
     names = names or draw_names(rng, kind)
-    base = read_out(rig.pair, signals, [])
-    floor = floor_of(rig.pair, signals, base)
-    wanted = draw_strength(rng, kind)
-    twist = rig.pair.ends.load_radius_m / rig.pair.ends.motor_radius_m
-    hidden: list[Hidden] = []
-    strength, read = 0.0, base
-    for name in names:
-        make = hidden_of(kind)[name]
-
-        def run(values: Values, make: effects.Hide = make) -> tuple[float, Read]:
-            found = read_out(rig.pair, signals, [make(values)])
-            return strength_of(found, base, floor, twist), found
-
-        values, worth, read = sized(draw_effect(rng, kind, name, rig.pair), wanted, run)
-        hidden.append(make(values))
-        strength = worth if strength == 0.0 else min(strength, worth)
-    if len(hidden) > 1:
-        read = read_out(rig.pair, signals, hidden)
+    plain = as_is(rig.pair, signals)
+    hidden, worths = hide(rng, kind, names, rig.pair, [plain])
+    read = read_out(rig.pair, signals, hidden)
     columns = as_recorded(rng, signals, read)
     if rng.random() < 0.5 or set(WARMS) & set(names):
         columns |= thermometer(rng, signals)
@@ -244,8 +273,8 @@ def draw_case(
         seed,
         kind,
         tuple((h.name, h.parameters) for h in hidden),
-        strength,
-        floor,
+        min(worths, default=0.0),
+        plain.floor,
         {"rig": rig.nominal},
     )
     return Case(columns, rig.model_yaml, truth)

@@ -13,29 +13,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil_tests.hidden_effects import effects, excitation
-from hil_tests.hidden_effects.hidden import Hidden, Signals, Values, Vector
+from hil_tests.hidden_effects import excitation
+from hil_tests.hidden_effects.hidden import Signals, Vector
 from hil_tests.hidden_effects.recordings import (
     WARMS,
     Case,
     Truth,
+    as_is,
     as_recorded,
-    draw_effect,
     draw_names,
     draw_rig,
-    hidden_of,
+    hide,
     most_torque_nm,
     random_of,
     thermometer,
 )
-from hil_tests.hidden_effects.strength import (
-    Read,
-    draw_strength,
-    floor_of,
-    read_out,
-    sized,
-    strength_of,
-)
+from hil_tests.hidden_effects.strength import Read, read_out
 
 KINDS = ("complete", "single", "pair", "several", "unlisted")  # a smooth law follows one range
 RATES_HZ = (200.0, 500.0, 1000.0, 2000.0)
@@ -136,28 +129,8 @@ def draw_set(
         torque, angle = MOTIONS[name](rng, fine_s, most_torque_nm(rig.pair))
         runs.append(Signals(fine_s, torque, angle, excitation.temperature(rng, fine_s)))
     names = names or draw_names(rng, kind)
-    bases = [read_out(rig.pair, one, []) for one in runs]
-    floors = [floor_of(rig.pair, one, base) for one, base in zip(runs, bases, strict=True)]
-    twist = rig.pair.ends.load_radius_m / rig.pair.ends.motor_radius_m
-    wanted = draw_strength(rng, kind)
-
-    def worth_of(hidden: Hidden) -> float:
-        return max(
-            strength_of(read_out(rig.pair, one, [hidden]), base, floor, twist)
-            for one, base, floor in zip(runs, bases, floors, strict=True)
-        )
-
-    found: list[Hidden] = []
-    worths: list[float] = []
-    for name in names:
-        make = hidden_of(kind)[name]
-
-        def run(values: Values, make: effects.Hide = make) -> tuple[float, None]:
-            return worth_of(make(values)), None
-
-        values, worth, _ = sized(draw_effect(rng, kind, name, rig.pair), wanted, run)
-        found.append(make(values))
-        worths.append(worth)
+    plain = [as_is(rig.pair, one) for one in runs]
+    found, worths = hide(rng, kind, names, rig.pair, plain)
     warm = rng.random() < 0.5 or bool(set(WARMS) & set(names))
     rate_hz, uneven = float(rng.choice(RATES_HZ)), bool(rng.random() < 0.5)
     columns = []
@@ -172,7 +145,7 @@ def draw_set(
         kind,
         tuple((h.name, h.parameters) for h in found),
         min(worths, default=0.0),
-        floors[0],
+        plain[0].floor,
         calibration,
     )
     return Case(columns[0], rig.model_yaml, truth, tuple(columns[1:]))
