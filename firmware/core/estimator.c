@@ -41,6 +41,20 @@ static void follow_direction(estimator_t *estimator, int32_t load_arc_nm) {
     estimator->mark_age = 0;
 }
 
+/* A single count is too few for a direction of motion, which dither would change, but enough to say
+ * which way a load that is not at a standstill goes. */
+static void follow_creep(estimator_t *estimator, int32_t load_arc_nm) {
+    const int32_t last_nm = estimator->last_load_nm;
+    const int32_t step = (load_arc_nm > last_nm) - (load_arc_nm < last_nm);
+    estimator->last_load_nm = load_arc_nm;
+    if (step != 0) {
+        estimator->creep_direction = step;
+        estimator->creep_age = 0;
+    } else if (++estimator->creep_age > estimator->ticks_per_s / DIRECTION_FORGOTTEN) {
+        estimator->creep_direction = 0;
+    }
+}
+
 static void follow_gap(estimator_t *estimator, const estimator_inputs_t *inputs) {
     uint32_t saturations = 0; /* cables do not stretch by metres */
     const int32_t gap_nm = fixed_subtract(inputs->motor_arc_nm, inputs->load_arc_nm, &saturations);
@@ -107,6 +121,7 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
     if (!estimator->started) {
         estimator->started = true;
         estimator->mark_nm = inputs->load_arc_nm;
+        estimator->last_load_nm = inputs->load_arc_nm;
         estimator->last_gap_nm =
             fixed_subtract(inputs->motor_arc_nm, inputs->load_arc_nm, &ignored);
     }
@@ -114,6 +129,7 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
     const int32_t extra_unm = fixed_subtract(inputs->motor_torque_unm, torque_unm, &ignored);
     transmission_step_torque(transmission, torque_unm, inputs->load_arc_nm);
     follow_direction(estimator, inputs->load_arc_nm);
+    follow_creep(estimator, inputs->load_arc_nm);
     follow_gap(estimator, inputs);
     estimator->slip = slip_of(transmission);
     estimator->slid[estimator->slip] = true;

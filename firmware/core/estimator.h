@@ -15,7 +15,8 @@
  *
  * A reversal at the load counts when it is larger than the encoder's dither (transmission.h,
  * load_dead_band_nm) and then counts in full. Direction and speed here are for the laws: direction
- * is 0 unless the load has just gone some counts one way.
+ * is 0 unless the load has just gone some counts one way. A load slower than that creeps, the way
+ * of its last count.
  */
 #ifndef BOWDEN_CORE_ESTIMATOR_H
 #define BOWDEN_CORE_ESTIMATOR_H
@@ -52,8 +53,9 @@ typedef struct {
     int32_t load_torque_unm; /* by the cables on the load */
     int32_t innovation_nm;
     slip_state_t slip;
-    uint8_t confidence;     /* 0 .. 255 */
-    int32_t load_direction; /* 1, 0 or -1 */
+    uint8_t confidence;      /* 0 .. 255 */
+    int32_t load_direction;  /* 1, 0 or -1 */
+    int32_t creep_direction; /* the same of its last count; 0 after 1/50 s without one */
     bool informed;        /* the pair has slid as a whole both ways: nothing of what the cables held
                              when the model started is left */
     int32_t gap_speed_nm; /* nm a tick by which the motor pulley outruns the load pulley */
@@ -62,6 +64,8 @@ typedef struct {
     int32_t doubt_q8;          /* mean disagreement, 0 .. 255 */
     int32_t mark_nm;           /* load arc from which travel counts */
     uint32_t mark_age;
+    int32_t last_load_nm;
+    uint32_t creep_age;
     int32_t last_gap_nm;
     int32_t gap_speed_q8_nm;
     int32_t carried_unm; /* what of the motor torque the model brings to the load, filtered */

@@ -224,7 +224,8 @@ static bool choose_direction(slip_direction_t *slip, const law_inputs_t *inputs,
     const bool moved_back = operator_moves_back(slip, inputs);
     const bool settled = slip->phase == SLIP_PHASE_SETTLED || moved_back ||
                          (slip->phase == SLIP_PHASE_TURNED && motion != 0);
-    if (towards == -slip->direction && motion != slip->direction && settled) {
+    const bool goes_on = motion == slip->direction || estimator->creep_direction == slip->direction;
+    if (towards == -slip->direction && !goes_on && settled) {
         reverse(slip, inputs, calm, moved_back);
         return moved_back && inputs->cell && slip->late == 0;
     }

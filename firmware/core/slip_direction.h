@@ -25,6 +25,10 @@
  * other way, unless the drive has given it energy since the last change (passivity.h): the
  * direction follows at once, however soon that was.
  *
+ * A load that creeps on in the slip direction slides that way, however large the error: friction
+ * turned over would push it. So the direction changes only once the load stands still or comes
+ * back.
+ *
  * The *back-off* counts changes of direction that neither the load, by moving back or a stroke, nor
  * a new set point has called for: each doubles the dead band, and the next needs half more than
  * what the last one left at standstill; until the operator makes a stroke, moves the load back,

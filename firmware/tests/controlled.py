@@ -56,6 +56,7 @@ class Controlled:
         self.inputs: Any = ffi.new("compensation_inputs_t *", {"law": INVERSION, "active": True})
         self.torque_unm = 0
         self.encoder_slip_nm = 0
+        self.cell_error_unm = 0
 
     def tick(self, wanted_nm: float, load_angle_rad: float, cell: bool = False) -> float:
         """One tick; the load torque that arrives (N m)."""
@@ -71,7 +72,7 @@ class Controlled:
         found.motor_arc_nm = self.rig.raw.motor.arc_nm + self.encoder_slip_nm
         found.load_arc_nm = load_arc_nm
         found.motor_torque_unm = self.torque_unm
-        found.load_cell_unm = arrives_unm
+        found.load_cell_unm = arrives_unm + self.cell_error_unm
         lib.compensation_step(self.raw, self.model.raw, found)
         self.torque_unm = int(self.raw.outputs.motor_torque_unm)
         return arrives_unm * 1e-6

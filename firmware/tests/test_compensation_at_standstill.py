@@ -106,3 +106,20 @@ def test_what_a_weak_motor_could_not_take_back_is_not_begun(cell: bool) -> None:
         arrives = one.run(wanted_nm, np.zeros(2000), cell=cell)
         assert np.max(np.abs(arrives)) < 1e-3
         assert one.torque_unm == pytest.approx(1e6 * wanted_nm / RATIO, abs=500.0)  # 2 counts
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("error_part", [0.1, 0.4])
+def test_friction_is_not_turned_over_while_the_load_creeps_on(error_part: float, side: int) -> None:
+    """Too large a torque at a load that creeps at 100 counts a second, two in a 50th: friction that
+    was turned over would push it on. Once it stands still the error is corrected."""
+    one = Controlled()
+    one.run(0.0, side * stroke(0.0, 0.3, 0.25), cell=True)
+    one.cell_error_unm = round(1e6 * side * error_part * FRICTION_NM)
+    count_rad = COUNT_NM / 0.104e9
+    half_nm = 0.5 * FRICTION_NM / RATIO  # of the friction, which the motor holds with either sign
+    for tick in range(1600):
+        one.tick(0.0, side * (0.3 + tick // 40 * count_rad), cell=True)
+        assert side * one.torque_unm * 1e-6 > half_nm
+    one.run(0.0, np.full(400, side * (0.3 + 39 * count_rad)), cell=True)
+    assert side * one.torque_unm * 1e-6 < -half_nm
