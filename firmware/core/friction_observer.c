@@ -13,6 +13,7 @@
 #define PRIOR_O_Q30 42949673  /* 0.2^2, in units of B */
 #define DRIFT_Q30 1074        /* 1e-6 a sample: a tenth in 160 s of sliding */
 #define UNMODELLED_Q24 671089 /* 0.2^2 of B in each sample: what neither x nor e nor d explains */
+#define SURE_DEVIATIONS 2     /* at one, 14 of 150 rigs of the priors are pushed; at two, none */
 #define LEAST_Q16 16384       /* 1/4 */
 #define MOST_FACTOR_Q16 81920 /* 5/4 */
 
@@ -147,5 +148,6 @@ uint32_t friction_observer_mean_q16(const friction_observer_t *observer) {
 uint32_t friction_observer_sure_q16(const friction_observer_t *observer) {
     const int32_t x_q16 = observer->mean_q24[0] / 256;
     const int32_t believed_q16 = x_q16 > 0 ? x_q16 / 2 : x_q16;
-    return bounded_q16(FRICTION_OBSERVER_ONE + believed_q16 - observer->deviation_q16);
+    return bounded_q16(FRICTION_OBSERVER_ONE + believed_q16 -
+                       SURE_DEVIATIONS * observer->deviation_q16);
 }

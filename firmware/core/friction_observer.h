@@ -14,7 +14,7 @@
  * not been excited stays at its prior, with its deviation. A Kalman filter of these four numbers,
  * 64 times a second.
  *
- * *Sure* is that friction less one standard deviation: what may be compensated without giving the
+ * *Sure* is that friction less two standard deviations: what may be compensated without giving the
  * operator energy. Of more friction than the model's only half is assumed, because play at the
  * load and a motor whose own friction is unknown look the same, and pushing the operator is worse
  * than residual friction.
@@ -74,7 +74,7 @@ void friction_observer_step(friction_observer_t *observer, const friction_observ
 /* Friction as it is assumed, relative to the model's, in Q16. */
 uint32_t friction_observer_mean_q16(const friction_observer_t *observer);
 
-/* Friction less one standard deviation, relative to the model's, in Q16. */
+/* Friction less two standard deviations, relative to the model's, in Q16. */
 uint32_t friction_observer_sure_q16(const friction_observer_t *observer);
 
 #endif

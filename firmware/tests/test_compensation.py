@@ -131,10 +131,10 @@ def test_a_moved_load_feels_the_wanted_torque_not_the_friction(cell: bool) -> No
     left = np.abs(felt[settled]).mean() / FRICTION_NM
     if cell:
         assert left == pytest.approx(STAYS_WITH_CELL, rel=0.1)
-    else:  # what the observer is not sure of, less than its prior's 15 %
-        assert STAYS < left < STAYS + 0.12
+    else:  # two deviations of what the observer knows; its prior's are 30 %
+        assert STAYS < left < STAYS + 0.24
     rms = float(np.sqrt(np.mean(felt**2)) / np.sqrt(np.mean(plain**2)))
-    assert rms < 0.2  # the reversals, and without a cell the first stroke
+    assert rms < (0.2 if cell else 0.3)  # the reversals, and without a cell the first stroke
 
 
 @pytest.mark.parametrize("factor", [0.85, 1.15])
@@ -155,8 +155,8 @@ def test_without_a_cell_a_wrong_model_does_not_push(factor: float) -> None:
     felt = one.run(0.3, stroke(0.5, -0.5, 1.0)) - 0.3
     settled = felt[2000:]  # its reversal is over; the motion is negative: friction is felt positive
     assert np.all(settled > 0.0)
-    # 20 % wrong, of which half at least is found; a deviation; what always stays
-    assert np.all(settled < (STAYS + 0.1 + 0.12) * FRICTION_NM)
+    # 20 % wrong, of which half at least is found; two deviations; what always stays
+    assert np.all(settled < (STAYS + 0.1 + 0.24) * FRICTION_NM)
 
 
 @hypothesis_settings(max_examples=25, deadline=None)

@@ -95,7 +95,18 @@ def test_friction_is_told_from_compliance_and_lateness(x: float, e: float, d_s: 
     assert mean(one) == pytest.approx(1.0 + x, abs=0.06)
     # the half of more friction, all of less
     believed = 1.0 + (mean(one) - 1.0) / (2.0 if mean(one) > 1.0 else 1.0)
-    assert believed - 0.1 < sure(one) < believed - 0.02
+    assert believed - 0.2 < sure(one) < believed - 0.04
+
+
+def test_what_is_sure_pushes_on_no_rig() -> None:
+    """mu, pretension and EA each wrong by up to 15 %, in free strokes, which leave the most open.
+    One deviation would push on 14 of 150 such rigs, two push on none."""
+    random = np.random.default_rng(3)
+    for mu, pretension, stiffness in random.uniform(0.85, 1.15, (40, 3)):
+        x, e = 1.0 / (mu * pretension) - 1.0, stiffness - 1.0  # the model is wrong, not the pair
+        one = observer()
+        teach(one, x, e, 0.0, seconds=2.0, wall=0.0)
+        assert sure(one) < 1.0 + x
 
 
 @pytest.mark.parametrize("offset", [-1.0, -0.5, 0.5, 1.0])
@@ -116,19 +127,19 @@ def test_until_the_first_reversal_an_offset_may_be_anything() -> None:
 
 def test_what_was_not_excited_stays_uncertain() -> None:
     one = observer()
-    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - PRIOR), abs=1e-4)
+    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * PRIOR), abs=1e-4)
     for tick in range(4 * TICKS_PER_S):  # moves, but the pair does not slide; slides, but rests
         step(one, 0, 10_000 * tick, 0, 1_000_000)
     for _ in range(4 * TICKS_PER_S):
         step(one, 1, 160_000_000, 0, 1_000_000)
     for tick in range(4 * TICKS_PER_S):  # slides, but a cable is slack
         step(one, 1, 160_000_000 + 10_000 * tick, 0, 1_000_000, slack=True)
-    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - PRIOR), abs=1e-4)
+    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * PRIOR), abs=1e-4)
     without_wall, with_wall = observer(), observer()
     teach(without_wall, 0.0, 0.0, 0.0, wall=0.0)
     teach(with_wall, 0.0, 0.0, 0.0)
     # with nothing but friction in the cables, friction and compliance look alike
-    assert 1.0 - PRIOR < sure(without_wall) < sure(with_wall) - 0.02
+    assert 1.0 - 2.0 * PRIOR < sure(without_wall) < sure(with_wall) - 0.04
 
 
 def test_a_stiff_pair_says_little_in_counts_of_an_encoder() -> None:
