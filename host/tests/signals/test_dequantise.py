@@ -88,7 +88,7 @@ def test_a_recording_may_begin_with_motion_that_is_still_slow() -> None:
     fast = 0.2 * np.clip(TIME_S - 0.5, 0.0, None) ** 2
     found = dequantise(TIME_S, counted(slow + fast))
     half_way = 250
-    drawn = [found.draw(np.random.default_rng(seed)) for seed in range(24)]
+    drawn = [found.draw(np.random.default_rng(seed)) for seed in range(96)]
     moved = np.array([abs(one[half_way] - one[0]) for one in drawn]) / COUNT
     # By then it has moved a sixteenth of a count; a draw in three or more has moved so much, too,
     # and a few have not moved yet: it may as well have been a rest.
@@ -288,3 +288,24 @@ def test_only_what_the_mode_is_given_is_smoothed() -> None:
     assert np.std(found.recording.motor_torque_nm) < 0.5 * np.std(run.motor_torque_nm)
     assert found.channels["load_torque_nm"].sigma[0] == pytest.approx(1e-3, rel=0.1)
     assert found.channels["motor_angle_rad"].quantum is not None
+
+
+def test_the_acceleration_of_a_smooth_motion_is_known() -> None:
+    """The torque of a load's inertia is felt through it, also where counts are coarse."""
+    angle = 0.3 * np.sin(2 * np.pi * 1.0 * TIME_S)
+    found = dequantise(TIME_S, counted(angle))
+    true, known = (np.gradient(np.gradient(one, TIME_S), TIME_S) for one in (angle, found.values))
+    inside = slice(100, -100)
+    # White jerk's posterior; white acceleration's would be off by 7 %.
+    error = np.sqrt(np.mean((known - true)[inside] ** 2) / np.mean(true[inside] ** 2))
+    assert error < 0.04
+
+
+@pytest.mark.parametrize("noise_counts", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_on_top_of_counts_is_found(noise_counts: float, seed: int) -> None:
+    angle = 0.7 * np.sin(2 * np.pi * 0.2 * TIME_S)
+    noise = np.random.default_rng(seed).normal(0.0, noise_counts * COUNT, TIME_S.size)
+    found = dequantise(TIME_S, counted(angle + noise))
+    # What an encoder's edges have of their own, 0.05 counts, is part of the noise that was added.
+    assert np.hypot(found.noise / COUNT, 0.05) == pytest.approx(noise_counts, rel=0.2)
