@@ -255,7 +255,7 @@ def _compare_one(
     measured: _Floats = getattr(recording, quantity)
     residual = measured - getattr(trajectory, quantity)
     motion = Motion.of(recording)
-    noise_floor = channel_floor(model, recording, mode, number)
+    noise_floor = channel_floor(model, recording, mode, getattr(trajectory, quantity), number)
     return RecordingComparison(
         recording=recording,
         trajectory=trajectory,
