@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_tests.render.bounds import informed, wave_bound_nm
+from hil_tests.render.bounds import bound_nm, crossing_time_s, informed, wave_bound_nm
 from hil_tests.render.causes import causes, put_right
 from hil_tests.render.disturbed import DISTURBED
 from hil_tests.render.feel_page import page
@@ -32,6 +32,42 @@ def test_wave_bound_is_that_of_the_closed_form() -> None:
     squares = level**2 * (1.0 + 0.25 + 1.0 + 0.25 + 1.0)
     assert wave_bound_nm(rig, steps) == pytest.approx(math.sqrt(squares * late_s / 2.5))
     assert wave_bound_nm(rig, task_named("tunnel")) == 0.0
+
+
+def test_motor_crosses_the_backlash_as_fast_as_torque_and_slew_allow() -> None:
+    """An inertia driven by the greatest torque, turned round half way, or by the steepest."""
+    rig = draw(3)
+    takes_s = crossing_time_s(rig, 0.1)
+    cable, motor = rig.rig.cable, rig.rig.motor
+    force_n = rig.friction_nm / motor.pulley_radius_m
+    backlash_rad = (
+        force_n * cable.length_m / (2.0 * cable.axial_stiffness_n) / motor.pulley_radius_m
+    )
+    most_nm = rig.motor_limit_nm + 0.1 + rig.friction_nm
+    slew_nm_per_s = rig.motor_limit_nm / 5e-3
+    time_s = np.linspace(0.0, takes_s, 20_001)
+    step_s = time_s[1]
+    turned_round = np.where(time_s < 0.5 * takes_s, most_nm, -most_nm)
+    # up, down through zero and up again, a quarter, a half and a quarter of the time
+    phase = time_s / takes_s
+    steepest = slew_nm_per_s * takes_s * np.where(
+        phase < 0.25, phase, np.where(phase < 0.75, 0.5 - phase, phase - 1.0)
+    )  # fmt: skip
+    reached = [
+        float(np.sum(np.cumsum(torque)) * step_s**2 / motor.inertia_kg_m2)
+        for torque in (turned_round, steepest)
+    ]
+    assert min(reached) == pytest.approx(backlash_rad, rel=1e-3)
+
+
+def test_bound_of_a_release_is_less_than_friction_that_stays_as_long() -> None:
+    rig, release = draw(3), task_named("release", DISTURBED)
+    whole_nm = 2.0 * rig.ratio * rig.friction_nm
+    share = crossing_time_s(rig, 0.1) / (release.duration_s - release.scored_from_s)
+    assert 0.0 < bound_nm(rig, release) < whole_nm * math.sqrt(share)
+    stronger = replace(rig, motor_limit_nm=4.0 * rig.motor_limit_nm)
+    assert bound_nm(stronger, release) < bound_nm(rig, release)
+    assert bound_nm(rig, task_named("tunnel")) == 0.0
 
 
 def test_informed_drive_believes_the_truth_and_is_not_late() -> None:

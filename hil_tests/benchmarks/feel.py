@@ -23,7 +23,8 @@ from typing import Final
 
 from bowden.recording.atomic import replace_whole
 
-from hil_tests.render.bounds import INFORMED, informed, wave_bound_nm
+from hil_tests.render.bounds import INFORMED, informed
+from hil_tests.render.bounds import bound_nm as bound_of_nm
 from hil_tests.render.disturbed import DISTURBED
 from hil_tests.render.feel_page import PUBLISHED, page
 from hil_tests.render.feel_table import ACTIVE_ABOVE, REDRIVEN_ABOVE
@@ -45,8 +46,7 @@ class Run:
     plant : str
     outcome : Outcome
     bound_nm : float
-        RMS error that no drive can stay below on this task, for the cables' waves; 0 where
-        nothing is known.
+        RMS error that is derived for this task (`bounds.bound_nm`); 0 where none is.
     """
 
     plant: Plant
@@ -66,7 +66,7 @@ def measure(
         found = []
         here = [law for law in laws if plant == "rig" or law.name not in PUBLISHED]
         for task in tasks:
-            bound_nm = wave_bound_nm(rig, task)
+            bound_nm = bound_of_nm(rig, task)
             for law in (NAIVE, *here):
                 found.append(Run(plant, judge(run(rig, law, task, plant=plant)), bound_nm))
             told = judge(run(informed(rig), law_named(OURS), task, plant=plant))

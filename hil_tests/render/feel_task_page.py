@@ -143,7 +143,7 @@ def _table(runs: Runs, kept: Mapping[str, Sequence[Outcome]], task: str) -> str:
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     bounds = [bound_ratio(found, task) for found in runs.values()]
     if any(np.isfinite(bounds)):
-        lines.append("| wave bound | " + " | ".join(f"{cell(b)} | | " for b in bounds) + " |")
+        lines.append("| derived bound | " + " | ".join(f"{cell(b)} | | " for b in bounds) + " |")
     return "\n".join(lines)
 
 
