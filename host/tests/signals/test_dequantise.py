@@ -309,3 +309,20 @@ def test_noise_on_top_of_counts_is_found(noise_counts: float, seed: int) -> None
     found = dequantise(TIME_S, counted(angle + noise))
     # What an encoder's edges have of their own, 0.05 counts, is part of the noise that was added.
     assert np.hypot(found.noise / COUNT, 0.05) == pytest.approx(noise_counts, rel=0.2)
+
+
+def test_a_turn_where_friction_changes_its_sign_is_within_sigma() -> None:
+    """A handle slows down evenly and, turned, gathers speed a fifth as fast: for its friction."""
+    scaled = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        turn, place = float(rng.uniform(2.5, 3.5)), float(rng.uniform(0.0, 1.0))
+        gone = TIME_S - turn
+        fall = 3.0 * gone**2 * np.where(gone < 0.0, 1.0, 0.2)
+        angle = place * COUNT + fall
+        found = dequantise(TIME_S, counted(angle))
+        near = np.abs(gone) < 0.05
+        scaled.append(np.mean(((found.values - angle) / found.sigma)[near] ** 2))
+    # About 1; of twelve turns, each worth one or two independent errors, three standard errors.
+    assert np.mean(scaled) < 2.0
+    assert np.mean(scaled) > 0.1

@@ -215,7 +215,9 @@ def _within_counts(
     runs = Runs.of(count)
     nodes = runs.nodes()
     step = np.diff(time_s[nodes]) / usual
-    smooth = path_through_boxes(step, count[nodes], EDGE_NOISE, runs.liveliness(nodes))
+    # At a turn friction changes its sign and the acceleration jumps.
+    lively, kind = runs.liveliness(nodes), runs.turning(nodes, count)
+    smooth = path_through_boxes(step, count[nodes], EDGE_NOISE, lively, kind)
     noise = float(np.sqrt(smooth.noise**2 - EDGE_NOISE**2))
     before = np.clip(np.searchsorted(nodes, np.arange(count.size), "right") - 1, 0, nodes.size - 2)
     share = (time_s - time_s[nodes[before]]) / (step[before] * usual)

@@ -36,6 +36,7 @@ from bowden.model.compiled import compiled
 from bowden.signals import wiener
 
 _Floats = NDArray[np.float64]
+_Index = NDArray[np.intp]
 
 ROUNDS = 300  # of boxes and intensities at most
 SETTLED = 1e-4  # counts: a round that moves no node further is the last
@@ -43,6 +44,7 @@ DAMPING = 0.7
 FREEDOM = 1.0  # degrees of freedom of the Student-t distribution: 1, so that any corner may come
 POOLED = 1  # steps on either side that share an intensity: when a corner comes is not known better
 BENDS_FIRST = 1e-2  # against corners, before anything is known
+NEVER = 1e-100  # least usual intensity
 ROUNDING = 1e-6  # of a step's numbers: fewer are determined by rounding alone
 SWEEPS = 8  # from which the variance is taken
 FORGETTING = 2  # sweeps after which a draw is another path
@@ -63,8 +65,10 @@ class SmoothPath:
         Posterior mean of x and its derivatives.
     variance : ndarray of shape (m,)
         Of the position, whatever the intensities are.
+    liveliness : ndarray of shape (m - 1, 1)
+        Intensities of each step against the usual ones of its kind.
     usual : ndarray of shape (m - 1, 2)
-        Intensities about which those of each step are distributed.
+        Intensities about which those of each step's kind are distributed.
     noise : float
         Standard deviation of what blurs the boxes' edges.
     """
@@ -72,6 +76,7 @@ class SmoothPath:
     nodes: wiener.Nodes
     states: _Floats
     variance: _Floats
+    liveliness: _Floats
     usual: _Floats
     noise: float
 
@@ -121,12 +126,13 @@ class SmoothPath:
         for _ in range(count):
             states, felt = wiener.draw(nodes, order, generator)
             yield replace(self, nodes=nodes, states=states)
-            spread = self.usual * (FREEDOM + _pooled(felt / self.usual))
-            nodes = nodes._replace(intensity=spread / generator.chisquare(freedom))
+            spread = FREEDOM * self.usual + _pooled(felt / self.liveliness)
+            intensity = self.liveliness * spread / generator.chisquare(freedom)
+            nodes = nodes._replace(intensity=intensity)
 
 
 def path_through_boxes(
-    step: _Floats, middle: _Floats, least_noise: float, liveliness: _Floats
+    step: _Floats, middle: _Floats, least_noise: float, liveliness: _Floats, kind: _Index
 ) -> SmoothPath:
     """Find the path whose nodes lie in boxes of width 1.
 
@@ -138,38 +144,40 @@ def path_through_boxes(
     least_noise : float
         Least standard deviation of what blurs the boxes' edges, > 0; it is found from the data.
     liveliness : ndarray of shape (m - 1,)
-        Relative intensity to begin with and to be drawn to; 1 where nothing is known.
+        Intensity of each step against the usual one of its kind.
+    kind : ndarray of int, shape (m - 1,)
+        0 or more: steps of one kind share usual intensities.
 
     Returns
     -------
     SmoothPath
     """
     precision = np.full(middle.size, 12.0)  # of a uniform error of one count
-    pull = precision * middle
-    return _fitted(step, precision, pull, liveliness, (middle, least_noise), ANGLE_ORDER)
+    nodes = wiener.Nodes(step, np.empty(0), precision, precision * middle)
+    return _fitted(nodes, ANGLE_ORDER, liveliness, kind, (middle, least_noise))
 
 
 def path_through_noise(step: _Floats, values: _Floats) -> SmoothPath:
     """Find the path behind values with white noise of standard deviation 1."""
-    known, alike = np.ones(values.size), np.ones(step.size)
-    return _fitted(step, known, values.copy(), alike, None, TORQUE_ORDER)
+    nodes = wiener.Nodes(step, np.empty(0), np.ones(values.size), values.copy())
+    return _fitted(nodes, TORQUE_ORDER, np.ones(step.size), np.zeros(step.size, dtype=np.intp))
 
 
 def _fitted(
-    step: _Floats,
-    precision: _Floats,
-    pull: _Floats,
-    liveliness: _Floats,
-    boxes: tuple[_Floats, float] | None,
+    nodes: wiener.Nodes,
     order: int,
+    liveliness: _Floats,
+    kind: _Index,
+    boxes: tuple[_Floats, float] | None = None,
 ) -> SmoothPath:
     # Noise that is worth a tenth of a count over a usual step, corners above all: where
     # a path bends, corners give way to bends; where it has a corner, bends would round it off.
     powers = np.array([2.0 * order - 2, 2.0 * order - 4])
-    usual = np.array([BENDS_FIRST, 1.0]) * 1e-2 / float(np.mean(step)) ** powers
-    nodes = wiener.Nodes(step, liveliness[:, None] * usual, precision, pull)
+    first = np.array([BENDS_FIRST, 1.0]) * 1e-2 / float(np.mean(nodes.step)) ** powers
+    usual = np.tile(first, (kind.size, 1))
+    nodes = nodes._replace(intensity=liveliness[:, None] * usual)
     noise = boxes[1] if boxes else 0.0
-    before, rounding = np.full(precision.size, np.inf), ROUNDING * step.size
+    before = np.full(nodes.precision.size, np.inf)
     for _ in range(ROUNDS):
         found = wiener.smooth(nodes, order)
         position = found.states[:, 0]
@@ -177,18 +185,29 @@ def _fitted(
             break
         before = position
         if boxes:
-            seen, certain = _match_boxes(boxes[0], noise, position, found.variance, precision, pull)
-            noise = max(boxes[1], math.sqrt((boxes[1] ** 2 + seen) / (1.0 + certain)))
+            noise = _match_boxes(*boxes, noise, position, found.variance, *nodes[2:])
         felt, determined = _pooled(found.felt / liveliness[:, None]), _pooled(found.known)
-        # The harmonic mean of all intensities, which the determined ones alone decide.
-        weight = 1.0 / (FREEDOM * usual + felt)
-        numerator = np.sum(felt * weight, axis=0) + rounding
-        usual = numerator / (np.sum(determined * weight, axis=0) + rounding / usual)
-        intensity = liveliness[:, None] * (FREEDOM * usual + felt) / (FREEDOM + determined)
-        nodes = nodes._replace(intensity=intensity)
+        usual = _usual(usual, felt, determined, kind)
+        spread = liveliness[:, None] * (FREEDOM * usual + felt)
+        nodes = nodes._replace(intensity=spread / (FREEDOM + determined))
     found = wiener.smooth(nodes, order)
-    path = SmoothPath(nodes, found.states, found.variance, liveliness[:, None] * usual, noise)
+    path = SmoothPath(nodes, found.states, found.variance, liveliness[:, None], usual, noise)
     return path.with_open_intensities()
+
+
+def _usual(usual: _Floats, felt: _Floats, determined: _Floats, kind: _Index) -> _Floats:
+    """Return the usual intensities of each step's kind; shape (m - 1, 2)."""
+    # The harmonic mean of all intensities, which the determined ones alone decide.
+    weight = 1.0 / (FREEDOM * usual + felt)
+    found = np.empty_like(usual)
+    for each in range(int(kind.max()) + 1):
+        here = kind == each
+        rounding = ROUNDING * int(np.sum(here))
+        numerator = np.sum((felt * weight)[here], axis=0) + rounding
+        found[here] = numerator / (
+            np.sum((determined * weight)[here], axis=0) + rounding / usual[here]
+        )
+    return np.maximum(found, NEVER)
 
 
 def _pooled(values: _Floats) -> _Floats:
@@ -199,17 +218,18 @@ def _pooled(values: _Floats) -> _Floats:
 @compiled
 def _match_boxes(
     middle: _Floats,
+    least_noise: float,
     noise: float,
     position: _Floats,
     variance: _Floats,
     precision: _Floats,
     pull: _Floats,
-) -> tuple[float, float]:
+) -> float:
     """One round of expectation propagation: the Gaussian that stands for each node's box.
 
-    Returns what is felt of the noise and how many numbers of it the nodes determine.
+    Returns the noise that blurs the boxes' edges, from what the nodes determine of it.
     """
-    felt, determined = 0.0, 0.0
+    felt, determined = least_noise * least_noise, 1.0
     for k in range(middle.size):
         free = max(1.0 / variance[k] - precision[k], 1e-9)
         mean, spread = (position[k] / variance[k] - pull[k]) / free, 1.0 / free
@@ -235,4 +255,4 @@ def _match_boxes(
                 towards = 0.0
         precision[k] += DAMPING * (wanted - precision[k])
         pull[k] += DAMPING * (towards - pull[k])
-    return felt, determined
+    return max(math.sqrt(felt / determined), least_noise)

@@ -242,6 +242,16 @@ def _filter(
 
 
 @compiled
+def _fold(left: _Floats, matrix: _Floats) -> None:
+    """Replace the first column by matrix @ left."""
+    for i in range(left.size):
+        total = 0.0
+        for j in range(left.size):
+            total += matrix[i, j] * left[j]
+        matrix[i, 0] = total
+
+
+@compiled
 def _smooth(
     step: _Floats,
     intensity: _Floats,
@@ -261,28 +271,27 @@ def _smooth(
     _filter(step, intensity, precision, pull, units, states, spreads, gains, news)
     # What the nodes ahead say of a state: that gradient, and its information.
     score, weight = np.zeros(n), np.zeros((n, n))
-    square, towards = np.empty((n, n)), np.empty(n)
+    square, left = np.empty((n, n)), np.empty(n)
     for k in range(size - 1, -1, -1):
         spread, gain = spreads[k], gains[k]
         variance[k] = spread[0, 0]
         for i in range(n):
-            towards[i] = 0.0
             for j in range(n):
                 states[k, i] += spread[i, j] * score[j]
                 variance[k] -= spread[0, i] * weight[i, j] * spread[j, 0]
-                towards[i] += weight[i, j] * gain[j]
         if k == 0:
             break
-        # With the node itself.
-        missed, seen = news[k], precision[k] * (1.0 - gain[0])
+        # With the node itself: `left` is what it leaves of an error of x. Rows and columns change
+        # each by itself: rounding would grow if the one were taken for the other.
         for i in range(n):
-            missed -= gain[i] * score[i]
-            seen += gain[i] * towards[i]
-        score[0] += missed
-        weight[0, 0] += seen
+            left[i] = (1.0 if i == 0 else 0.0) - gain[i]
+        missed = news[k]
         for i in range(n):
-            weight[0, i] -= towards[i]
-            weight[i, 0] -= towards[i]
+            missed += left[i] * score[i]
+        score[0] = missed
+        _fold(left, weight)
+        _fold(left, weight.T)
+        weight[0, 0] += precision[k] * left[0]
         h = step[k - 1]
         for i in range(n):
             scores[k - 1, i] = score[i]
