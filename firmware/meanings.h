@@ -167,8 +167,8 @@ enum { WINDING_TEST_STATE_COUNT = 4 };
 /* of the cable pair, from the model */
 typedef enum {
     SLIP_STATE_STUCK = 0,    /* part of each cable is at standstill */
-    SLIP_STATE_POSITIVE = 1, /* the pair slides as for a positive angle */
-    SLIP_STATE_NEGATIVE = 2, /* the pair slides as for a negative angle */
+    SLIP_STATE_POSITIVE = 1, /* the pair slides as for a positive angle, or rests at that limit */
+    SLIP_STATE_NEGATIVE = 2, /* the pair slides as for a negative angle, or rests at that limit */
 } slip_state_t;
 enum { SLIP_STATE_COUNT = 3 };
 

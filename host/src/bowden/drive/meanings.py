@@ -155,8 +155,8 @@ class SlipState(NamedValue):
     """Of the cable pair, from the model."""
 
     STUCK = 0, 'part of each cable is at standstill'
-    POSITIVE = 1, 'the pair slides as for a positive angle'
-    NEGATIVE = 2, 'the pair slides as for a negative angle'
+    POSITIVE = 1, 'the pair slides as for a positive angle, or rests at that limit'
+    NEGATIVE = 2, 'the pair slides as for a negative angle, or rests at that limit'
 
 
 class CompensationLaw(NamedValue):
