@@ -2,8 +2,8 @@
 
 Paths that explain the given channels' readings as well as the best estimate are drawn once and
 pushed through the model; their spread, block by block, is the covariance of what the inputs do.
-What the model's mesh leaves open is measured against a finer one and counts as error; what samples
-that were left out do is corrected, and doubted by half.
+What the model's mesh leaves open is measured against a finer one and counts as error, and so do
+numbers that nobody knows; what samples that were left out do is corrected, and doubted by half.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
-from bowden.signals.propagate import HELD_OR_NOT, MESH_FACTOR, held_torque
+from bowden.signals.propagate import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
@@ -225,6 +225,9 @@ def covariance(
     if "motor_torque_nm" in data.mode.columns:
         held = data.predict(model, numbers, held_torque(data.given)) - best
         columns.append(HELD_OR_NOT * held[None])
+    columns += [
+        share * (data.predict(other, numbers) - best)[None] for other, share in open_numbers(model)
+    ]
     segments = model.transmission.segments
     if correction is not None:
         offset, columns = correction, [*columns, DOUBTED * correction[None]]

@@ -143,7 +143,7 @@ def local_noise(
     every = [estimates.recording, *paths]
     index = samples(every) if samples else np.arange(recording.time_s.size)
     best = at_samples(estimates.recording, index)
-    doubts = [*_doubts(model), *or_else]
+    doubts = [*open_numbers(model), *or_else]
 
     asked = {"best": (model, best)}
     asked |= {f"path {k}": (model, at_samples(one, index)) for k, one in enumerate(paths)}
@@ -247,8 +247,12 @@ def _finer(model: Model) -> Model | None:
     return with_segments(model, 2 * segments) if model.solver == "mesh" and segments else None
 
 
-def _doubts(model: Model) -> list[tuple[Model, float]]:
-    """Return models with other numbers that might be as right, and the share of each."""
+def open_numbers(model: Model) -> list[tuple[Model, float]]:
+    """Return models with other numbers that might be as right, and the share of each.
+
+    With which memory friction falls with speed, and how soon a motor's ringing ends, no recording
+    of a rig has told before.
+    """
     pair, found = model.transmission, []
     alike = math.sqrt(1 / len(OTHERWISE))
     law = pair.friction
