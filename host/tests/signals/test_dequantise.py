@@ -196,12 +196,15 @@ def test_the_estimate_turns_only_where_the_counts_do(seed: int) -> None:
         at += count + int(rng.integers(0, 300))
     q = 2 * np.pi / 10_000
     counts = np.round(angle / q)
-    found = dequantise(time_s, counts * q, expected_quantum=q).values / q
+    estimated = dequantise(time_s, counts * q, expected_quantum=q)
+    found, noise = estimated.values / q, estimated.noise / q
     turned = np.flatnonzero(np.diff(np.sign(np.diff(counts[np.flatnonzero(np.diff(counts))]))))
     way = np.sign(np.diff(found))
     turns = np.flatnonzero(np.diff(way[way != 0.0]))
     assert turns.size <= turned.size + 1
-    assert np.all(np.abs(found - counts) <= 0.5 + 1e-9)
+    # No noise was added; few counts may tell that only to a tenth of a count.
+    assert noise < 0.1
+    assert np.all(np.abs(found - counts) <= 0.5 + 3.0 * noise + 1e-9)
 
 
 def test_draws_scatter_as_sigma_says_and_together_as_errors_do() -> None:
