@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from bowden.signals import wiener
+from bowden.signals import wiener, wiener_draws
 from numpy.polynomial.legendre import leggauss
 
 SIZE = 9
@@ -86,7 +86,7 @@ def test_the_posterior_is_that_of_one_big_gaussian(order: int) -> None:
 def test_draws_have_the_posteriors_mean_and_spread(order: int) -> None:
     found = wiener.smooth(NODES, order)
     generator = np.random.default_rng(7)
-    drawn = [wiener.draw(NODES, order, generator) for _ in range(4000)]
+    drawn = [wiener_draws.draw(NODES, order, generator) for _ in range(4000)]
     states = np.array([states for states, _ in drawn])
     felt = np.array([felt for _, felt in drawn])
     # 4000 draws: a mean to 1.6 % of a standard deviation, a variance to 2.2 %; five times that.

@@ -1,6 +1,6 @@
 """The path behind a coarse or noisy sensor: a smoothing spline that knows what each sample allows.
 
-`dequantise` uses it; the kernels of `wiener` do the smoothing. The path is an integrated Wiener
+`dequantise` uses it; `wiener` smooths and `wiener_draws` draws. The path is an integrated Wiener
 process, whose posterior mean is a spline (Wahba 1978). Its noise is twofold, bends and corners.
 What has mass has an acceleration, so an angle bends by white jerk (a quintic spline): were its
 acceleration white, the torque of a mass would have no bound. But a commanded triangle turns at
@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
 from bowden.model.compiled import compiled
-from bowden.signals import wiener
+from bowden.signals import wiener, wiener_draws
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
@@ -124,7 +124,7 @@ class SmoothPath:
         numbers = np.broadcast_to(np.array([order, order - 1.0]), self.usual.shape)
         freedom, nodes = FREEDOM + _pooled(numbers), self.nodes
         for _ in range(count):
-            states, felt = wiener.draw(nodes, order, generator)
+            states, felt = wiener_draws.draw(nodes, order, generator)
             yield replace(self, nodes=nodes, states=states)
             spread = FREEDOM * self.usual + _pooled(felt / self.liveliness)
             intensity = self.liveliness * spread / generator.chisquare(freedom)

@@ -11,9 +11,8 @@ and Solin 2019, 12.6)
 
 A node says where x is through a Gaussian of precision `precision` and mean `pull / precision`.
 Kalman's filter runs forwards, the disturbance smoother backwards (Durbin and Koopman 2012, 4.5):
-what it says of d is a product and never the small difference of two covariances. A draw is a path
-of the prior, corrected by the smoothed path of what it misses (4.9). Matrices so small are
-multiplied by hand.
+what it says of d is a product and never the small difference of two covariances. Matrices so small
+are multiplied by hand. `wiener_draws` draws from the same posterior.
 """
 
 # ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
@@ -30,11 +29,11 @@ from numpy.typing import NDArray
 from bowden.model.compiled import compiled
 
 _Floats = NDArray[np.float64]
-_Matrix = tuple[tuple[float, ...], ...]  # a tuple, so that the compiler knows the order
-_Pair = tuple[_Matrix, _Matrix]  # of bends, of corners
+Matrix = tuple[tuple[float, ...], ...]  # a tuple, so that the compiler knows the order
+Pair = tuple[Matrix, Matrix]  # of bends, of corners
 
 # Nothing is known of the first node, up to what encoders can follow: in units per step.
-_FIRST = (1e8, 1e4, 1e2)
+FIRST = (1e8, 1e4, 1e2)
 
 
 class Nodes(NamedTuple):
@@ -79,67 +78,38 @@ class Smoothed(NamedTuple):
 
 def smooth(nodes: Nodes, order: int) -> Smoothed:
     """Find the posterior of a path of so many numbers a state, 2 or 3."""
-    found = _nothing(nodes, order)
+    return with_scores(nodes, order)[0]
+
+
+def with_scores(nodes: Nodes, order: int) -> tuple[Smoothed, _Floats]:
+    """Return the posterior and each step's gradient of the log-likelihood by d, (m - 1, order)."""
+    size, steps = nodes.precision.size, (nodes.step.size, 2)
+    found = Smoothed(np.empty((size, order)), np.empty(size), np.empty(steps), np.empty(steps))
     scores = np.empty((nodes.step.size, order))
-    _smooth(*nodes, _squares(order), *found, scores)
-    return found
-
-
-def draw(nodes: Nodes, order: int, generator: np.random.Generator) -> tuple[_Floats, _Floats]:
-    """Draw a path from the posterior.
-
-    Returns
-    -------
-    states : ndarray of shape (m, order)
-    felt : ndarray of shape (m - 1, 2)
-        d' Q^-1 d of either noise.
-    """
-    size = nodes.precision.size
-    normal = generator.standard_normal((size, 2 * order))
-    path, missed = np.empty((size, order)), np.empty(size)
-    noise = np.zeros((size - 1, 2, order))
-    _prior_path(*nodes, _roots(order), normal, path, missed, noise)
-    found, scores = _nothing(nodes, order), np.empty((size - 1, order))
-    _smooth(*nodes._replace(pull=missed), _squares(order), *found, scores)
-    felt = np.empty((size - 1, 2))
-    _felt(nodes.step, nodes.intensity, _squares(order), _inverses(order), scores, noise, felt)
-    return path + found.states, felt
-
-
-def _nothing(nodes: Nodes, order: int) -> Smoothed:
-    size = nodes.precision.size
-    steps = (size - 1, 2)
-    return Smoothed(np.empty((size, order)), np.empty(size), np.empty(steps), np.empty(steps))
+    _smooth(*nodes, squares(order), *found, scores)
+    return found, scores
 
 
 @cache
-def _squares(order: int) -> _Pair:
+def squares(order: int) -> Pair:
     """Return Q of a step of length 1, of bends and of corners."""
-    return _rows(_unit(order)), _rows(_unit(order - 1))
+    return rows(unit_noise(order)), rows(unit_noise(order - 1))
 
 
-@cache
-def _inverses(order: int) -> _Pair:
-    return _rows(np.linalg.inv(_unit(order))), _rows(np.linalg.inv(_unit(order - 1)))
-
-
-@cache
-def _roots(order: int) -> _Pair:
-    return _rows(np.linalg.cholesky(_unit(order))), _rows(np.linalg.cholesky(_unit(order - 1)))
-
-
-def _unit(order: int) -> _Floats:
+def unit_noise(order: int) -> _Floats:
+    """Return Q of a step of length 1; shape (order, order)."""
     below = order - 1 - np.arange(order)
     parts = np.array([math.factorial(k) for k in below])
     return np.asarray(1.0 / ((below[:, None] + below + 1.0) * np.outer(parts, parts)))
 
 
-def _rows(matrix: NDArray[np.floating]) -> _Matrix:
+def rows(matrix: NDArray[np.floating]) -> Matrix:
+    """Return a matrix as kernels take it."""
     return tuple(tuple(float(value) for value in row) for row in matrix)
 
 
 @compiled
-def _move(high: _Matrix, h: float, now: _Floats, to: _Floats) -> None:
+def move(high: Matrix, h: float, now: _Floats, to: _Floats) -> None:
     """Set `to` = F now."""
     n = len(high)
     for i in range(n):
@@ -151,7 +121,7 @@ def _move(high: _Matrix, h: float, now: _Floats, to: _Floats) -> None:
 
 
 @compiled
-def _move_back(high: _Matrix, h: float, value: _Floats) -> None:
+def _move_back(high: Matrix, h: float, value: _Floats) -> None:
     """Set `value` = F' value."""
     n = len(high)
     for j in range(n - 1, 0, -1):
@@ -162,7 +132,7 @@ def _move_back(high: _Matrix, h: float, value: _Floats) -> None:
 
 
 @compiled
-def _add_noise(h: float, intensity: float, unit: _Matrix, spread: _Floats) -> None:
+def _add_noise(h: float, intensity: float, unit: Matrix, spread: _Floats) -> None:
     """Add intensity Q to a covariance."""
     last = intensity * h
     for i in range(len(unit) - 1, -1, -1):
@@ -174,7 +144,7 @@ def _add_noise(h: float, intensity: float, unit: _Matrix, spread: _Floats) -> No
 
 
 @compiled
-def _against(h: float, unit: _Matrix, square: _Floats) -> float:
+def against(h: float, unit: Matrix, square: _Floats) -> float:
     """Return tr(Q square); of Q^-1 for 1 / h and the inverse."""
     total, last = 0.0, h
     for i in range(len(unit) - 1, -1, -1):
@@ -187,11 +157,11 @@ def _against(h: float, unit: _Matrix, square: _Floats) -> float:
 
 
 @compiled
-def _ahead(h: float, high: _Matrix, spread: _Floats, ahead: _Floats) -> None:
+def _ahead(h: float, high: Matrix, spread: _Floats, ahead: _Floats) -> None:
     """Set `ahead` = F spread F'."""
     n = len(high)
     for row in range(n):
-        _move(high, h, spread[row], ahead[row])
+        move(high, h, spread[row], ahead[row])
     for i in range(n):  # in place: the rows below are still as they were
         part = 1.0
         for j in range(i + 1, n):
@@ -206,7 +176,7 @@ def _filter(
     intensity: _Floats,
     precision: _Floats,
     pull: _Floats,
-    units: _Pair,
+    units: Pair,
     states: _Floats,
     spreads: _Floats,
     gains: _Floats,
@@ -218,12 +188,12 @@ def _filter(
     states[0] = 0.0
     spreads[0] = 0.0
     for i in range(n):
-        spreads[0, i, i] = _FIRST[i]
+        spreads[0, i, i] = FIRST[i]
     for k in range(precision.size):
         now, spread, gain = states[k], spreads[k], gains[k]
         if k > 0:
             h = step[k - 1]
-            _move(high, h, states[k - 1], now)
+            move(high, h, states[k - 1], now)
             _ahead(h, high, spreads[k - 1], spread)
             _add_noise(h, intensity[k - 1, 0], high, spread)
             _add_noise(h, intensity[k - 1, 1], low, spread)
@@ -257,7 +227,7 @@ def _smooth(
     intensity: _Floats,
     precision: _Floats,
     pull: _Floats,
-    units: _Pair,
+    units: Pair,
     states: _Floats,
     variance: _Floats,
     felt: _Floats,
@@ -297,89 +267,13 @@ def _smooth(
             scores[k - 1, i] = score[i]
             for j in range(n):
                 square[i, j] = score[i] * score[j]
-        felt[k - 1, 0] = intensity[k - 1, 0] ** 2 * _against(h, high, square)
-        felt[k - 1, 1] = intensity[k - 1, 1] ** 2 * _against(h, low, square)
-        known[k - 1, 0] = intensity[k - 1, 0] * _against(h, high, weight)
-        known[k - 1, 1] = intensity[k - 1, 1] * _against(h, low, weight)
+        felt[k - 1, 0] = intensity[k - 1, 0] ** 2 * against(h, high, square)
+        felt[k - 1, 1] = intensity[k - 1, 1] ** 2 * against(h, low, square)
+        known[k - 1, 0] = intensity[k - 1, 0] * against(h, high, weight)
+        known[k - 1, 1] = intensity[k - 1, 1] * against(h, low, weight)
         # A step back.
         _move_back(high, h, score)
         for row in range(n):
             _move_back(high, h, weight[row])
         for column in range(n):
             _move_back(high, h, weight[:, column])
-
-
-@compiled
-def _prior_path(
-    step: _Floats,
-    intensity: _Floats,
-    precision: _Floats,
-    pull: _Floats,
-    roots: _Pair,
-    normal: _Floats,
-    path: _Floats,
-    missed: _Floats,
-    noise: _Floats,
-) -> None:
-    """Set a path of the prior, both noises, and the pull that is left of what its nodes miss."""
-    high, low = roots
-    n = len(high)
-    for k in range(precision.size):
-        if k == 0:
-            for i in range(n):
-                path[0, i] = math.sqrt(_FIRST[i]) * normal[0, i]
-        else:
-            h = step[k - 1]
-            _move(high, h, path[k - 1], path[k])
-            _add_drawn(h, intensity[k - 1, 0], high, normal[k, :n], noise[k - 1, 0])
-            _add_drawn(h, intensity[k - 1, 1], low, normal[k, n:], noise[k - 1, 1])
-            for i in range(n):
-                path[k, i] += noise[k - 1, 0, i] + noise[k - 1, 1, i]
-        read = precision[k] * path[k, 0] + math.sqrt(precision[k]) * normal[k, 2 * n - 1]
-        missed[k] = pull[k] - read
-
-
-@compiled
-def _add_drawn(h: float, intensity: float, root: _Matrix, normal: _Floats, noise: _Floats) -> None:
-    scale = math.sqrt(intensity * h)
-    for i in range(len(root) - 1, -1, -1):
-        for j in range(i + 1):
-            noise[i] += scale * root[i][j] * normal[j]
-        scale *= h
-
-
-@compiled
-def _felt(
-    step: _Floats,
-    intensity: _Floats,
-    units: _Pair,
-    inverses: _Pair,
-    scores: _Floats,
-    noise: _Floats,
-    felt: _Floats,
-) -> None:
-    """Set d' Q^-1 d of both noises, each corrected by intensity Q score."""
-    n = scores.shape[1]
-    square = np.empty((n, n))
-    for k in range(step.size):
-        _correct(step[k], intensity[k, 0], units[0], scores[k], noise[k, 0])
-        _correct(step[k], intensity[k, 1], units[1], scores[k], noise[k, 1])
-        for each in range(2):
-            for i in range(n):
-                for j in range(n):
-                    square[i, j] = noise[k, each, i] * noise[k, each, j]
-            if each == 0:
-                felt[k, 0] = _against(1.0 / step[k], inverses[0], square)
-            else:
-                felt[k, 1] = _against(1.0 / step[k], inverses[1], square)
-
-
-@compiled
-def _correct(h: float, intensity: float, unit: _Matrix, score: _Floats, noise: _Floats) -> None:
-    last = intensity * h
-    for i in range(len(unit) - 1, -1, -1):
-        each = last
-        for j in range(len(unit) - 1, -1, -1):
-            noise[i] += each * unit[i][j] * score[j]
-            each *= h
-        last *= h
