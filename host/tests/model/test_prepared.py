@@ -18,7 +18,7 @@ from bowden.model import (
     simulate_many,
     table_1,
 )
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -48,6 +48,7 @@ def read_anew(model: Model, paths: tuple[str, ...], values: list[float]) -> Mode
 
 
 @settings(max_examples=25, deadline=None)
+@example(1.5, 0.62890625, 2.0, [])  # refused: no equilibrium found
 @given(
     st.floats(1.0, 30.0),
     st.floats(0.0, 0.63),
@@ -64,8 +65,14 @@ def test_a_run_is_that_of_the_file_with_these_numbers_bit_for_bit(
     pretension: float, mu: float, radius: float, effects: list[str]
 ) -> None:
     model, values = rig(*effects), [pretension, mu, radius]
-    found = prepare(model, MODE, INPUTS, PATHS).run(values)
-    read = simulate(read_anew(model, PATHS, values), MODE, INPUTS)
+    ready = prepare(model, MODE, INPUTS, PATHS)
+    try:
+        read = simulate(read_anew(model, PATHS, values), MODE, INPUTS)
+    except ModelError as refused:  # one in thousands: the prepared one has to say the same
+        with pytest.raises(ModelError, match=re.escape(str(refused))):
+            ready.run(values)
+        return
+    found = ready.run(values)
     for name, series in vars(read).items():
         np.testing.assert_array_equal(getattr(found, name), series, err_msg=name)
 
