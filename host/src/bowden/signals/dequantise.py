@@ -143,7 +143,7 @@ def dequantise(
     noise = float(np.sqrt(max(total**2 - 1.1 * quantum**2 / 12.0, 0.0)))
     if noise > NOISY_COUNTS * quantum:
         return replace(_denoised(time_s, values, total), quantum=quantum)
-    return _within_counts(time_s, values, quantum, felt)
+    return _within_counts(time_s, values, quantum, noise, felt)
 
 
 def grid(values: _Floats, expected_quantum: float | None = None) -> float | None:
@@ -207,7 +207,7 @@ def _denoised(time_s: _Floats, values: _Floats, sigma: float) -> Estimated:
 
 
 def _within_counts(
-    time_s: _Floats, values: _Floats, quantum: float, felt: _Floats | None
+    time_s: _Floats, values: _Floats, quantum: float, noise: float, felt: _Floats | None
 ) -> Estimated:
     zero = float(values[0])
     count = np.round((values - zero) / quantum)
@@ -215,13 +215,11 @@ def _within_counts(
     runs = Runs.of(count)
     nodes = runs.nodes()
     step = np.diff(time_s[nodes]) / usual
-    # At a turn friction changes its sign and the acceleration jumps.
-    lively, kind = runs.liveliness(nodes), runs.turning(nodes, count)
-    smooth = path_through_boxes(step, count[nodes], EDGE_NOISE, lively, kind)
-    noise = float(np.sqrt(smooth.noise**2 - EDGE_NOISE**2))
+    blur = max(EDGE_NOISE, noise / quantum)
+    smooth = path_through_boxes(step, count[nodes], blur, runs.liveliness(nodes))
     before = np.clip(np.searchsorted(nodes, np.arange(count.size), "right") - 1, 0, nodes.size - 2)
     share = (time_s - time_s[nodes[before]]) / (step[before] * usual)
-    margin = 0.5 + BAND_SIGMAS * noise
+    margin = 0.5 + BAND_SIGMAS * noise / quantum
     path = _Path(
         smooth=smooth,
         node=before,
@@ -233,7 +231,7 @@ def _within_counts(
         rests=runs.rests(count, felt),
         turns=runs.turns(count),
     )
-    return Estimated(*path.estimate(), quantum, quantum * noise, path)
+    return Estimated(*path.estimate(), quantum, noise, path)
 
 
 @dataclass(frozen=True)

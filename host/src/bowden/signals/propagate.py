@@ -36,7 +36,7 @@ MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.
 OTHERWISE = (1 / 3, 3.0)  # times numbers that are not known better
 UNDAMPED_OR_MORE = (0.0, 3.0)  # times the damping of what rings
 HELD_OR_NOT = math.sqrt(2 / 3)  # half a sample late, early or neither, each as likely
-LEAST_SHARE = 1e-6  # of a channel's range: no sensor is better, so that gaps can be weighed
+LEAST_SHARE = 1e-6  # of a channel's range: sigma never falls below, so that gaps can be weighed
 
 
 @dataclass(frozen=True)
@@ -170,18 +170,19 @@ def local_noise(
         left_open = np.zeros(index.size)
         for k, (_, share) in enumerate(doubts):
             left_open = np.hypot(left_open, share * off(f"doubt {k}", name))
-        swing = max(float(np.ptp(getattr(one, name))) for one in (best, runs["best"]))
-        least = LEAST_SHARE * max(swing, 1e-9)
-        read = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
+        sensor = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
         parts[name] = {
-            "sensor": np.hypot(read, least),
+            "sensor": sensor,
             "inputs": smooth(np.mean(errors**2, axis=0)) ** 0.5,
             "mesh": smooth((MESH_FACTOR * off("mesh", name)) ** 2) ** 0.5,
             "steps": smooth(off("steps", name) ** 2) ** 0.5,
             "held": smooth((HELD_OR_NOT * off("held", name)) ** 2) ** 0.5,
             "open": smooth(left_open**2) ** 0.5,
         }
-        sigma[name] = np.sqrt(sum(part**2 for part in parts[name].values()))
+        swing = max(float(np.ptp(getattr(one, name))) for one in (best, runs["best"]))
+        least = LEAST_SHARE * max(swing, 1e-9)
+        total = sum(part**2 for part in parts[name].values())
+        sigma[name] = np.sqrt(total + least**2)
         scaled = errors / np.maximum(parts[name]["inputs"], least)
         memory_s[name] = duration / float(np.mean([effective_samples(one) for one in scaled]))
     return LocalNoise(sigma, memory_s, parts, best, index, estimates)

@@ -198,14 +198,6 @@ class Runs:
         depth = self.depth((nodes[1:] + nodes[:-1]) / 2.0, number)
         return np.where(self.rest[number], (1.0 + depth) ** -3.0, 1.0)
 
-    def turning(self, nodes: _Index, count: _Floats) -> _Index:
-        """Return of each step between nodes whether counts turn in its run: 1, else 0."""
-        way = np.sign(np.diff(count[self.first]))
-        turns = np.zeros(self.first.size, dtype=np.intp)
-        turns[1:-1] = way[1:] != way[:-1]
-        late, early = self.number[nodes[1:]], self.number[nodes[:-1]]
-        return np.maximum(turns[late], turns[early])
-
     def turns(self, count: _Floats) -> tuple[tuple[int, int, float], ...]:
         """List the runs that the counts turn in, with the ends of the recording; see `one_way`."""
         way = np.sign(np.diff(count[self.first]))
