@@ -181,8 +181,8 @@ class Runs:
             for share in np.linspace(0.0, 1.0, NODES_A_RUN)
         ]
         depth = 1
-        while 2 * depth <= int(reach.max()):  # a rest: close to its ends, where motion stops
-            here = self.rest & (2 * depth <= reach)
+        while 2 * depth <= int(reach.max()):  # close to the ends, where motion may stop or turn
+            here = 2 * depth <= reach
             parts += [self.first[here] + depth, self.last[here] - depth]
             depth *= 2
         return np.unique(np.concatenate(parts))
