@@ -106,6 +106,20 @@ def test_a_recording_may_end_with_motion_that_has_turned() -> None:
     assert np.mean(back < 1e-6) > 1 / 6  # it may as well have stopped, or gone on
 
 
+def test_a_stroke_that_stops_within_a_long_run_is_not_drawn_beyond_its_turn() -> None:
+    """It brakes within 70 ms and leaves slowly: 0.2 s of one count, too few for a rest."""
+    gone = TIME_S - 3.0
+    fast = 1.45e4 * np.clip(-gone, 0.0, 0.07) ** 2 + 2030.0 * np.clip(-gone - 0.07, 0.0, None)
+    stroke = np.where(gone < 0.0, -fast, -9.0 * gone**2)
+    beyond = []
+    for place in (-0.4, -0.2, 0.0, 0.2, 0.4):  # of the turn, from the middle of its count
+        angle = COUNT * (place + stroke)
+        beyond.append((dequantise(TIME_S, counted(angle)).values.max() - angle.max()) / COUNT)
+    # Where in its count it turns is not read, so one estimate may be off by half a count, but over
+    # all places the errors cancel: a path that leaves by its speed would be 0.45 too far.
+    assert abs(np.mean(beyond)) < 0.25
+
+
 @pytest.mark.parametrize("drifts", [False, True])
 def test_what_seems_to_rest_may_move_where_its_torque_drifts(drifts: bool) -> None:
     """Half a second of standstill: slow motion within it shows in the torque only."""
