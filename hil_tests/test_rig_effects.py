@@ -77,6 +77,20 @@ def test_friction_of_the_sliding_pair_is_scaled(
     assert in_nm == pytest.approx(PLATEAU_NM * inward, rel=0.02)
 
 
+def test_at_standstill_friction_bears_what_it_bore_sliding() -> None:
+    # Out by half a radian, softly stopped, then still: nothing slides, so nothing is let go.
+    def stopped(t: float) -> float:
+        share = min(max((t - 0.1) / 0.6, 0.0), 1.0)
+        return 0.5 * share * share * (3.0 - 2.0 * share)
+
+    rows, _ = run(hide(COULOMB, "direction_asymmetry", {"a": 0.3}), 1.0, lambda _: 0.0, stopped)
+    sliding = rows[round(0.6 / CONTROL_PERIOD_S), at.LOAD_TORQUE]
+    still = rows[-1, at.LOAD_TORQUE]
+    assert sliding == pytest.approx(-1.3 * PLATEAU_NM, rel=0.01)
+    # 1.5 %: the cables' own mass and damping push no more
+    assert still == pytest.approx(sliding, rel=0.015)
+
+
 def test_friction_that_falls_with_tension_bends_the_capstan() -> None:
     p = 0.3
     rig = hide(COULOMB, "tension_dependent_friction", {"p": p})

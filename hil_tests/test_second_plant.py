@@ -47,6 +47,21 @@ def test_sliding_pair_loses_what_the_closed_form_says() -> None:
     assert found[1] == pytest.approx(-3.12, rel=0.03)
 
 
+@pytest.mark.parametrize("a", [0.3, -0.3])
+def test_at_standstill_friction_bears_what_it_bore_sliding(a: float) -> None:
+    # Out by half a radian, softly stopped, then still for 0.5 s: nothing slides.
+    rig = replace(TABLE_I, cable=replace(TABLE_I.cable, direction_asymmetry=a))
+    plant, found = ImplicitPlant(rig), []
+    for tick in range(4800):
+        u = min(tick / 2800, 1.0)
+        plant.step(OFF, (0.5 * u * u * (3.0 - 2.0 * u), 3.0 * u * (1.0 - u) / (2800 * PERIOD_S)))
+        found.append(plant.scalars[at.LOAD_TORQUE])
+    sliding = found[2000]
+    assert sliding == pytest.approx(-3.12 * (1.0 + a), rel=0.03)
+    # 3 %: the pair's own waves, which go on; the other way's friction would be half or double
+    assert np.mean(found[-800:]) == pytest.approx(sliding, rel=0.03)
+
+
 def test_virgin_pair_with_a_locked_load_passes_nothing_on_below_its_breakthrough() -> None:
     strong = replace(TABLE_I.motor, current_limit_a=40.0)
     locked = replace(TABLE_I, operator=replace(STIFF, stiffness_nm_per_rad=1e6), motor=strong)

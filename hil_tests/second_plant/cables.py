@@ -7,7 +7,8 @@ Each cable is reduced to those two; what is left is 2 x 2, the operator's hand e
 
 Dahl's friction of a node that moves by dx, of which at most L = mu N can be met,
     (D1)  F(dx) = s L + (F0 - s L) exp(-shear abs(dx) / L),   s = sign(dx)
-is monotone in dx, so a step has one solution. L is that of the tensions before the step.
+is monotone in dx, so a step has one solution. L is that of the tensions before the step, and of the
+way s in which the node moves: what it met one way it bears at standstill, whatever it meets back.
 
 u > 0 is towards the load; cable a is row 0, its ends are at -r theta, those of b at +r theta.
 """
@@ -30,14 +31,19 @@ LEAST_LIMIT_N: Final = 1e-9  # of friction: a slack cable rubs nowhere
 
 @compiled
 def dahl(
-    force_n: float, step_m: float, limit_n: float, shear_n_per_m: float
+    force_n: float, step_m: float, limit_n: float, side: float, shear_n_per_m: float
 ) -> tuple[float, float]:
-    """Friction (N) after a step (m), and its slope (N/m) there: (D1)."""
+    """Friction (N) after a step (m), and its slope (N/m) there: (D1).
+
+    `side`: share more of the limit towards the load, and less back; below 1.
+    """
     if limit_n <= LEAST_LIMIT_N:
         return 0.0, 0.0
-    start = min(max(force_n, -limit_n), limit_n)
-    towards = limit_n if step_m >= 0.0 else -limit_n
-    left = math.exp(-shear_n_per_m * abs(step_m) / limit_n)
+    forth_n, back_n = limit_n * (1.0 + side), limit_n * (1.0 - side)
+    start = min(max(force_n, -back_n), forth_n)
+    most_n = forth_n if step_m >= 0.0 else back_n
+    towards = most_n if step_m >= 0.0 else -most_n
+    left = math.exp(-shear_n_per_m * abs(step_m) / most_n)
     force = towards + (start - towards) * left
     return force, shear_n_per_m * (1.0 - force / towards)
 
@@ -51,13 +57,21 @@ def limits(  # noqa: PLR0917
     limit: NDArray[np.float64],
     cable: int,
 ) -> None:
-    """Most friction that each node can meet: mu times local tension times wrap angle."""
-    side = -n.asymmetry if cable == 0 else n.asymmetry
+    """Most friction that each node can meet: mu times local tension times wrap angle.
+
+    Where it differs by direction, the mean of both.
+    """
     for i in range(nodes.shape[2]):
         speed = nodes[at.SPEED, cable, i]
         normal = 0.5 * (tension[cable, i] + tension[cable, i + 1]) * wrap[i]
         mu = n.mu + n.viscous_s_per_m * abs(speed)
-        limit[cable, i] = mu * normal * (1.0 + (side if speed > 0.0 else -side))
+        limit[cable, i] = mu * normal
+
+
+@compiled
+def side_of(n: Any, cable: int) -> float:  # noqa: ANN401
+    """Share more of a cable's friction towards the load; where the pair turns back for cable a."""
+    return float(-n.asymmetry if cable == 0 else n.asymmetry)
 
 
 @compiled
@@ -93,7 +107,7 @@ def reduce_cable(  # noqa: PLR0917
     its speed is off by with the ends as guessed, and per speed of the near and of the far end.
     Returned: slope of the end tensions over the stretching of the end springs.
     """
-    dt, size = n.dt_s, nodes.shape[2]
+    dt, size, side = n.dt_s, nodes.shape[2], side_of(n, cable)
     below = 0.0
     first_slope = 0.0
     for i in range(size + 1):
@@ -110,9 +124,8 @@ def reduce_cable(  # noqa: PLR0917
         else:  # node i - 1 has both its springs now
             node = i - 1
             speed = guess[cable, node]
-            force, hardness = dahl(
-                nodes[at.FRICTION, cable, node], dt * speed, limit[cable, node], n.shear_n_per_m
-            )
+            before, most = nodes[at.FRICTION, cable, node], limit[cable, node]
+            force, hardness = dahl(before, dt * speed, most, side, n.shear_n_per_m)
             off = n.mass_kg * (speed - nodes[at.SPEED, cable, node]) / dt
             off += force - tension[cable, i] + tension[cable, node]
             diagonal = n.mass_kg / dt + dt * hardness + below + slope
@@ -222,11 +235,11 @@ def step(  # noqa: PLR0917, PLR0915
     s[at.LOAD_ANGLE] += dt * load
     s[at.HAND_ANGLE] += dt * hand
     for cable in range(2):
+        side = side_of(n, cable)
         for i in range(size):
             moved = dt * guess[cable, i]
-            nodes[at.FRICTION, cable, i], _ = dahl(
-                nodes[at.FRICTION, cable, i], moved, limit[cable, i], n.shear_n_per_m
-            )
+            before, most = nodes[at.FRICTION, cable, i], limit[cable, i]
+            nodes[at.FRICTION, cable, i], _ = dahl(before, moved, most, side, n.shear_n_per_m)
             nodes[at.PLACE, cable, i] += moved
             nodes[at.SPEED, cable, i] = guess[cable, i]
     s[at.MOTOR_TORQUE] = motor_nm

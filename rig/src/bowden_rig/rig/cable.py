@@ -140,7 +140,10 @@ def find_friction(  # noqa: PLR0917
     asymmetry: float,
     factor: float,
 ) -> None:
-    """Most friction that each mass can meet; `asymmetry`: share more of it towards the load."""
+    """Most friction that each mass can meet; `asymmetry`: share more of it towards the load.
+
+    The side is the bristle's, not the speed's: at standstill friction bears what it bore sliding.
+    """
     n = masses.shape[2]
     weight, mu, viscous = c.weight_n, c.mu, c.viscous_s_per_m
     if c.mu_static_excess == 0.0 and c.tension_exponent == 0.0:
@@ -148,13 +151,13 @@ def find_friction(  # noqa: PLR0917
             pair = springs[TENSION, cable, i] + springs[TENSION, cable, i + 1]
             normal = 0.5 * pair * wrap_rad[i] + weight
             v = masses[SPEED, cable, i]
-            side = asymmetry if v > 0.0 else -asymmetry
+            side = asymmetry if masses[BRISTLE, cable, i] > 0.0 else -asymmetry
             springs[LIMIT, cable, i] = (mu + viscous * abs(v)) * (1.0 + side) * normal * factor
     else:
         for i in range(n):
             mean = 0.5 * (springs[TENSION, cable, i] + springs[TENSION, cable, i + 1])
             v = masses[SPEED, cable, i]
-            side = asymmetry if v > 0.0 else -asymmetry
+            side = asymmetry if masses[BRISTLE, cable, i] > 0.0 else -asymmetry
             normal = mean * wrap_rad[i] + weight
             springs[LIMIT, cable, i] = mu_of(c, v, mean) * (1.0 + side) * normal * factor
 
