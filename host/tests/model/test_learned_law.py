@@ -54,6 +54,37 @@ def test_a_torque_at_the_load_is_read_by_the_cell_and_nothing_else_changes() -> 
     same(found.motor_angle_rad, true.motor_angle_rad)
 
 
+def test_a_law_of_a_speed_takes_the_given_one_whatever_the_samples() -> None:
+    # From standstill to 2 rad/s within 20 ms, of which every 16 ms a sample is left.
+    time_s = np.arange(0.0, 0.2, 1e-3)
+    speed = np.clip((time_s - 0.05) / 0.02, 0.0, 1.0) * 2.0
+    angle = np.concatenate([[0.0], np.cumsum(0.5e-3 * (speed[1:] + speed[:-1]))])
+    whole = Inputs(time_s, None, angle, np.zeros(time_s.size), load_speed_rad_per_s=speed)
+    few = Inputs(*(None if v is None else v[::16] for v in vars(whole).values()))
+    table, law = LawTable("load_torque_nm", ("load_speed_rad_per_s",), (0.0, 1.0, 2.0)), (0, 0.1, 0)
+    more = simulate(plain().with_law(table, law), TP, few).load_torque_nm
+    more = more - simulate(plain(), TP, few).load_torque_nm
+    np.testing.assert_allclose(more, arc(speed[::16] - 1.0, 1.0, law), atol=1e-9)
+    assert more.max() > 0.05  # 64 ms of samples, smoothed, would pass half of the arc by
+
+
+def test_where_an_effect_moves_the_angle_the_given_speed_is_that_of_another_path() -> None:
+    inputs = given(TP)
+    assert inputs.load_angle_rad is not None
+    speed = np.gradient(inputs.load_angle_rad, inputs.time_s)
+    late = plain().with_effect("time_delay", {"load_encoder_delay_s": 0.02})
+    table = LawTable("friction_factor", ("load_speed_rad_per_s",), (-4.0, 0.0, 4.0))
+    model = late.with_law(table, (0.3, 0.0, 0.2))
+    found = simulate(model, TP, replace(inputs, load_speed_rad_per_s=speed))
+    same(found.load_torque_nm, simulate(model, TP, inputs).load_torque_nm)
+
+
+def test_a_given_speed_is_checked_like_the_angle() -> None:
+    wrong = replace(given(TP), load_speed_rad_per_s=np.zeros(3))
+    with pytest.raises(ModelError, match="load_speed_rad_per_s: found shape"):
+        simulate(plain(), TP, wrong)
+
+
 def test_a_torque_at_the_motor_is_added_to_the_recorded_one() -> None:
     table = LawTable("motor_torque_nm", ("time_s",), (0.0, 2.0))
     found = simulate(plain().with_law(table, (0.01, 0.03)), TP, given(TP))

@@ -20,7 +20,7 @@ from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
-from bowden.signals.dequantise import Estimates, estimate_channels
+from bowden.signals.dequantise import Estimates, estimate_channels, speeds
 from bowden.signals.prediction import PREDICTED, simulate_recording
 from bowden.signals.propagate import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 
@@ -101,8 +101,9 @@ class Data:
         for child in np.random.SeedSequence([self.seed, self.number]).spawn(DRAWS):
             generator = np.random.default_rng(child)
             channels = self.estimates.channels
-            drawn = {name: channels[name].draw(generator)[self.kept] for name in self.mode.columns}
-            yield self.given.with_channels(drawn)
+            drawn = {name: channels[name].draw(generator) for name in self.mode.columns}
+            drawn |= speeds(self.estimates.recording.time_s, drawn)
+            yield self.given.with_channels({n: path[self.kept] for n, path in drawn.items()})
 
     def predict(
         self,

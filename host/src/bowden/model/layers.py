@@ -17,7 +17,7 @@ from bowden.model.effects.effect import Channel, Enters
 from bowden.model.errors import ModelError
 from bowden.model.histories import Histories
 from bowden.model.model_effects import InForce
-from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajectory
+from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajectory, speed_of
 from bowden.model.transmission import Transmission
 
 OUTSIDE_IN = get_args(Enters)
@@ -83,7 +83,7 @@ class Layers:
         ordered = sorted(effects, key=_depth)
         self._layers = [one for one in ordered if one.variant.channels]
         self._histories = [one for one in ordered if one.variant.histories is not None]
-        self._given = mode.columns
+        self._given, self._speeds = mode.columns, mode.speeds
         # Angles first: on the way out, torques look at them.
         self._predicted = [name for name in COLUMNS if name not in mode.columns]
         self.sides: list[dict[str, FloatArray]] = [{} for _ in range(len(self._layers) + 1)]
@@ -124,7 +124,7 @@ class Layers:
         steps_s = [step(pair) for step in longest if step is not None]
         times = _cut(_with_earlier(time_s, delays), min(steps_s, default=np.inf))
         series: dict[str, FloatArray] = {"time_s": times}
-        for name in (*self._given, "conduit_temperature_c"):
+        for name in (*self._given, "conduit_temperature_c", *self._speeds):
             values = getattr(inputs, name)
             if values is None:
                 continue
@@ -149,6 +149,9 @@ class Layers:
                     if channel is None
                     else channel.undone(outer[name], outer, one.values)
                 )
+                if channel is not None and name.endswith("_angle_rad"):
+                    for side in self.sides[k + 1 :]:  # another path has another speed
+                        side.pop(speed_of(name), None)
         inside, histories = self.sides[-1], Histories()
         for one in self._histories:
             assert one.variant.histories is not None

@@ -20,6 +20,11 @@ SLACK_B = 2
 NOT_CARRIED = 4
 
 
+def speed_of(angle: str) -> str:
+    """Return the name of an angle's speed."""
+    return angle.replace("_angle_rad", "_speed_rad_per_s")
+
+
 class Mode(Enum):
     """Which two of the four end quantities are given, motor first (section II-C of the paper).
 
@@ -36,6 +41,11 @@ class Mode(Enum):
         motor = "motor_torque_nm" if self is Mode.TORQUE_POSITION else "motor_angle_rad"
         load = "load_torque_nm" if self is Mode.POSITION_TORQUE else "load_angle_rad"
         return motor, load
+
+    @property
+    def speeds(self) -> tuple[str, ...]:
+        """Names of the given angles' speeds."""
+        return tuple(speed_of(name) for name in self.columns if name.endswith("_angle_rad"))
 
     @property
     def predicted(self) -> tuple[str, str]:
@@ -62,6 +72,8 @@ class Inputs:
         Applied by the cables on the load pulley.
     conduit_temperature_c : ndarray of shape (n,) or None, degrees Celsius
         For a model whose friction depends on it.
+    motor_speed_rad_per_s, load_speed_rad_per_s : ndarray of shape (n,) or None, rad/s
+        Of a given angle, where it is known better than these samples tell: for laws of a speed.
     """
 
     time_s: FloatArray
@@ -70,6 +82,8 @@ class Inputs:
     motor_torque_nm: FloatArray | None = None
     load_torque_nm: FloatArray | None = None
     conduit_temperature_c: FloatArray | None = None
+    motor_speed_rad_per_s: FloatArray | None = None
+    load_speed_rad_per_s: FloatArray | None = None
 
     def for_mode(self, mode: Mode) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Check and return time, the motor's and the load's series of a mode.
@@ -91,17 +105,16 @@ class Inputs:
                 )
             else:
                 series[name] = values
-        for name, values in (series | self._temperature).items():
+        for name, values in (series | self._beside(mode)).items():
             problems += _problems_of(name, np.asarray(values), np.asarray(self.time_s))
         if problems:
             raise ModelError(problems, "inputs")
         time, motor, load = (np.ascontiguousarray(v, dtype=np.float64) for v in series.values())
         return time, motor, load
 
-    @property
-    def _temperature(self) -> dict[str, FloatArray]:
-        given = self.conduit_temperature_c
-        return {} if given is None else {"conduit_temperature_c": given}
+    def _beside(self, mode: Mode) -> dict[str, FloatArray]:
+        given = {name: getattr(self, name) for name in ("conduit_temperature_c", *mode.speeds)}
+        return {name: values for name, values in given.items() if values is not None}
 
 
 COLUMNS = ("motor_angle_rad", "load_angle_rad", "motor_torque_nm", "load_torque_nm")

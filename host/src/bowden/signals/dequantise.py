@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.model import Mode, Model
+from bowden.model.trajectory import speed_of
 from bowden.recording.recording import Recording
 from bowden.signals.noise import noise_sigma
 from bowden.signals.runs import Runs, Standstill, one_way
@@ -283,8 +284,18 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
         else:
             noise = noise_sigma(values, recording.time_s)
             channels[name] = Estimated(values, np.full(values.size, noise), None, noise)
-    estimated = recording.with_channels({name: one.values for name, one in channels.items()})
-    return Estimates(estimated, channels)
+    paths = {name: one.values for name, one in channels.items()}
+    return Estimates(recording.with_channels(paths | speeds(recording.time_s, paths)), channels)
+
+
+def speeds(time_s: _Floats, paths: Mapping[str, _Floats]) -> dict[str, _Floats]:
+    """Return the speed of each angle among paths, by name, rad/s; of the samples beside each one.
+
+    A path behind counts is smooth already. What is smoothed again, or taken from the few samples
+    that are simulated, is off by much where the speed changes, and no drawn path tells by how much.
+    """
+    angles = [name for name in paths if name.endswith("_angle_rad") and time_s.size > 1]
+    return {speed_of(name): np.gradient(paths[name], time_s) for name in angles}
 
 
 def _felt(channels: Mapping[str, Estimated], name: str, mode: Mode) -> _Floats | None:

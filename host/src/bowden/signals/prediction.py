@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.model import Inputs, Mode, Model, Trajectory, simulate
+from bowden.model.effects.derivative import velocity
+from bowden.model.trajectory import speed_of
 from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
@@ -41,7 +43,7 @@ def simulate_recording(
     -------
     Trajectory
         On the recording's samples; depends on no other columns than the two given ones and, where
-        the model's friction depends on it, ``conduit_temperature_c``.
+        the model has a law of them, ``conduit_temperature_c`` and a given angle's speed.
 
     Raises
     ------
@@ -57,7 +59,9 @@ def simulate_recording(
         step = float(np.median(np.diff(before.time_s))) if lead > 1 else 1.0
         shift = float(before.time_s[-1]) + step - float(time_s[0])
         time_s = np.concatenate([before.time_s, time_s + shift])
-        earlier = _given(before, mode)
+        angles = [name for name in mode.columns if name.endswith("_angle_rad")]
+        earlier = {speed_of(name): velocity(before.time_s, before[name]) for name in angles}
+        earlier |= _given(before, mode)
         series = {
             name: np.concatenate([earlier[name], values])
             for name, values in series.items()
@@ -72,5 +76,5 @@ def simulate_recording(
 def _given(recording: Recording, mode: Mode) -> dict[str, _Floats]:
     """Return the columns that a simulation may look at."""
     recording.require(mode.columns, f"mode {mode.value}")
-    given = (*mode.columns, TEMPERATURE)
+    given = (*mode.columns, TEMPERATURE, *mode.speeds)
     return {name: recording[name] for name in given if name in recording.channels}

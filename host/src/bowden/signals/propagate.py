@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from bowden.model import Mode, Model, Trajectory
 from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import Recording
-from bowden.signals.dequantise import Estimates, estimate_channels
+from bowden.signals.dequantise import Estimates, estimate_channels, speeds
 from bowden.signals.noise import effective_samples
 from bowden.signals.prediction import PREDICTED, simulate_recording
 
@@ -228,7 +228,7 @@ def noise_floor(sigma: _Floats | Sequence[_Floats], counts: _Flags | None = None
 def _moved(estimates: Estimates, mode: Mode, generator: np.random.Generator) -> Recording:
     """Return the recording with given channels that could as well have been."""
     drawn = {name: estimates.channels[name].draw(generator) for name in mode.columns}
-    return estimates.recording.with_channels(drawn)
+    return estimates.recording.with_channels(drawn | speeds(estimates.recording.time_s, drawn))
 
 
 def held_torque(recording: Recording) -> Recording:

@@ -139,8 +139,13 @@ def curve_through(x: Sequence[float], values: FloatArray, at: FloatArray) -> Flo
 
 
 def argument_of(name: str, around: Signals) -> FloatArray:
-    """Return the series of an argument; zeros where it is yet to be predicted."""
+    """Return the series of an argument; zeros where it is yet to be predicted.
+
+    A speed that is given beside its angle is taken as it is.
+    """
     time_s = around["time_s"]
+    if name in around and name.endswith("speed_rad_per_s"):
+        return around[name]
     channel = ARGUMENTS[name]
     if channel not in around:
         return np.zeros(time_s.size)
