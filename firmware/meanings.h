@@ -223,40 +223,7 @@ typedef enum {
 } tunnel_angle_source_t;
 enum { TUNNEL_ANGLE_SOURCE_COUNT = 3 };
 
-/* where each table adds its value; those of one place add up */
-typedef enum {
-    TABLE_PLACE_NONE = 0,            /* the table is not used */
-    TABLE_PLACE_FRICTION_FACTOR = 1, /* f, ppm: friction becomes mu (1 + f) */
-    TABLE_PLACE_LOAD_TORQUE = 2,     /* uN m that the load feels on top of the cables' torque */
-    TABLE_PLACE_MOTOR_TORQUE = 3,    /* uN m that the cables feel on top of the motor's torque */
-    TABLE_PLACE_LOAD_ANGLE = 4,      /* urad added to what the load encoder reads */
-    TABLE_PLACE_MOTOR_ANGLE = 5,     /* urad added to what the motor encoder reads */
-    TABLE_PLACE_LOAD_CELL = 6,       /* uN m added to what the load cell reads, after its gain */
-    TABLE_PLACE_LOAD_CELL_GAIN = 7,  /* g, ppm: the load cell's reading times 1 + g */
-    TABLE_PLACE_MOTOR_GAIN = 8,      /* g, ppm: the motor's torque times 1 + g */
-} table_place_t;
-enum { TABLE_PLACE_COUNT = 9 };
-
-/* what each table goes over */
-typedef enum {
-    TABLE_ARGUMENT_LOAD_ANGLE = 0,          /* load angle, urad */
-    TABLE_ARGUMENT_MOTOR_ANGLE = 1,         /* motor angle, urad */
-    TABLE_ARGUMENT_LOAD_SPEED = 2,          /* speed of the load, urad/s */
-    TABLE_ARGUMENT_MOTOR_SPEED = 3,         /* speed of the motor, urad/s */
-    TABLE_ARGUMENT_CONDUIT_TEMPERATURE = 4, /* temperature of the conduit, mdegC */
-} table_argument_t;
-enum { TABLE_ARGUMENT_COUNT = 5 };
-
-/* in which direction of the load's motion each table counts; at standstill in that of the last
- * motion */
-typedef enum {
-    TABLE_DIRECTION_BOTH = 0,     /* in both */
-    TABLE_DIRECTION_POSITIVE = 1, /* towards positive angles */
-    TABLE_DIRECTION_NEGATIVE = 2, /* towards negative angles */
-} table_direction_t;
-enum { TABLE_DIRECTION_COUNT = 3 };
-
-/* why the table that configuration_error names is refused */
+/* why the table that configuration_error names cannot be used */
 typedef enum {
     TABLE_DEFECT_NONE = 0,      /* none is refused */
     TABLE_DEFECT_KNOTS = 1,     /* no knots, or no span between them */
@@ -267,8 +234,12 @@ typedef enum {
     TABLE_DEFECT_BEYOND_FRICTION =
         5, /* a torque that depends on direction or speed is more than the friction of the pair: the
               compensation could drive the load */
+    TABLE_DEFECT_VERSION =
+        6, /* its layout is not version 1, or it is not used and yet not all zero */
+    TABLE_DEFECT_CHECKSUM = 7, /* its CRC does not fit its bytes */
+    TABLE_DEFECT_MEANING = 8,  /* place, argument, direction or repeats has no such value */
 } table_defect_t;
-enum { TABLE_DEFECT_COUNT = 6 };
+enum { TABLE_DEFECT_COUNT = 9 };
 
 /* CiA 402; the drive's state follows it. One that stops is obeyed also from an RPDO that is short,
  * refused or waits for SYNC. Operation enabled takes a rising edge of bit 3 after NMT start */
@@ -338,5 +309,38 @@ typedef enum {
         -3, /* once, for 10 ms: an alternating voltage of a tenth of the supply, turned round at 0.8
                A or after 2 ms, for winding_trace; then no torque */
 } mode_of_operation_t;
+
+/* where each table adds its value; those of one place add up */
+typedef enum {
+    TABLE_PLACE_NONE = 0,            /* the table is not used */
+    TABLE_PLACE_FRICTION_FACTOR = 1, /* f, ppm: friction becomes mu (1 + f) */
+    TABLE_PLACE_LOAD_TORQUE = 2,     /* uN m that the load feels on top of the cables' torque */
+    TABLE_PLACE_MOTOR_TORQUE = 3,    /* uN m that the cables feel on top of the motor's torque */
+    TABLE_PLACE_LOAD_ANGLE = 4,      /* urad added to what the load encoder reads */
+    TABLE_PLACE_MOTOR_ANGLE = 5,     /* urad added to what the motor encoder reads */
+    TABLE_PLACE_LOAD_CELL = 6,       /* uN m added to what the load cell reads, after its gain */
+    TABLE_PLACE_LOAD_CELL_GAIN = 7,  /* g, ppm: the load cell's reading times 1 + g */
+    TABLE_PLACE_MOTOR_GAIN = 8,      /* g, ppm: the motor's torque times 1 + g */
+} table_place_t;
+enum { TABLE_PLACE_COUNT = 9 };
+
+/* what each table goes over */
+typedef enum {
+    TABLE_ARGUMENT_LOAD_ANGLE = 0,          /* load angle, urad */
+    TABLE_ARGUMENT_MOTOR_ANGLE = 1,         /* motor angle, urad */
+    TABLE_ARGUMENT_LOAD_SPEED = 2,          /* speed of the load, urad/s */
+    TABLE_ARGUMENT_MOTOR_SPEED = 3,         /* speed of the motor, urad/s */
+    TABLE_ARGUMENT_CONDUIT_TEMPERATURE = 4, /* temperature of the conduit, mdegC */
+} table_argument_t;
+enum { TABLE_ARGUMENT_COUNT = 5 };
+
+/* in which direction of the load's motion each table counts; at standstill in that of the last
+ * motion */
+typedef enum {
+    TABLE_DIRECTION_BOTH = 0,     /* in both */
+    TABLE_DIRECTION_POSITIVE = 1, /* towards positive angles */
+    TABLE_DIRECTION_NEGATIVE = 2, /* towards negative angles */
+} table_direction_t;
+enum { TABLE_DIRECTION_COUNT = 3 };
 
 #endif

@@ -14,12 +14,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import can
+from bowden.drive.dictionary import lookup
 from bowden.drive.meanings import (
     CompensationLaw,
     ModeOfOperation,
     TableArgument,
     TablePlace,
 )
+from bowden.drive.table_layout import KNOTS, TableFields
 from bowden_rig.rig.parameters import Operator
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
@@ -87,24 +89,17 @@ _TABLES: Final = (
     (TablePlace.LOAD_ANGLE, TableArgument.LOAD_ANGLE, 0, 1, 0, 6_283_185, 5_000),
     (TablePlace.MOTOR_GAIN, TableArgument.MOTOR_ANGLE, 0, 1, 0, 6_283_185, 10_000),
 )
-_KNOTS: Final = 33
 
 
 def write_tables(board: Board) -> None:
     """Write all tables, each a sine."""
-    write = board.host.write
     for number, table in enumerate(_TABLES, 1):
         place, argument, direction, repeats, first, span, size = table
-        for knot in range(_KNOTS):
-            value = round(size * math.sin(2.0 * math.pi * knot / (_KNOTS - 1)))
-            write(0x2157 + number, knot + 1, value, 4)
-        write(0x2152, number, argument, 1)
-        write(0x2153, number, direction, 1)
-        write(0x2154, number, repeats, 1)
-        write(0x2155, number, _KNOTS, 1)
-        write(0x2156, number, first, 4)
-        write(0x2157, number, span, 4)
-        write(0x2151, number, place, 1)
+        sine = [size * math.sin(2.0 * math.pi * knot / (KNOTS - 1)) for knot in range(KNOTS)]
+        values = tuple(round(value) for value in sine)
+        raw = TableFields(place, argument, direction, repeats, first, span, values).to_raw()
+        entry = lookup(f"table.{number}")
+        board.host.write(entry.index, entry.sub, raw, entry.bits // 8)
     board.run(SETTLE_S)
 
 

@@ -137,11 +137,29 @@ class LockstepHost(Generic[AnyWire]):
             raise RuntimeError(f"{index:04X}h:{sub:02X}: found {answer.hex()}; accepted: expedited")
         return answer[4 : 8 - (answer[0] >> 2 & 3)]
 
+    def read_long(self, index: int, sub: int = 0) -> bytes:
+        """Read an entry of more than four bytes, in segments."""
+        answer = self._ask(index, sub, struct.pack("<BHBI", 0x40, index, sub, 0))
+        size = int.from_bytes(answer[4:], "little")
+        data = b""
+        for number in range(-(-size // 7)):
+            answer = self._ask(index, sub, bytes([0x60 | number % 2 << 4]).ljust(8, b"\0"))
+            data += answer[1 : 8 - (answer[0] >> 1 & 7)]
+        return data
+
     def write(self, index: int, sub: int, value: int, size: int) -> None:
-        """Write an entry of `size` bytes (1 .. 4)."""
-        data = value.to_bytes(size, "little", signed=value < 0).ljust(4, b"\0")
-        command = 0x23 | (4 - size) << 2
-        self._ask(index, sub, struct.pack("<BHB", command, index, sub) + data)
+        """Write an entry of `size` bytes; those of more than four in segments."""
+        data = value.to_bytes(size, "little", signed=value < 0)
+        if size <= 4:
+            command = 0x23 | (4 - size) << 2
+            head = struct.pack("<BHB", command, index, sub)
+            self._ask(index, sub, head + data.ljust(4, b"\0"))
+            return
+        self._ask(index, sub, struct.pack("<BHBI", 0x21, index, sub, size))
+        for number, start in enumerate(range(0, size, 7)):
+            part = data[start : start + 7]
+            command = number % 2 << 4 | (7 - len(part)) << 1 | (start + 7 >= size)
+            self._ask(index, sub, bytes([command]) + part.ljust(7, b"\0"))
 
     def statusword(self) -> int:
         """Read the CiA 402 statusword."""

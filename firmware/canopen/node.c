@@ -128,8 +128,13 @@ static od_abort_t write_object(node_t *node) {
     if (abort != OD_DONE) {
         return abort;
     }
-    if (!sdo->size_given) {
-        sdo->size = od_size(entry); /* an expedited write may leave its size out */
+    if (!sdo->size_given) { /* an expedited write, of four bytes, may leave its size out */
+        sdo->size = od_size(entry) < 4u ? od_size(entry) : 4u;
+    }
+    if (entry->type == OD_DOMAIN && sdo->size == od_size(entry)) {
+        abort = od_check(&node->od, entry, 0);
+        sdo->transfer = abort == OD_DONE ? SDO_WAITING : sdo->transfer;
+        return abort;
     }
     if ((entry->flags & OD_WRITE) != 0 && sdo->size == od_size(entry)) {
         const uint32_t value = od_decode(entry, sdo->buffer);
@@ -153,6 +158,26 @@ static od_abort_t write_object(node_t *node) {
         reconfigure(node, sdo->index);
     }
     return abort;
+}
+
+const uint8_t *node_offered(const node_t *node, uint16_t *index, uint8_t *sub) {
+    const sdo_t *sdo = &node->sdo;
+    const od_entry_t *entry = NULL;
+    const bool waits = sdo->transfer == SDO_WAITING &&
+                       od_find(&node->od, sdo->index, sdo->sub, &entry) == OD_DONE &&
+                       entry->type == OD_DOMAIN;
+    *index = sdo->index;
+    *sub = sdo->sub;
+    return waits ? sdo->buffer : NULL;
+}
+
+void node_answer_offer(node_t *node, od_abort_t abort) {
+    sdo_t *sdo = &node->sdo;
+    sdo->transfer = SDO_IDLE;
+    const od_abort_t found = abort == OD_DONE
+                                 ? od_write(&node->od, sdo->index, sdo->sub, sdo->buffer, sdo->size)
+                                 : abort;
+    sdo_answer_write(sdo, found, node->od.node_id, &node->tx);
 }
 
 /* Answers a write, unless the drive will. */

@@ -59,6 +59,13 @@ storage_report_t node_take_image(node_t *node, const uint32_t *image, uint32_t w
 /* Answers the write to 0x1010 or 0x1011, or the LSS frame, that node_t.storage came from. */
 void node_storage_done(node_t *node, od_abort_t abort);
 
+/* The value of type OD_DOMAIN that a host has written whole, and where; NULL: none. What it means
+ * is the drive's business: it answers with node_answer_offer() in the same tick. */
+const uint8_t *node_offered(const node_t *node, uint16_t *index, uint8_t *sub);
+
+/* Takes that value (OD_DONE) or refuses it, and tells the host. */
+void node_answer_offer(node_t *node, od_abort_t abort);
+
 /* Handles one received frame at once; unknown frames are ignored. Answers go into the queue. */
 void node_receive(node_t *node, const can_frame_t *frame);
 

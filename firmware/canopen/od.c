@@ -44,9 +44,15 @@ uint32_t od_size(const od_entry_t *entry) {
         return 3;
     case OD_TEXT:
         return entry->initial;
+    case OD_DOMAIN:
+        return entry->high;
     default:
         return 4;
     }
+}
+
+uint32_t od_words(const od_entry_t *entry) {
+    return entry->type == OD_DOMAIN ? entry->high / 4u : 1u;
 }
 
 static bool is_signed(const od_entry_t *entry) {
@@ -114,6 +120,24 @@ uint32_t od_value(const od_t *od, uint16_t index, uint8_t sub) {
     return od_find(od, index, sub, &entry) == OD_DONE ? od_get(od, entry, sub) : 0;
 }
 
+uint32_t od_get_word(const od_t *od, const od_entry_t *entry, uint8_t sub, uint32_t word) {
+    if (entry->type != OD_DOMAIN) {
+        return od_get(od, entry, sub);
+    }
+    const uint32_t *words = address(od, entry, sub);
+    return words[word];
+}
+
+void od_set_word(const od_t *od, const od_entry_t *entry, uint8_t sub, uint32_t word,
+                 uint32_t value) {
+    if (entry->type != OD_DOMAIN) {
+        od_set(od, entry, sub, value);
+        return;
+    }
+    uint32_t *words = address(od, entry, sub);
+    words[word] = value;
+}
+
 static bool needs_unlocked(const od_entry_t *entry) {
     return entry->role == OD_CONFIG || entry->role == OD_CALIBRATION;
 }
@@ -133,6 +157,9 @@ static bool is_accepted(const uint32_t *accepted, uint32_t value) {
 od_abort_t od_check(const od_t *od, const od_entry_t *entry, uint32_t value) {
     if ((entry->flags & OD_WRITE) == 0) {
         return OD_ABORT_READ_ONLY;
+    }
+    if (entry->type == OD_DOMAIN) { /* any word of it */
+        return od_is_locked(od, entry) ? OD_ABORT_STATE : OD_DONE;
     }
     const bool too_low =
         is_signed(entry) ? (int32_t)value < (int32_t)entry->low : value < entry->low;
@@ -161,6 +188,12 @@ od_abort_t od_read(const od_t *od, uint16_t index, uint8_t sub, uint8_t *bytes, 
     if (*size > capacity) {
         return OD_ABORT_TOO_LONG;
     }
+    if (entry->type == OD_DOMAIN) {
+        for (uint32_t word = 0; word < od_words(entry); word++) {
+            od_encode(od_get_word(od, entry, sub, word), &bytes[4u * word], 4);
+        }
+        return OD_DONE;
+    }
     if (entry->type != OD_TEXT) {
         od_encode(od_get(od, entry, sub), bytes, *size);
         return OD_DONE;
@@ -183,14 +216,21 @@ od_abort_t od_write(od_t *od, uint16_t index, uint8_t sub, const uint8_t *bytes,
     if (size != od_size(entry)) {
         return size > od_size(entry) ? OD_ABORT_TOO_LONG : OD_ABORT_TOO_SHORT;
     }
-    const uint32_t value = od_decode(entry, bytes);
+    const bool is_domain = entry->type == OD_DOMAIN;
+    const uint32_t value = is_domain ? 0 : od_decode(entry, bytes);
     const od_abort_t refused = od_check(od, entry, value);
     if (refused != OD_DONE) {
         return refused;
     }
-    od_set(od, entry, sub, value);
+    for (uint32_t word = 0; word < od_words(entry); word++) {
+        od_set_word(od, entry, sub, word, is_domain ? od_word_of(&bytes[4u * word]) : value);
+    }
     od->config_revision += needs_unlocked(entry) ? 1u : 0u;
     return OD_DONE;
+}
+
+uint32_t od_word_of(const uint8_t *bytes) {
+    return bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
 }
 
 uint32_t od_decode(const od_entry_t *entry, const uint8_t *bytes) {
@@ -214,7 +254,9 @@ void od_encode(uint32_t value, uint8_t *bytes, uint32_t size) {
 
 static void set_row_initial(const od_t *od, const od_entry_t *entry) {
     for (uint32_t i = 0; i < entry->count; i++) {
-        od_set(od, entry, (uint8_t)(entry->sub + i), od_initial(od, entry));
+        for (uint32_t word = 0; word < od_words(entry); word++) {
+            od_set_word(od, entry, (uint8_t)(entry->sub + i), word, od_initial(od, entry));
+        }
     }
 }
 

@@ -21,7 +21,8 @@ enum {
     OD_I16,
     OD_I24,
     OD_I32,
-    OD_TEXT, /* constant ASCII, read only, kept in the table */
+    OD_TEXT,   /* constant ASCII, read only, kept in the table */
+    OD_DOMAIN, /* bytes that are written and read whole; 32-bit words in the struct */
 };
 
 /* What an entry is for. Config and calibration are writable only while od_t.config_locked is false.
@@ -54,12 +55,12 @@ typedef struct {
     uint16_t index;
     uint8_t sub;     /* first sub-index of the row */
     uint8_t count;   /* sub-indices sub .. sub + count - 1 */
-    uint8_t type;    /* OD_U8 .. OD_TEXT */
+    uint8_t type;    /* OD_U8 .. OD_DOMAIN */
     uint8_t role;    /* OD_COMMUNICATION .. OD_CALIBRATION */
     uint8_t flags;   /* OD_READ | ... */
     uint16_t offset; /* of the first value in the struct of values, bytes; or OD_NO_STORAGE */
     uint32_t low;  /* inclusive limits of a write and the value after power-on; for signed types */
-    uint32_t high; /* the two's complement, sign extended to 32 bits */
+    uint32_t high; /* the two's complement, sign extended to 32 bits; of OD_DOMAIN its bytes */
     uint32_t initial;         /* for OD_TEXT the length in bytes */
     const char *text;         /* OD_TEXT only, else NULL */
     const uint32_t *accepted; /* their number, then the only values that a write may have; NULL: all
@@ -109,12 +110,20 @@ typedef uint32_t od_abort_t;
  * OD_ABORT_NO_SUB. O(log count). */
 od_abort_t od_find(const od_t *od, uint16_t index, uint8_t sub, const od_entry_t **entry);
 
-/* Bytes on the wire of an entry: 1 .. 4, for OD_TEXT the length of the text. */
+/* Bytes on the wire of an entry: 1 .. 4, of OD_TEXT and OD_DOMAIN more. */
 uint32_t od_size(const od_entry_t *entry);
 
-/* The value of sub in *entry (which must hold it), sign extended; 0 for OD_TEXT. No access check.
- */
+/* 32-bit words that hold one value of an entry: 1, of OD_DOMAIN more. */
+uint32_t od_words(const od_entry_t *entry);
+
+/* The value of sub in *entry (which must hold it), sign extended; 0 for OD_TEXT, the first word of
+ * OD_DOMAIN. No access check. */
 uint32_t od_get(const od_t *od, const od_entry_t *entry, uint8_t sub);
+
+/* As od_get() and od_set(): word 0 .. od_words() - 1 of a value. */
+uint32_t od_get_word(const od_t *od, const od_entry_t *entry, uint8_t sub, uint32_t word);
+void od_set_word(const od_t *od, const od_entry_t *entry, uint8_t sub, uint32_t word,
+                 uint32_t value);
 
 /* The value after power-on when nothing was stored, with the node id where that is added. */
 uint32_t od_initial(const od_t *od, const od_entry_t *entry);
@@ -137,8 +146,12 @@ od_abort_t od_read(const od_t *od, uint16_t index, uint8_t sub, uint8_t *bytes, 
                    uint32_t *size);
 
 /* Writes `size` little-endian bytes from the bus, with every check. On an abort nothing has
- * changed; an accepted write to config or calibration counts config_revision up. */
+ * changed; an accepted write to config or calibration counts config_revision up. What the bytes of
+ * an OD_DOMAIN mean is not known here: the caller has checked it. */
 od_abort_t od_write(od_t *od, uint16_t index, uint8_t sub, const uint8_t *bytes, uint32_t size);
+
+/* The word in four little-endian bytes. */
+uint32_t od_word_of(const uint8_t *bytes);
 
 /* The value of `entry`'s type in little-endian bytes, sign extended to 32 bits. */
 uint32_t od_decode(const od_entry_t *entry, const uint8_t *bytes);

@@ -12,7 +12,7 @@
 
 #define SDO_RX_COB_ID 0x600
 #define SDO_TX_COB_ID 0x580
-#define SDO_BUFFER_SIZE 70               /* longest value in bytes; whole segments of 7 */
+#define SDO_BUFFER_SIZE 154              /* longest value in bytes; whole segments of 7 */
 #define SDO_TIMEOUT_US UINT32_C(1000000) /* between two frames, then abort 0504 0000h */
 
 typedef enum {

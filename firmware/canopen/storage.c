@@ -47,6 +47,10 @@ static uint8_t sub_of(uint32_t name) {
     return (uint8_t)name;
 }
 
+static uint32_t word_of(uint32_t name) {
+    return name >> 8 & 0xFFu;
+}
+
 static uint8_t group_of(const od_entry_t *entry) {
     if (entry->index == LSS_NODE_ID_INDEX || entry->index == LSS_BIT_RATE_INDEX) {
         return STORAGE_LINK;
@@ -71,7 +75,9 @@ static bool concerns(storage_request_t request, uint8_t group) {
 static const od_entry_t *find_persistent(const od_t *od, uint32_t name) {
     const od_entry_t *entry = NULL;
     const od_abort_t found = od_find(od, index_of(name), sub_of(name), &entry);
-    return found == OD_DONE && (entry->flags & OD_PERSIST) != 0 ? entry : NULL;
+    const bool there =
+        found == OD_DONE && (entry->flags & OD_PERSIST) != 0 && word_of(name) < od_words(entry);
+    return there ? entry : NULL;
 }
 
 bool storage_find(const uint32_t *image, uint32_t words, uint16_t index, uint8_t sub,
@@ -103,7 +109,7 @@ storage_report_t storage_take(od_t *od, const uint32_t *image, uint32_t words,
         const bool is_log = entry != NULL && group_of(entry) == STORAGE_LOG;
         configures = configures || !is_log;
         if (is_log || (entry != NULL && od_check(od, entry, image[word + 1]) == OD_DONE)) {
-            od_set(od, entry, sub_of(name), image[word + 1]);
+            od_set_word(od, entry, sub_of(name), word_of(name), image[word + 1]);
         } else {
             report.first =
                 report.entries == 0 ? (uint32_t)index_of(name) << 8 | sub_of(name) : report.first;
@@ -121,6 +127,22 @@ storage_report_t storage_take(od_t *od, const uint32_t *image, uint32_t words,
 
 /* ---- making an image ---- */
 
+/* Words of one value that is not at its initial one; with `image` they are written to it. */
+static uint32_t put_value(const od_t *od, const od_entry_t *entry, uint8_t sub, uint32_t *image) {
+    uint32_t words = 0;
+    for (uint32_t i = 0; i < od_words(entry); i++) {
+        const uint32_t value = od_get_word(od, entry, sub, i);
+        if (value != od_initial(od, entry)) {
+            if (image != NULL) {
+                image[words] = (uint32_t)entry->index << 16 | i << 8 | sub;
+                image[words + 1] = value;
+            }
+            words += 2;
+        }
+    }
+    return words;
+}
+
 /* Words of the entries in the request's group that are not at their initial value. With `image`
  * they are written to it. */
 static uint32_t put_group(const od_t *od, storage_request_t request, uint32_t *image) {
@@ -131,15 +153,8 @@ static uint32_t put_group(const od_t *od, storage_request_t request, uint32_t *i
             continue;
         }
         for (uint32_t i = 0; i < entry->count; i++) {
-            const uint8_t sub = (uint8_t)(entry->sub + i);
-            const uint32_t value = od_get(od, entry, sub);
-            if (value != od_initial(od, entry)) {
-                if (image != NULL) {
-                    image[words] = (uint32_t)entry->index << 16 | sub;
-                    image[words + 1] = value;
-                }
-                words += 2;
-            }
+            words += put_value(od, entry, (uint8_t)(entry->sub + i),
+                               image != NULL ? &image[words] : NULL);
         }
     }
     return words;

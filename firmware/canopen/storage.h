@@ -2,9 +2,9 @@
  *
  * An image of words holds the entries that are marked OD_PERSIST and differ from their initial
  * value: format, schema hash and revision of the firmware that made it, then two words an entry
- * (index and sub, value). Entries are named, so that an image outlives a firmware with other
- * entries; what is gone, or out of range today, keeps its default and is reported. Where the words
- * are kept is not known here. Pure but for the dictionary's values.
+ * (index, word of the value and sub; value). Entries are named, so that an image outlives a
+ * firmware with other entries; what is gone, or out of range today, keeps its default and is
+ * reported. Where the words are kept is not known here. Pure but for the dictionary's values.
  *
  * Sub-indices are groups of entries. Calibration, which the factory has measured, is saved with
  * everything but restored by its own sub-index alone. A log, persistent entries of role state, is

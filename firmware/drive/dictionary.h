@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0x67C3E381)
+#define DICTIONARY_HASH UINT32_C(0xCBAD8162)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 263
+#define DICTIONARY_COUNT 238
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -206,22 +206,10 @@ typedef struct {
     int32_t load_angle_min_urad;                       /* 0x214D */
     int32_t load_angle_max_urad;                       /* 0x214E */
     uint32_t table_version;                            /* 0x2150 */
-    uint8_t table_place[8];                            /* 0x2151 */
-    uint8_t table_argument[8];                         /* 0x2152 */
-    uint8_t table_direction[8];                        /* 0x2153 */
-    uint8_t table_repeats[8];                          /* 0x2154 */
-    uint8_t table_knots[8];                            /* 0x2155 */
-    int32_t table_first[8];                            /* 0x2156 */
-    uint32_t table_span[8];                            /* 0x2157 */
-    int32_t table_1[33];                               /* 0x2158 */
-    int32_t table_2[33];                               /* 0x2159 */
-    int32_t table_3[33];                               /* 0x215A */
-    int32_t table_4[33];                               /* 0x215B */
-    int32_t table_5[33];                               /* 0x215C */
-    int32_t table_6[33];                               /* 0x215D */
-    int32_t table_7[33];                               /* 0x215E */
-    int32_t table_8[33];                               /* 0x215F */
     uint8_t table_defect;                              /* 0x2160 */
+    uint8_t table_refused_table;                       /* 0x2161 */
+    uint8_t table_refused_defect;                      /* 0x2161 */
+    uint32_t table[8][37];                             /* 0x2162 */
     uint16_t error_code;                               /* 0x603F */
     uint16_t controlword;                              /* 0x6040 */
     uint16_t statusword;                               /* 0x6041 */

@@ -7,6 +7,7 @@
 #include "parameters_tables.h"
 #include "publish.h"
 #include "supervision/fault_log.h"
+#include "table_write.h"
 
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
@@ -134,7 +135,7 @@ static void configure(drive_t *drive, const board_sensors_t *sensors) {
     rendering_configure(&drive->rendering, dictionary, &drive->transmission, drive->configured);
     drive->tables.count = 0;
     for (uint32_t i = 0; drive->configured && i < TABLES; i++) {
-        drive->tables.settings[i] = parameters_table(dictionary, i);
+        drive->tables.settings[i] = parameters_table(dictionary->table[i]);
     }
     if (drive->configured) {
         tables_configure(&drive->tables);
@@ -345,7 +346,8 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     pass_time(drive);
     note_command(drive);
     homing_step(drive, sensors);
-    drive->took_configuration = follow_configuration(drive, sensors);
+    const bool judged = table_write_step(&drive->node, &drive->dictionary);
+    drive->took_configuration = follow_configuration(drive, sensors) || judged;
     publish_sensors(drive, sensors);
     correct_readings(drive);
     step_state(drive, sensors, late);

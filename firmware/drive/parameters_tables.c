@@ -1,31 +1,50 @@
 /* parameters_tables.c: see parameters_tables.h. */
 #include "parameters_tables.h"
 
-#define TABLE_PLACE_INDEX UINT32_C(0x2151)
+#include <stddef.h>
 
-static const int32_t *values_of(const dictionary_t *dictionary, uint32_t number) {
-    const int32_t *const VALUES[TABLES] = {
-        dictionary->table_1, dictionary->table_2, dictionary->table_3, dictionary->table_4,
-        dictionary->table_5, dictionary->table_6, dictionary->table_7, dictionary->table_8,
-    };
-    return VALUES[number];
+#define VERSION 1u
+#define FIRST_VALUE 4u
+
+_Static_assert(FIRST_VALUE + TABLES_KNOTS == PARAMETERS_TABLE_WORDS, "the layout is that of table");
+
+static uint8_t byte_of(uint32_t word, uint32_t number) {
+    return (uint8_t)(word >> 8u * number);
 }
 
-table_settings_t parameters_table(const dictionary_t *dictionary, uint32_t number) {
+table_settings_t parameters_table(const uint32_t words[PARAMETERS_TABLE_WORDS]) {
     table_settings_t table = {
-        .place = (table_place_t)dictionary->table_place[number],
-        .argument = (table_argument_t)dictionary->table_argument[number],
-        .direction = (table_direction_t)dictionary->table_direction[number],
-        .repeats = dictionary->table_repeats[number] != 0,
-        .knots = dictionary->table_knots[number],
-        .first = dictionary->table_first[number],
-        .span = dictionary->table_span[number],
+        .place = (table_place_t)byte_of(words[0], 1),
+        .argument = (table_argument_t)byte_of(words[0], 2),
+        .direction = (table_direction_t)byte_of(words[0], 3),
+        .repeats = byte_of(words[1], 0) != 0,
+        .knots = byte_of(words[1], 1),
+        .first = (int32_t)words[2],
+        .span = words[3],
     };
-    const int32_t *values = values_of(dictionary, number);
     for (uint32_t i = 0; i < TABLES_KNOTS; i++) {
-        table.value[i] = values[i];
+        table.value[i] = (int32_t)words[FIRST_VALUE + i];
     }
     return table;
+}
+
+static bool is_all_zero(const uint32_t words[PARAMETERS_TABLE_WORDS]) {
+    uint32_t any = 0;
+    for (uint32_t i = 0; i < PARAMETERS_TABLE_WORDS; i++) {
+        any |= words[i];
+    }
+    return any == 0;
+}
+
+table_defect_t parameters_table_words_defect(const uint32_t words[PARAMETERS_TABLE_WORDS]) {
+    if (byte_of(words[0], 0) != VERSION) {
+        return is_all_zero(words) ? TABLE_DEFECT_NONE : TABLE_DEFECT_VERSION;
+    }
+    const bool known = byte_of(words[0], 1) != TABLE_PLACE_NONE &&
+                       byte_of(words[0], 1) < TABLE_PLACE_COUNT &&
+                       byte_of(words[0], 2) < TABLE_ARGUMENT_COUNT &&
+                       byte_of(words[0], 3) < TABLE_DIRECTION_COUNT && byte_of(words[1], 0) <= 1;
+    return known ? TABLE_DEFECT_NONE : TABLE_DEFECT_MEANING;
 }
 
 /* Friction of the sliding pair at the load, 2 r T0 m: exact for one radius all the way. */
@@ -36,23 +55,33 @@ static int32_t friction_unm(const dictionary_t *dictionary, const cable_settings
     return torque_unm < INT32_MAX ? (int32_t)torque_unm : INT32_MAX;
 }
 
-uint32_t parameters_table_defect(const dictionary_t *dictionary, const cable_settings_t *cable,
-                                 table_defect_t *defect) {
+table_defect_t parameters_one_table_defect(const dictionary_t *dictionary,
+                                           const cable_settings_t *cable,
+                                           const uint32_t words[PARAMETERS_TABLE_WORDS]) {
+    const table_defect_t defect = parameters_table_words_defect(words);
+    if (defect != TABLE_DEFECT_NONE) {
+        return defect;
+    }
     const tables_bounds_t bounds = {
-        .friction_unm = friction_unm(dictionary, cable),
+        .friction_unm = cable != NULL ? friction_unm(dictionary, cable) : INT32_MAX,
         .limit_unm = (int32_t)dictionary->motor_torque_limit_unm,
         .motor_pulley_radius_nm = dictionary->motor_pulley_radius_nm,
         .load_pulley_radius_nm = dictionary->load_pulley_radius_nm,
     };
+    const table_settings_t table = parameters_table(words);
+    return tables_check(&table, &bounds);
+}
+
+uint32_t parameters_table_defect(const dictionary_t *dictionary, const cable_settings_t *cable,
+                                 table_defect_t *defect) {
     *defect = TABLE_DEFECT_NONE;
     for (uint32_t i = 0; i < TABLES; i++) {
-        if (dictionary->table_place[i] == TABLE_PLACE_NONE) {
-            continue;
+        if (dictionary->table[i][0] == 0) {
+            continue; /* not used */
         }
-        const table_settings_t table = parameters_table(dictionary, i);
-        *defect = tables_check(&table, &bounds);
+        *defect = parameters_one_table_defect(dictionary, cable, dictionary->table[i]);
         if (*defect != TABLE_DEFECT_NONE) {
-            return TABLE_PLACE_INDEX << 8 | (i + 1u);
+            return PARAMETERS_TABLE_INDEX << 8 | (i + 1u);
         }
     }
     return 0;

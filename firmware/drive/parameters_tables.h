@@ -1,5 +1,6 @@
-/* parameters_tables.h: the tables (core/tables.h) from the object dictionary, and which of them
- * cannot run. Apart from parameters.h, which it belongs to, because tables are many entries.
+/* parameters_tables.h: the tables (core/tables.h) from their words in the object dictionary, and
+ * which of them cannot run. Apart from parameters.h, which it belongs to, because a table has a
+ * layout of its own: that of the entry `table`.
  */
 #ifndef BOWDEN_DRIVE_PARAMETERS_TABLES_H
 #define BOWDEN_DRIVE_PARAMETERS_TABLES_H
@@ -8,11 +9,23 @@
 #include "../core/tables.h"
 #include "dictionary.h"
 
-/* Table `number`, 0 .. TABLES - 1. */
-table_settings_t parameters_table(const dictionary_t *dictionary, uint32_t number);
+#define PARAMETERS_TABLE_INDEX 0x2162u
+#define PARAMETERS_TABLE_WORDS 37u
 
-/* The first table that tables_check() refuses: its entry table_place as index << 8 | sub-index; 0:
- * none. Says why in *defect. `cable`: one that cable_check() found fine. */
+/* The table in these words, which parameters_table_words_defect() has found fine. */
+table_settings_t parameters_table(const uint32_t words[PARAMETERS_TABLE_WORDS]);
+
+/* What is wrong with the words themselves; that their CRC fits was checked when they came. */
+table_defect_t parameters_table_words_defect(const uint32_t words[PARAMETERS_TABLE_WORDS]);
+
+/* What is wrong with one table under the dictionary's configuration. `cable`: one that
+ * cable_check() found fine, or NULL: bounds that follow from the cables are not checked. */
+table_defect_t parameters_one_table_defect(const dictionary_t *dictionary,
+                                           const cable_settings_t *cable,
+                                           const uint32_t words[PARAMETERS_TABLE_WORDS]);
+
+/* The first table that cannot run: its entry as index << 8 | sub-index; 0: none. Says why in
+ * *defect. `cable`: one that cable_check() found fine. */
 uint32_t parameters_table_defect(const dictionary_t *dictionary, const cable_settings_t *cable,
                                  table_defect_t *defect);
 

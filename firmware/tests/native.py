@@ -107,6 +107,36 @@ class Drive:
         self.send(0x600 + self.node_id, struct.pack("<BHB", command, index, sub) + data)
         return next(f.data for f in self._pop() if f.cob_id == 0x580 + self.node_id)
 
+    def write_segments(self, index: int, sub: int, data: bytes) -> Iterator[bytes]:
+        """Segmented SDO download, a frame at a time; each answer's eight bytes, none before a tick.
+
+        The last answer needs a tick where the drive, not the node, takes the value.
+        """
+        begin = struct.pack("<BHBI", 0x21, index, sub, len(data))
+        yield self.ask(begin)
+        for number, start in enumerate(range(0, len(data), 7)):
+            part = data[start : start + 7]
+            last = start + 7 >= len(data)
+            command = (number % 2) << 4 | (7 - len(part)) << 1 | last
+            yield self.ask(bytes([command]) + part.ljust(7, b"\0"))
+
+    def ask(self, request: bytes) -> bytes:
+        """Send an SDO frame; the answer, at the latest that of the next tick; empty: none."""
+        self.frames()
+        self.send(0x600 + self.node_id, request)
+        answers = [f.data for f in self._pop() if f.cob_id == 0x580 + self.node_id]
+        if not answers:
+            self.tick()
+            answers = [f.data for f in self.frames() if f.cob_id == 0x580 + self.node_id]
+        return answers[0] if answers else b""
+
+    def write_table(self, number: int, data: bytes) -> int:
+        """Write table `number`, 1 .. 8; the abort code, or 0."""
+        for answer in self.write_segments(0x2162, number, data):
+            if answer[0] == 0x80:
+                return int.from_bytes(answer[4:], "little")
+        return 0
+
     def control(self, controlword: int, ticks: int = 1) -> Actuators:
         """Set the controlword and run ticks."""
         self.values.controlword = controlword

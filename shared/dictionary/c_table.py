@@ -16,6 +16,7 @@ _TYPES = {
     "i24": "OD_I24",
     "i32": "OD_I32",
     "string": "OD_TEXT",
+    "domain": "OD_DOMAIN",
 }
 _ACCESS = {
     "const": "OD_READ",
@@ -113,6 +114,7 @@ def source(dictionary: Dictionary) -> str:
 
 def _field(obj: Object, variable: Variable) -> str:
     size = f"[{variable.count}]" if obj.kind == "array" and variable.sub else ""
+    size += f"[{variable.size // 4}]" if variable.type.is_domain else ""
     return f"    {variable.type.c_type} {obj.c_name(variable)}{size}; /* 0x{obj.index:04X} */"
 
 
@@ -136,7 +138,8 @@ def _row(obj: Object, variable: Variable) -> str:
     if isinstance(variable.default, str):
         numbers, text = f"0, 0, {len(variable.default)}", f'"{variable.default}"'
     else:
-        numbers = f"{_c(variable.low)}, {_c(variable.high)}, {_c(variable.default)}"
+        high = variable.size if variable.type.is_domain else variable.high
+        numbers = f"{_c(variable.low)}, {_c(high)}, {_c(variable.default)}"
         text = "NULL"
     accepted = _accepted_name(obj, variable) if variable.accepted else "NULL"
     return (

@@ -59,7 +59,8 @@ class Variable:
     """One value, or `count` equal ones with consecutive sub-indices.
 
     `name` is the name within its object (empty for the object's only value); `low`, `high`,
-    `default` are raw; `stored` is False when the value never changes and lives in the table.
+    `default` are raw; `stored` is False when the value never changes and lives in the table. A
+    domain's raw value is all its bytes as one number.
     """
 
     sub: int
@@ -87,6 +88,11 @@ class Variable:
     def stored(self) -> bool:
         """Return whether it has a field in the struct of values."""
         return self.access != "const"
+
+    @property
+    def size(self) -> int:
+        """Bytes on the wire; 0 for text."""
+        return (self.high.bit_length() if self.type.is_domain else self.type.bits) // 8
 
     @property
     def accepted(self) -> tuple[int, ...]:
@@ -127,17 +133,19 @@ class Dictionary:
     tpdos: tuple[Pdo, ...]
     emergencies: tuple[Emergency, ...]
     supervision: tuple[Check, ...]
+    free_enumerations: tuple[Enumeration, ...]
     hash: int
 
     @property
     def enumerations(self) -> tuple[Enumeration, ...]:
-        """Every one once, in the order of the objects that define them."""
+        """Every one once: in the order of the objects that define them, then those of no entry."""
         found = {
             v.enumeration.name: v.enumeration
             for o in self.objects
             for v in o.variables
             if v.enumeration
         }
+        found |= {one.name: one for one in self.free_enumerations}
         return tuple(found.values())
 
     def find(self, name: str) -> tuple[Object, Variable]:
@@ -170,6 +178,9 @@ def expand(file: DictionaryFile) -> Dictionary:
         tpdos=tuple(file.pdos.tpdo),
         emergencies=tuple(file.emergencies),
         supervision=tuple(sorted(file.supervision, key=lambda check: check.bit)),
+        free_enumerations=tuple(
+            Enumeration(one.name, False, tuple(one.values), one.doc) for one in file.enumerations
+        ),
         hash=digest,
     )
 
@@ -256,7 +267,9 @@ def _variable(
     if span is None and enumeration and not enumeration.is_bits and value.access in {"rw", "wo"}:
         numbers = [meaning.number for meaning in enumeration.meanings]
         span = [min(numbers), max(numbers)]
-    low, high = span if span is not None else (wire.low, wire.high)
+    size = value.size or 0 if isinstance(value, Entry) else 0
+    whole = (0, (1 << 8 * size) - 1) if wire.is_domain else (wire.low, wire.high)
+    low, high = span if span is not None else whole
     return Variable(
         sub=sub,
         name=name,
@@ -364,7 +377,8 @@ def _hash(file: DictionaryFile, objects: list[Object]) -> int:
         for v in o.variables
     ]
     codes = [[e.code, e.name, e.register_bit] for e in file.emergencies]
-    text = json.dumps([file.device.product_code, rows, codes], separators=(",", ":"))
+    fields = [[e.name, [[m.number, m.name] for m in e.values]] for e in file.enumerations]
+    text = json.dumps([file.device.product_code, rows, codes, fields], separators=(",", ":"))
     return int.from_bytes(hashlib.sha256(text.encode("ascii")).digest()[:4], "big")
 
 

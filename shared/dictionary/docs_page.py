@@ -15,7 +15,8 @@ _AREAS = (
     (0x2110, 0x2120, "Configuration: each of the two cables"),
     (0x2120, 0x2130, "Configuration: the tunnel"),
     (0x2130, 0x2140, "Configuration: the compensation"),
-    (0x2140, 0x6000, "Configuration: the supervision"),
+    (0x2140, 0x2150, "Configuration: the supervision"),
+    (0x2150, 0x6000, "Configuration: tables"),
     (0x6000, 0xA000, "CiA 402"),
 )
 
@@ -40,6 +41,7 @@ def text(dictionary: Dictionary) -> str:
         objects = [o for o in dictionary.objects if first <= o.index < end]
         if objects:
             parts.append(_area(title, objects))
+    parts.append(_fields(dictionary))
     parts.append(_supervision(dictionary))
     parts.append(_emergencies(dictionary))
     return "\n".join(parts)
@@ -89,7 +91,7 @@ def _row(obj: Object, v: Variable) -> str:
     cells = [
         f"0x{obj.index:04X}{subs}",
         f"`{obj.full_name(v)}`",
-        v.type.name,
+        f"{v.type.name}, {v.size} bytes" if v.type.is_domain else v.type.name,
         " ".join(flag for flag in flags if flag),
         v.role,
         v.unit or "",
@@ -120,6 +122,15 @@ def _shown(v: Variable, raw: int | str) -> str:
     if v.scale is not None:
         return f"{raw * v.scale:.9g}"
     return f"0x{raw:X}" if v.type.name == "u32" and raw > 9 else str(raw)
+
+
+def _fields(dictionary: Dictionary) -> str:
+    rows = [
+        f"| {one.name} | {m.number} | `{m.name}` | {m.doc} |"
+        for one in dictionary.free_enumerations
+        for m in one.meanings
+    ]
+    return _table("Fields of a table (`table`)", "field | value | name | meaning", rows)
 
 
 def _emergencies(dictionary: Dictionary) -> str:

@@ -111,6 +111,8 @@ def _comments(dictionary: Dictionary) -> str:
         for variable in obj.variables:
             if variable.enumeration:
                 lines += _meanings(obj, variable, variable.enumeration)
+    for one in dictionary.free_enumerations:
+        lines += [f"{one.name} value {m.number} {m.name}: {m.doc}" for m in one.meanings]
     numbered = [f"Line{i}={line}" for i, line in enumerate(lines, 1)]
     return _section("Comments", [f"Lines={len(lines)}", *numbered])
 
@@ -149,7 +151,7 @@ def _value(name: str, variable: Variable) -> list[str]:
         "ObjectType=0x7",
         f"DataType=0x{variable.type.eds_code:04X}",
         f"AccessType={'rww' if variable.pdo == 'rx' else variable.access}",
-        f"DefaultValue={_default(variable)}",
+        *([] if variable.type.is_domain else [f"DefaultValue={_default(variable)}"]),
         f"PDOMapping={int(variable.pdo is not None)}",
     ]
     if variable.has_range:

@@ -85,7 +85,7 @@ def _entry(obj: Object, variable: Variable) -> str:
     ]
     optional: list[tuple[str, object, object]] = [
         ("low", variable.low, 0),
-        ("high", variable.high, 0),
+        ("high", _high(variable), 0),
         ("unit", variable.unit, None),
         ("scale", variable.scale, None),
         ("pdo", variable.pdo, None),
@@ -109,6 +109,12 @@ class _Name(str):
 
     __slots__ = ()
     __repr__ = str.__str__
+
+
+def _high(variable: Variable) -> int | _Name:
+    """Of a domain all its bytes are one number, too long to write out."""
+    is_domain = variable.type.is_domain
+    return _Name(f"(1 << {8 * variable.size}) - 1") if is_domain else variable.high
 
 
 def _class(variable: Variable) -> _Name | None:

@@ -21,7 +21,7 @@ from shared.dictionary.schema import DictionaryFile, Pdo, Role
 
 RPDO_MAX = 4
 TPDO_MAX = 8
-TEXT_MAX = 70
+VALUE_MAX = 154  # bytes of a text or a domain
 
 _ACCESS_OF_ROLE: dict[Role, set[str]] = {
     "communication": {"const", "ro", "rw"},
@@ -111,10 +111,8 @@ def _variable(v: Variable, obj: Object) -> Iterator[str]:
         yield "only a number without named values may be absent"
     elif v.absent is not None and not v.low <= v.absent.raw <= v.high:
         yield f"absent {v.absent.raw} is outside [{v.low}, {v.high}]"
-    if v.type.is_text:
-        yield from _text(v)
-    else:
-        yield from _number(v)
+    rules = {"string": _text, "domain": _domain}
+    yield from rules.get(v.type.name, _number)(v)
 
 
 def _meanings(v: Variable, enumeration: Enumeration) -> Iterator[str]:
@@ -150,10 +148,17 @@ def _number(v: Variable) -> Iterator[str]:
 def _text(v: Variable) -> Iterator[str]:
     if v.access != "const" or v.pdo or v.has_range or v.unit or v.count > 1:
         yield "text is const and has no range, unit, array or PDO mapping"
-    if not isinstance(v.default, str) or not 1 <= len(v.default) <= TEXT_MAX:
-        yield f"the default of a text is 1 to {TEXT_MAX} characters"
+    if not isinstance(v.default, str) or not 1 <= len(v.default) <= VALUE_MAX:
+        yield f"the default of a text is 1 to {VALUE_MAX} characters"
     elif ";" in v.default:
         yield "an EDS reader cuts text at a semicolon"
+
+
+def _domain(v: Variable) -> Iterator[str]:
+    if not 4 <= v.size <= VALUE_MAX or v.size % 4:
+        yield f"the size of a domain is 4 to {VALUE_MAX} bytes, whole words"
+    if v.role != "config" or v.pdo or v.has_range or v.unit or v.enumeration or v.default != 0:
+        yield "a domain is configuration of its own, from zero: no range, unit, meanings, PDO"
 
 
 def _mandatory(dictionary: Dictionary) -> Iterator[str]:

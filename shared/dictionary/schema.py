@@ -13,7 +13,7 @@ from ruamel.yaml.error import YAMLError
 
 Access = Literal["const", "ro", "rw", "wo"]
 Role = Literal["communication", "identity", "config", "command", "state", "calibration"]
-TypeName = Literal["u8", "u16", "u32", "i8", "i16", "i24", "i32", "string"]
+TypeName = Literal["u8", "u16", "u32", "i8", "i16", "i24", "i32", "string", "domain"]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 RawUnit = Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
 Index = Annotated[int, Field(ge=0x1000, le=0x9FFF)]
@@ -91,8 +91,16 @@ class Value(_Strict):
     doc: str = ""
 
 
+class FreeEnumeration(_Strict):
+    """Meanings of numbers that are no entries: fields of a domain."""
+
+    name: Name
+    doc: Annotated[str, Field(min_length=1)]
+    values: Annotated[list[NamedValue], Field(min_length=1)]
+
+
 class Entry(_Strict):
-    """One object: a variable, an array (`array`) or a record (`subs`)."""
+    """One object: a variable, an array (`array`) or a record (`subs`); `size`: a domain's bytes."""
 
     index: Index
     name: Name
@@ -113,6 +121,7 @@ class Entry(_Strict):
     absent: Absent | None = None
     doc: str = ""
     array: Annotated[int, Field(ge=1, le=254)] | None = None
+    size: Annotated[int, Field(ge=1)] | None = None
     sub0_access: Literal["const", "rw"] = "const"
     subs: Annotated[list[Value], Field(min_length=1, max_length=254)] | None = None
 
@@ -178,6 +187,7 @@ class DictionaryFile(_Strict):
 
     device: Device
     entries: list[Entry]
+    enumerations: list[FreeEnumeration] = []
     pdos: Pdos
     emergencies: list[Emergency]
     supervision: list[Check]

@@ -16,13 +16,13 @@ class WireType:
     Parameters
     ----------
     name : str
-        As in the YAML file: ``u8`` .. ``i32`` or ``string``.
+        As in the YAML file: ``u8`` .. ``i32``, ``string`` or ``domain``.
     bits : int
-        Bits on the wire; 0 for a string.
+        Bits on the wire; 0 for a string and for a domain, whose entries say their size.
     signed : bool
         Two's complement or unsigned.
     c_type : str
-        Type of its field in the C struct of values.
+        Type of its field in the C struct of values; of a domain that of each of its words.
     eds_code : int
         Data type number of CiA 301, table 44.
     """
@@ -46,7 +46,12 @@ class WireType:
     @property
     def is_text(self) -> bool:
         """Return whether the value is text and not a number."""
-        return self.bits == 0
+        return self.name == "string"
+
+    @property
+    def is_domain(self) -> bool:
+        """Return whether the value is bytes, written and read whole."""
+        return self.name == "domain"
 
 
 WIRE_TYPES = {
@@ -60,5 +65,6 @@ WIRE_TYPES = {
         WireType("i24", 24, True, "int32_t", 0x10),
         WireType("i32", 32, True, "int32_t", 0x04),
         WireType("string", 0, False, "const char *", 0x09),
+        WireType("domain", 0, False, "uint32_t", 0x0F),
     )
 }

@@ -15,7 +15,7 @@ from shared.dictionary.outputs import ROOT
     [
         ("pdo.h", "PDO_RX_MAX", lint.RPDO_MAX),
         ("pdo.h", "PDO_TX_MAX", lint.TPDO_MAX),
-        ("sdo.h", "SDO_BUFFER_SIZE", lint.TEXT_MAX),
+        ("sdo.h", "SDO_BUFFER_SIZE", lint.VALUE_MAX),
     ],
 )
 def test_limits_agree(header: str, macro: str, known: int) -> None:

@@ -106,7 +106,7 @@ DEFECTS = {
         'default: "0.1.0", pdo: tx',
         "text is const and has no range",
     ),
-    "text too long": ('default: "0.1.0"', f'default: "{"x" * 71}"', "1 to 70 characters"),
+    "text too long": ('default: "0.1.0"', f'default: "{"x" * 155}"', "1 to 154 characters"),
     "semicolon in a text": ('default: "0.1.0"', 'default: "a ; b"', "cuts text at a semicolon"),
     "text for a number": ("default: 500000}", 'default: "500000"}', "is not a number"),
     "writable state": (ERROR, ERROR.replace("access: ro", "access: rw"), "access rw does not go"),

@@ -58,7 +58,9 @@ def test_reads_back_every_default_of_the_eds(remote: canopen.RemoteNode) -> None
         if variable.index == 0x1003 and variable.subindex > 0:
             continue
         data = remote.sdo.upload(variable.index, variable.subindex)
-        assert variable.decode_raw(data) == variable.default, variable.name
+        is_domain = variable.data_type == canopen.objectdictionary.DOMAIN
+        default = bytes(148) if is_domain else variable.default
+        assert variable.decode_raw(data) == default, variable.name
         compared += 1
     assert compared > 200
 

@@ -63,7 +63,7 @@ def test_a_value_that_is_not_kept_is_found_by_reading_back(
 
     monkeypatch.setattr(drive, "write_raw", forget)
     with pytest.raises(
-        DriveFailed, match=r"keeps segment_curvature\.7 at 3\.571429 instead of 2; the old .* back"
+        DriveFailed, match=r"keeps segment_curvature\.7 at 3\.571429 1/m instead of 2 1/m; the old"
     ):
         write(drive, changes)
     assert drive.read("cable_pretension") == 10.0

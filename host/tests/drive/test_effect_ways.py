@@ -178,12 +178,12 @@ def test_tables_beyond_eight_are_left_out_by_name() -> None:
     (left_out,) = reduced.left_out
     assert "no room: the drive has 8 tables" in left_out
     assert len(reduced.tables) <= 8
-    assert sum(reduced.entries[f"table_place.{n}"] != 0 for n in range(1, 9)) == len(reduced.tables)
+    assert sum(reduced.entries[f"table.{n}"] != 0 for n in range(1, 9)) == len(reduced.tables)
 
 
 def test_a_model_without_tables_writes_none() -> None:
     found = table_entries(())
-    assert found == {"table_version": 0.0, **{f"table_place.{n}": 0.0 for n in range(1, 9)}}
+    assert found == {"table_version": 0.0, **{f"table.{n}": 0 for n in range(1, 9)}}
     with pytest.raises(BadInput, match="34 knots"):
         DriveTable(TablePlace.LOAD_TORQUE, np.zeros(34))
     with pytest.raises(BadInput, match="not finite"):

@@ -111,7 +111,7 @@ def _first_of_arrays(entries: Iterable[Entry]) -> list[Entry]:
 
 def _entry_document(entry: Entry) -> dict[str, object]:
 
-    number = entry.type != "string"
+    number = entry.type not in ("string", "domain")
     return {
         "name": entry.name,
         "address": address(entry),
@@ -145,6 +145,9 @@ def _value_document(drive: Drive, entry: Entry) -> dict[str, object]:
         text = drive.read_text(entry.name)
         return {"name": entry.name, "value": text, "raw": None, "unit": None, "text": text}
     raw = drive.read_raw(entry.name)
+    if entry.type == "domain":
+        told: dict[str, object] = {"name": entry.name, "value": plain(entry, raw), "unit": None}
+        return told | {"raw": f"{raw:x}", "text": shown(entry, raw)}
     absent = entry.is_absent(raw)
     return {
         "name": entry.name,

@@ -20,7 +20,9 @@ from bowden.drive.bus_options import BusOptions, open_connection
 from bowden.drive.connection import Connection
 from bowden.drive.dictionary import DEFAULT_NODE_ID, HASH, lookup
 from bowden.drive.entry import Entry
+from bowden.drive.entry_text import shown
 from bowden.drive.faults import describe_abort
+from bowden.drive.meanings import TableDefect
 from bowden.drive.transfers import Transfers
 from bowden.errors import BadInput, DriveFailed
 
@@ -112,8 +114,8 @@ class Drive:
                     return
                 except SdoAbortedError as error:
                     raise DriveFailed(
-                        f"node {self.node_id} refuses {name} = {entry.to_value(raw):.9g}: "
-                        f"{describe_abort(error)}"
+                        f"node {self.node_id} refuses {name} = {shown(entry, raw)}: "
+                        f"{describe_abort(error)}{self._cause(entry)}"
                     ) from error
                 except SdoCommunicationError as error:
                     if entry.role not in _REPEATABLE or attempt == _ATTEMPTS:
@@ -169,6 +171,17 @@ class Drive:
             return bytes(self._sdo.upload(entry.index, entry.sub)) == data
         except (SdoAbortedError, SdoCommunicationError):
             return False
+
+    def _cause(self, entry: Entry) -> str:
+        """Return why a table was refused, as far as the drive says."""
+        cause = lookup("table_refused.defect")
+        if entry.type != "domain":
+            return ""
+        try:
+            raw = cause.decode(bytes(self._sdo.upload(cause.index, cause.sub)))
+        except (SdoAbortedError, SdoCommunicationError):
+            return ""
+        return f": {TableDefect.describe(raw)}" if raw else ""
 
     def _on_heartbeat(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         if len(data) == 1:

@@ -13,10 +13,13 @@ from dataclasses import dataclass
 
 from bowden.drive.client import Drive
 from bowden.drive.dictionary import lookup
+from bowden.drive.entry_text import shown
 from bowden.drive.faults import describe_address
+from bowden.drive.meanings import TableDefect
 from bowden.errors import BadInput, DriveFailed
 
 _SAVE = int.from_bytes(b"save", "little")  # CiA 301, entry 1010h
+_TABLE_VERSION = "table_version"
 _BUSY = 0x08000021  # SDO abort: the drive makes room first
 _PDO_DOES_NOT_EXIST = 1 << 31
 _PDO_ENTRY = re.compile(r"([rt]pdo\d+)_(?:communication|mapping)\..*")
@@ -95,14 +98,17 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
             drive.write_raw(change.name, change.raw_wanted)
             there = drive.read_raw(change.name)
             if there != change.raw_wanted:
+                entry = lookup(change.name)
                 raise DriveFailed(
                     f"node {drive.node_id} keeps {change.name} at "
-                    f"{lookup(change.name).to_value(there):.9g} instead of {change.wanted:.9g}"
+                    f"{shown(entry, there)} instead of {shown(entry, change.raw_wanted)}"
                 )
         if culprit := drive.read_raw("configuration_error"):
+            defect = TableDefect(drive.read_raw("table_defect"))
             raise DriveFailed(
                 f"node {drive.node_id} cannot run with this configuration: "
                 f"{describe_address(culprit)} does not fit the rest"
+                + (f": {defect.doc}" if defect else "")
             )
     except DriveFailed as failure:
         raise DriveFailed(f"{failure}; {_take_back(drive, written)}") from failure
@@ -114,15 +120,20 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
 def in_writable_order(drive: Drive, changes: Iterable[Change]) -> Iterator[Change]:
     """Yield the changes so that each is allowed when its turn comes.
 
-    A PDO's communication and mapping may only change while the PDO does not exist (CiA 301): it is
-    taken out, its mapping emptied, written, counted, and the PDO put back.
+    A table must fit the cables and limits when it comes: tables follow all other entries. A PDO's
+    communication and mapping may only change while the PDO does not exist (CiA 301): it is taken
+    out, its mapping emptied, written, counted, and the PDO put back.
     """
     of_pdo: dict[str, dict[str, Change]] = {}
+    tables: list[Change] = []
     for change in changes:
-        if (match := _PDO_ENTRY.fullmatch(change.name)) is None:
+        if _is_of_tables(change):
+            tables.append(change)
+        elif (match := _PDO_ENTRY.fullmatch(change.name)) is None:
             yield change
         else:
             of_pdo.setdefault(match[1], {})[change.name] = change
+    yield from sorted(tables, key=lambda change: change.name == _TABLE_VERSION)  # that one last
     if of_pdo:
         drive.nmt("PRE-OPERATIONAL")
     for pdo, wanted in of_pdo.items():
@@ -165,9 +176,17 @@ def store(drive: Drive) -> None:
         drive.write_raw("store_parameters.1", _SAVE)
 
 
+def _is_of_tables(change: Change) -> bool:
+    return change.name == _TABLE_VERSION or lookup(change.name).type == "domain"
+
+
 def _take_back(drive: Drive, written: list[Change]) -> str:
     try:
-        for change in reversed(written):
+        tables = [change for change in written if _is_of_tables(change)]
+        for change in tables:  # none, while the cables that the old ones fit are not back yet
+            drive.write_raw(change.name, 0)
+        rest = [change for change in written if not _is_of_tables(change)]
+        for change in (*reversed(rest), *tables):
             if drive.read_raw(change.name) != change.raw_before:
                 drive.write_raw(change.name, change.raw_before)
     except DriveFailed:

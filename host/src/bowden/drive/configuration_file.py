@@ -37,7 +37,7 @@ from bowden.recording.yaml_file import FilePart, read_yaml
 WHAT = "a drive's configuration (bowden config dump)"
 ROLES = ("config", "calibration", "communication")
 
-_Scalar = float | int | str
+_Scalar = float | int | str | dict[str, object]  # the last for a table
 _Value = _Scalar | list[_Scalar]
 
 

@@ -51,11 +51,12 @@ def write_dcf(path: Path, raw: Mapping[str, int], node_id: int, node_name: str) 
     for name, value in raw.items():
         entry = lookup(name)
         prefix = "$NODEID+" if entry.node_id_added else ""
-        parser[_section(entry)]["ParameterValue"] = f"{prefix}{value}"
-    text = io.StringIO()
-    parser.write(text, space_around_delimiters=False)
+        text = entry.encode(value).hex() if entry.type == "domain" else f"{prefix}{value}"
+        parser[_section(entry)]["ParameterValue"] = text
+    content = io.StringIO()
+    parser.write(content, space_around_delimiters=False)
     with replace_whole(path) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
+        temporary.write_text(content.getvalue(), encoding="utf-8")
 
 
 def read_dcf(path: Path) -> tuple[dict[str, int], tuple[str, ...]]:
@@ -93,11 +94,16 @@ def read_dcf(path: Path) -> tuple[dict[str, int], tuple[str, ...]]:
             unknown.append(f"[{section}] {name}: not in this dictionary")
             continue
         try:
-            number = _number(value, node_text if entry.node_id_added else "0")
+            number = (
+                entry.decode(bytes.fromhex(value))  # as the `canopen` package reads a domain
+                if entry.type == "domain"
+                else _number(value, node_text if entry.node_id_added else "0")
+            )
             entry.encode(number)
             raw[entry.name] = number
-        except (ValueError, OverflowError):
-            span = f"{entry.low} .. {entry.high}"
+        except (BadInput, ValueError, OverflowError):
+            whole = f"{entry.bits // 8} bytes in hexadecimal"
+            span = whole if entry.type == "domain" else f"{entry.low} .. {entry.high}"
             problems.append(f"[{section}] {name}: found {value!r}; accepted: {span}")
     if problems or not raw:
         raise BadInput(str(path), "; ".join(problems) or "no ParameterValue", WHAT)

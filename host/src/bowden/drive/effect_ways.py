@@ -15,7 +15,8 @@ from typing import Any, Literal
 import numpy as np
 
 from bowden.drive.meanings import TableArgument, TableDirection, TablePlace
-from bowden.drive.tables import KNOTS, DriveTable
+from bowden.drive.table_layout import KNOTS
+from bowden.drive.tables import DriveTable
 from bowden.model import Model
 from bowden.model.effects import LEARNED, LawTable, table_in
 from bowden.model.effects.effect import Values, Variant

@@ -38,7 +38,8 @@ class Entry:
     name : str
         ``"tunnel_stiffness"``, ``"segment_length.3"``, ``"model_tension.motor_a"``.
     type : str
-        ``u8 u16 u32 i8 i16 i24 i32 string``.
+        ``u8 u16 u32 i8 i16 i24 i32 string domain``. A domain's raw value is all its bytes as one
+        number, little-endian.
     access : str
         ``const ro rw wo``, as seen from the bus.
     role : str
@@ -68,7 +69,7 @@ class Entry:
     index: int
     sub: int
     name: str
-    type: Literal["u8", "u16", "u32", "i8", "i16", "i24", "i32", "string"]
+    type: Literal["u8", "u16", "u32", "i8", "i16", "i24", "i32", "string", "domain"]
     access: Literal["const", "ro", "rw", "wo"]
     role: Literal["communication", "identity", "config", "command", "state", "calibration"]
     default: int | str
@@ -86,7 +87,7 @@ class Entry:
     @property
     def bits(self) -> int:
         """Bits on the wire; 0 for text."""
-        return _BITS.get(self.type, 0)
+        return self.high.bit_length() if self.type == "domain" else _BITS.get(self.type, 0)
 
     @property
     def signed(self) -> bool:
@@ -101,6 +102,9 @@ class Entry:
         BadInput
             If `value` is not finite or its raw value lies outside [low, high].
         """
+        if self.type == "domain":
+            self.encode(int(value), where)
+            return int(value)
         scale = 1.0 if self.scale is None else self.scale
         if not math.isfinite(value) or not self.low <= (raw := round(value / scale)) <= self.high:
             unit = f" {self.unit}" if self.unit else ""
@@ -113,6 +117,8 @@ class Entry:
 
     def to_value(self, raw: int) -> float:
         """Value in `unit` of a raw value (a plain number where there is no scale)."""
+        if self.type == "domain":
+            return raw  # more bytes than a float has digits
         return float(raw) if self.scale is None else raw * self.scale
 
     def is_absent(self, raw: int) -> bool:
@@ -121,6 +127,9 @@ class Entry:
 
     def encode(self, raw: int, where: str = "") -> bytes:
         """Little-endian bytes of a raw value; `BadInput` outside [low, high]."""
+        if self.type == "domain" and not self.low <= raw <= self.high:
+            found = f"a number of {raw.bit_length()} bits"
+            raise BadInput(where or self.name, found, f"{self.bits // 8} bytes, as one number")
         if self.type == "string" or not self.low <= raw <= self.high:
             accepted = "nothing" if self.type == "string" else f"{self.low} .. {self.high}"
             raise BadInput(where or self.name, f"raw {raw}", accepted)

@@ -7,9 +7,10 @@ take single values (`od`, `config`).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 
+from bowden.drive import table_layout
 from bowden.drive.dictionary import ENTRIES, TABLE, lookup
 from bowden.drive.entry import Entry
 from bowden.drive.meaning import NamedBits, NamedValue
@@ -71,6 +72,8 @@ def search(words: Iterable[str]) -> list[Entry]:
 
 def shown(entry: Entry, raw: int) -> str:
     """Return a value with unit or meaning: ``0.5 N m/rad``, ``1 motor: motor angle``."""
+    if entry.type == "domain":
+        return table_layout.shown(raw)
     if entry.absent is not None and entry.is_absent(raw):
         return entry.absent.text
     if entry.meaning is not None and issubclass(entry.meaning, NamedValue):
@@ -83,8 +86,10 @@ def shown(entry: Entry, raw: int) -> str:
     return _with_unit(f"{entry.to_value(raw):.{_DIGITS}g}", entry)
 
 
-def plain(entry: Entry, raw: int) -> float | int | str | None:
-    """Return a value for a file: its word where it has one, else the number in its unit, if any."""
+def plain(entry: Entry, raw: int) -> float | int | str | dict[str, object] | None:
+    """Return a value for a file: a table, its word if it has one, else the number in its unit."""
+    if entry.type == "domain":
+        return table_layout.plain(raw)
     if entry.is_absent(raw):
         return None
     if entry.meaning is not None and issubclass(entry.meaning, NamedValue):
@@ -92,15 +97,16 @@ def plain(entry: Entry, raw: int) -> float | int | str | None:
     return raw if entry.scale is None or entry.scale == 1 else float(f"{raw * entry.scale:.12g}")
 
 
-def parse(entry: Entry, value: str | float, where: str = "") -> int:
+def parse(entry: Entry, value: str | float | Mapping[str, object], where: str = "") -> int:
     """Return the raw value of a user's text or number.
 
     Parameters
     ----------
     entry : Entry
-    value : str or float
-        A number in the entry's unit, also with the unit behind it; a word of its values; words of
-        its bits joined by ``+``; for a plain number also ``0x...``.
+    value : str, float or mapping
+        What `plain` returns; of a table also its JSON text. A number in the entry's unit, also with
+        the unit behind it; a word of its values; words of its bits joined by ``+``; for a plain
+        number also ``0x...``.
     where : str
         Named in errors; the entry's name when empty.
 
@@ -110,8 +116,12 @@ def parse(entry: Entry, value: str | float, where: str = "") -> int:
         None of these, another unit, or out of the entry's range.
     """
     where = where or entry.name
+    if entry.type == "domain":
+        return table_layout.parse(value, where)
     if isinstance(value, int | float):
         return entry.to_raw(value, where)
+    if isinstance(value, Mapping):
+        raise BadInput(where, "a mapping", accepted(entry))
     text = value.strip()
     if entry.meaning is not None and (raw := _meant(entry.meaning, text)) is not None:
         return entry.to_raw(raw, where)
@@ -128,6 +138,8 @@ def accepted(entry: Entry) -> str:
     """Return what may be written: the range with its unit, or the words."""
     if entry.type == "string":
         return "text"
+    if entry.type == "domain":
+        return table_layout.ACCEPTED
     if entry.meaning is not None and issubclass(entry.meaning, NamedValue):
         return ", ".join(entry.meaning.words())
     span = f"{entry.to_value(entry.low):.{_DIGITS}g} .. {entry.to_value(entry.high):.{_DIGITS}g}"

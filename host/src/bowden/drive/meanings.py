@@ -209,40 +209,8 @@ class TunnelAngleSource(NamedValue):
     SCALED_MOTOR = 2, 'motor angle divided by the transmission ratio'
 
 
-class TablePlace(NamedValue):
-    """Where each table adds its value; those of one place add up."""
-
-    NONE = 0, 'the table is not used'
-    FRICTION_FACTOR = 1, 'f, ppm: friction becomes mu (1 + f)'
-    LOAD_TORQUE = 2, "uN m that the load feels on top of the cables' torque"
-    MOTOR_TORQUE = 3, "uN m that the cables feel on top of the motor's torque"
-    LOAD_ANGLE = 4, 'urad added to what the load encoder reads'
-    MOTOR_ANGLE = 5, 'urad added to what the motor encoder reads'
-    LOAD_CELL = 6, 'uN m added to what the load cell reads, after its gain'
-    LOAD_CELL_GAIN = 7, "g, ppm: the load cell's reading times 1 + g"
-    MOTOR_GAIN = 8, "g, ppm: the motor's torque times 1 + g"
-
-
-class TableArgument(NamedValue):
-    """What each table goes over."""
-
-    LOAD_ANGLE = 0, 'load angle, urad'
-    MOTOR_ANGLE = 1, 'motor angle, urad'
-    LOAD_SPEED = 2, 'speed of the load, urad/s'
-    MOTOR_SPEED = 3, 'speed of the motor, urad/s'
-    CONDUIT_TEMPERATURE = 4, 'temperature of the conduit, mdegC'
-
-
-class TableDirection(NamedValue):
-    """In which direction of the load's motion each table counts; at standstill in that of the last motion."""
-
-    BOTH = 0, 'in both'
-    POSITIVE = 1, 'towards positive angles'
-    NEGATIVE = 2, 'towards negative angles'
-
-
 class TableDefect(NamedValue):
-    """Why the table that configuration_error names is refused."""
+    """Why the table that configuration_error names cannot be used."""
 
     NONE = 0, 'none is refused'
     KNOTS = 1, 'no knots, or no span between them'
@@ -250,6 +218,9 @@ class TableDefect(NamedValue):
     JUMPS = 3, 'it repeats, but its last value is not its first'
     TOO_STEEP = 4, 'a torque rises faster over the angle than friction of 1/0.6 rad: given late it would drive the load'
     BEYOND_FRICTION = 5, 'a torque that depends on direction or speed is more than the friction of the pair: the compensation could drive the load'
+    VERSION = 6, 'its layout is not version 1, or it is not used and yet not all zero'
+    CHECKSUM = 7, 'its CRC does not fit its bytes'
+    MEANING = 8, 'place, argument, direction or repeats has no such value'
 
 
 class Controlword(NamedBits):
@@ -315,3 +286,35 @@ class ModeOfOperation(NamedValue):
     TUNNEL = -1, 'error-reduction tunnel'
     TORQUE = -2, 'motor torque, entry target_torque'
     WINDING = -3, 'once, for 10 ms: an alternating voltage of a tenth of the supply, turned round at 0.8 A or after 2 ms, for winding_trace; then no torque'
+
+
+class TablePlace(NamedValue):
+    """Where each table adds its value; those of one place add up."""
+
+    NONE = 0, 'the table is not used'
+    FRICTION_FACTOR = 1, 'f, ppm: friction becomes mu (1 + f)'
+    LOAD_TORQUE = 2, "uN m that the load feels on top of the cables' torque"
+    MOTOR_TORQUE = 3, "uN m that the cables feel on top of the motor's torque"
+    LOAD_ANGLE = 4, 'urad added to what the load encoder reads'
+    MOTOR_ANGLE = 5, 'urad added to what the motor encoder reads'
+    LOAD_CELL = 6, 'uN m added to what the load cell reads, after its gain'
+    LOAD_CELL_GAIN = 7, "g, ppm: the load cell's reading times 1 + g"
+    MOTOR_GAIN = 8, "g, ppm: the motor's torque times 1 + g"
+
+
+class TableArgument(NamedValue):
+    """What each table goes over."""
+
+    LOAD_ANGLE = 0, 'load angle, urad'
+    MOTOR_ANGLE = 1, 'motor angle, urad'
+    LOAD_SPEED = 2, 'speed of the load, urad/s'
+    MOTOR_SPEED = 3, 'speed of the motor, urad/s'
+    CONDUIT_TEMPERATURE = 4, 'temperature of the conduit, mdegC'
+
+
+class TableDirection(NamedValue):
+    """In which direction of the load's motion each table counts; at standstill in that of the last motion."""
+
+    BOTH = 0, 'in both'
+    POSITIVE = 1, 'towards positive angles'
+    NEGATIVE = 2, 'towards negative angles'

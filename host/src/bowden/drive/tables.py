@@ -14,14 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from bowden.drive.meanings import TableArgument, TableDirection, TablePlace
+from bowden.drive.table_layout import KNOTS, TableFields
 from bowden.errors import BadInput
 from bowden.model.trajectory import FloatArray
 
 TABLES = 8
-KNOTS = 33
 _MILLIONTH = 1e6
 _OF_ARGUMENT = {TableArgument.CONDUIT_TEMPERATURE: 1e3}
-_HEADERS = ("place", "argument", "direction", "repeats", "knots", "first", "span")
 
 
 @dataclass(frozen=True)
@@ -58,22 +57,18 @@ class DriveTable:
         if not np.all(np.isfinite(self.values)):
             raise BadInput("table", "a value that is not finite", "numbers")
 
-    def entries(self, number: int) -> dict[str, float]:
-        """Return the entries of table `number`, 1 .. 8; values are those on the wire."""
+    def to_raw(self) -> int:
+        """Return the raw value of its entry in the drive; BadInput where a number does not fit."""
         per_argument = _OF_ARGUMENT.get(self.argument, _MILLIONTH)
-        headers = (
+        return TableFields(
             self.place,
             self.argument,
             self.direction,
             self.repeats,
-            self.values.size,
             round(self.first * per_argument),
             round(self.span * per_argument),
-        )
-        found = {f"table_{h}.{number}": float(v) for h, v in zip(_HEADERS, headers, strict=True)}
-        for knot, value in enumerate(self.values.tolist(), 1):
-            found[f"table_{number}.{knot}"] = float(round(value * _MILLIONTH))
-        return found
+            tuple(round(value * _MILLIONTH) for value in self.values.tolist()),
+        ).to_raw()
 
     def at(self, argument: FloatArray) -> FloatArray:
         """Return what the drive adds at these arguments, but for its rounding."""
@@ -85,7 +80,7 @@ class DriveTable:
 
 
 def table_entries(tables: Sequence[DriveTable]) -> dict[str, float]:
-    """Return the entries of all eight: these tables, and none in the other places.
+    """Return the entries of all eight as raw values: these tables, and none in the other places.
 
     Raises
     ------
@@ -94,9 +89,8 @@ def table_entries(tables: Sequence[DriveTable]) -> dict[str, float]:
     """
     if len(tables) > TABLES:
         raise BadInput("tables", f"{len(tables)} of them", f"the drive has {TABLES}")
-    found: dict[str, float] = {}
-    for number, table in enumerate(tables, 1):
-        found |= table.entries(number)
-    version = zlib.crc32(repr(sorted(found.items())).encode()) if tables else 0
-    unused = {f"table_place.{n}": 0.0 for n in range(len(tables) + 1, TABLES + 1)}
-    return {"table_version": float(version), **found, **unused}
+    raw = [table.to_raw() for table in tables]
+    entries: dict[str, float] = {f"table.{number}": one for number, one in enumerate(raw, 1)}
+    entries |= {f"table.{number}": 0 for number in range(len(raw) + 1, TABLES + 1)}
+    # The version last: while it is the old one, not all of the new tables are there.
+    return entries | {"table_version": float(zlib.crc32(repr(raw).encode()) if raw else 0)}
