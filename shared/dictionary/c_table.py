@@ -72,6 +72,7 @@ _SOURCE = """\
 #include <stddef.h>
 
 {accepted}
+/* One line an entry, however long: this is a table. */
 /* clang-format off */
 const od_entry_t DICTIONARY[DICTIONARY_COUNT] = {{
     /* index, sub, count, type, role, flags, offset, low, high, initial, text, accepted */
@@ -144,8 +145,8 @@ def _row(obj: Object, variable: Variable) -> str:
     accepted = _accepted_name(obj, variable) if variable.accepted else "NULL"
     return (
         f"    {{0x{obj.index:04X}, {variable.sub}, {variable.count}, {_TYPES[variable.type.name]},"
-        f" OD_{variable.role.upper()}, {' | '.join(flags)},\n"
-        f"     {offset}, {numbers}, {text}, {accepted}}},"
+        f" OD_{variable.role.upper()}, {' | '.join(flags)}, "
+        f"{offset}, {numbers}, {text}, {accepted}}},"
     )
 
 
