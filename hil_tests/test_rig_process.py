@@ -34,12 +34,14 @@ class EchoingBus(can.BusABC):
     def __init__(self) -> None:
         self.channel_info = "echo"
         self.heard: deque[can.Message] = deque()
+        self.carried: list[can.Message] = []
         self.sent = 0
         super().__init__(channel="echo")
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
         self.sent += 1
         self.heard.append(msg)
+        self.carried.append(msg)
 
     def _recv_internal(
         self,
@@ -69,6 +71,30 @@ def test_bridge_ignores_its_own_echo_and_hears_others(target_name: str) -> None:
         assert bridge.received == 1
         # boot-up, twenty heartbeats a second, three TPDOs a millisecond: no storm
         assert bridge.sent == bus.sent == pytest.approx(3021, abs=6)
+
+
+@pytest.mark.needs("simulated-rig", "virtual-time")
+def test_each_of_several_syncs_that_a_busy_machine_hands_over_at_once_is_a_sample(
+    target_name: str,
+) -> None:
+    with EchoingBus() as bus:
+        bridge = Bridge(Bench(SimulatedRig(), make_target(target_name)), bus, SeededLoss(0.0))
+        boot(bridge)
+        for pdo in range(3):
+            write = bytes([0x2F, pdo, 0x18, 2, 1, 0, 0, 0])  # transmission type: each SYNC
+            bus.heard.append(frame(0x610, write))
+            bridge.slice()
+        bus.heard.append(frame(0x000, bytes([0x01, 16])))
+        bridge.slice()
+        before = bridge.sent
+        for _ in range(6):
+            bus.heard.append(frame(0x080, b""))
+        for _ in range(3):
+            bridge.slice()
+        samples = [message for message in bus.carried if message.arbitration_id == 0x190]
+        counters = [struct.unpack_from("<H", sample.data)[0] for sample in samples]
+        assert bridge.sent - before >= 18  # three frames each
+        assert counters == list(range(counters[0], counters[0] + 6))
 
 
 @pytest.mark.needs("simulated-rig", "virtual-time")

@@ -18,6 +18,7 @@ from hil_tests.benchmarks import (
     lab_day,
     model_speed,
     newton_tendon,
+    paced_day,
     render,
 )
 from hil_tests.benchmarks.measurement import Figure, machine
@@ -28,6 +29,7 @@ SUBJECTS: dict[str, Callable[[], list[Figure]]] = {
     "newton": newton_tendon.figures,
     "bench": bench_speed.figures,
     "lab_day": lab_day.figures,
+    "paced_day": paced_day.figures,
     "board": board.figures,
     "render": render.figures,
 }

@@ -130,6 +130,23 @@ def test_a_sync_that_one_drive_has_missed_is_told(tmp_path: Path, connect: Conne
     assert "node 17" in finding
 
 
+def test_a_sync_that_comes_late_makes_no_missing_frame(tmp_path: Path, connect: Connect) -> None:
+    """A busy host sends none for 5 ms of each 40; no frame of a drive is lost."""
+    wire = SharedWire([bench(16), bench(17)])
+    late_ticks = 20
+
+    def stutter(frame: can.Message, one: Bench) -> bool:  # noqa: ARG001
+        stutters = wire.ticks // 80 % 2 == 1 and wire.ticks % 80 < late_ticks
+        return frame.arbitration_id == 0x80 and stutters  # for both: as if it were never sent
+
+    wire.lose = stutter
+    capture = record(connect(wire), tmp_path / "arm.blf", 1.0, sync=True)
+    first = moments_us(tmp_path / "arm.blf", 16)
+    assert np.diff(first).max() > 4 * PERIOD_US
+    assert capture.side.findings == []
+    assert read_recording(tmp_path / "arm.blf").time_s.size == first.size
+
+
 def test_sync_goes_with_triggers_and_running_motors(tmp_path: Path, connect: Connect) -> None:
     wire = SharedWire([bench(16), bench(17)])
     path = tmp_path / "arm.blf"

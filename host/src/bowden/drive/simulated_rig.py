@@ -49,10 +49,10 @@ def own_rig(options: BusOptions, rig_arguments: Sequence[str], log_path: Path) -
     DriveFailed
         The rig did not start, or another drive is on its bus.
     """
-    options = _own_bus(options)
+    options = own_bus(options)
     with (
         open_connection(options, SHARED_MACHINE) as connection,
-        _process(options, rig_arguments, log_path) as process,
+        rig_process(options, rig_arguments, log_path) as process,
     ):
         drive = Drive(connection, _find(connection, process, log_path))
         drive.check_dictionary()
@@ -60,10 +60,14 @@ def own_rig(options: BusOptions, rig_arguments: Sequence[str], log_path: Path) -
 
 
 @contextmanager
-def _process(
-    options: BusOptions, rig_arguments: Sequence[str], log_path: Path
+def rig_process(
+    options: BusOptions,
+    rig_arguments: Sequence[str],
+    log_path: Path,
+    node_id: int = DEFAULT_NODE_ID,
 ) -> Iterator[subprocess.Popen[bytes]]:
-    command = rig_command(options, further=rig_arguments)
+    """Run a rig's process for the block, without waiting for it; as `own_rig`."""
+    command = rig_command(options, node_id, rig_arguments)
     with log_path.open("wb") as log:
         # A session of its own: Ctrl-C must reach us first, so that the drive is stopped before
         # its rig is gone. The rig ends by itself when this process dies.
@@ -92,7 +96,8 @@ def _find(connection: Connection, process: subprocess.Popen[bytes], log_path: Pa
     return nodes[0].node_id
 
 
-def _own_bus(options: BusOptions) -> BusOptions:
+def own_bus(options: BusOptions) -> BusOptions:
+    """Return the options with a free port, where the bus is the default one without a port."""
     if options.interface != DEFAULT_INTERFACE or "port" in options.further:
         return options
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

@@ -39,6 +39,8 @@ class SourceSeries:
         Columns that keep their value until the next frame; the others go along straight lines.
     period_s : float, s
         Usual time between two frames.
+    lost : int or None
+        Frames that never came, by the source's own counter; None: it has none, gaps in time tell.
     """
 
     name: str
@@ -46,6 +48,7 @@ class SourceSeries:
     values: dict[str, _Floats]
     held: frozenset[str]
     period_s: float
+    lost: int | None = None
 
     def on(self, time_s: _Floats) -> tuple[dict[str, _Floats], NDArray[np.bool_]]:
         """Return the values at other times, and where there are any."""
@@ -67,7 +70,9 @@ class SourceSeries:
 
     @property
     def missing(self) -> int:
-        """Number of frames that should lie in the gaps."""
+        """Number of frames that never came."""
+        if self.lost is not None:
+            return self.lost  # a SYNC that a host sends late leaves a gap, and nothing is missing
         steps = np.diff(self.time_s)
         periods = np.rint(steps[steps > 1.5 * self.period_s] / self.period_s)
         return int(periods.sum() - periods.size)

@@ -181,13 +181,15 @@ def _with_others(
         if finding := sync_finding(side, drive):
             findings.append(finding)
         theirs = other.number, other.channels
+        lost = other.frames_lost
         if paired := synchronous_series(decoded.number, decoded.time_s, side, drive, theirs):
-            series.append(paired)
+            series.append(replace(paired, lost=lost))
             continue
         host_s = other.clock.host_time_s(other.time_s + other.start_s)
         time_s = clock.device_time_s(host_s) - decoded.start_s
         held = frozenset(f.column for pdo in drive.pdos for f in pdo.fields if f.scale == 1.0)
-        series.append(SourceSeries(name, time_s, other.channels, held, drive.sample_period_s))
+        period_s = drive.sample_period_s
+        series.append(SourceSeries(name, time_s, other.channels, held, period_s, lost))
     if clock is not None:
         series += [
             foreign_series(one, found[FrameId(one.cob_id, one.extended)], clock, decoded.start_s)
