@@ -28,7 +28,7 @@ demo-diagnosis: native $(if $(filter emulated,$(TARGET)),firmware) ## the loop c
 
 test: lint firmware native ## lint, prove the firmware integer-only, run every test
 	$(BIN)/pytest $(PYTEST_FLAGS)
-	$(BIN)/pytest $(PYTEST_FLAGS) hil_tests/test_bench.py hil_tests/test_drive.py hil_tests/test_storage.py hil_tests/test_compensation.py --target=emulated --require-target
+	$(BIN)/pytest $(PYTEST_FLAGS) hil_tests/test_bench.py hil_tests/test_drive.py hil_tests/test_storage.py hil_tests/test_table_write.py hil_tests/test_compensation.py --target=emulated --require-target
 
 lint: setup ## ruff, mypy strict, import contracts, word list, clang-format
 	$(BIN)/ruff check .

@@ -10,12 +10,14 @@ import canopen
 import numpy as np
 import pytest
 from bowden.cli.main import main
+from bowden.drive.checks import check_configuration
 from bowden.drive.client import Drive
 from bowden.drive.configuration import Change, difference, write
 from bowden.drive.dcf import eds
 from bowden.drive.dictionary import lookup
 from bowden.drive.entry_text import parse, plain, shown
-from bowden.drive.meanings import TableArgument, TableDirection, TablePlace
+from bowden.drive.meanings import ModeOfOperation, TableArgument, TableDirection, TablePlace
+from bowden.drive.power import Run, enable
 from bowden.drive.table_layout import TableFields
 from bowden.drive.tables import DriveTable, table_entries
 from bowden.errors import BadInput, DriveFailed
@@ -93,6 +95,19 @@ def test_a_refused_table_is_named_with_its_cause_and_all_is_as_before(rig: MakeR
     assert drive.read("cable_pretension") == 10.0
     assert difference(drive, table_entries((FRICTION,))) == []
     assert drive.read_raw("configuration_error") == 0
+
+
+def test_a_table_that_no_longer_fits_is_named_with_its_cause(rig: MakeRig) -> None:
+    """Somebody writes the pretension by another program."""
+    drive, _ = rig()
+    write(drive, difference(drive, table_entries((LOSS,))))
+    drive.write("cable_pretension", 7.0)
+    drive.connection.listen(0.01)
+    found = check_configuration(drive)
+    assert found.state == "failed"
+    assert "table.1 (a torque that depends on direction" in found.found
+    with pytest.raises(DriveFailed, match=r"cannot run with its table\.1 \(a torque"):
+        enable(drive, Run(ModeOfOperation.TORQUE))
 
 
 def test_a_table_that_only_the_old_cables_fit_comes_back_with_them(rig: MakeRig) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from bowden.drive.bus_load import BusLoad
 from bowden.drive.client import Drive
 from bowden.drive.dictionary import BITRATE, HASH, lookup
-from bowden.drive.faults import describe_address, describe_emergency
+from bowden.drive.faults import describe_address, describe_culprit, describe_emergency
 from bowden.drive.homing import UNKNOWN, angle_reference
 from bowden.drive.meanings import ConfigurationOriginOutcome, ResetCause
 from bowden.drive.power import BRIDGE_ON, is_fault, power_state
@@ -155,7 +155,7 @@ def check_configuration(drive: Drive) -> CheckResult:
         return CheckResult(
             "configuration",
             "failed",
-            f"cannot run with its {describe_address(culprit)}",
+            f"cannot run with its {describe_culprit(culprit, drive.read_raw('table_defect'))}",
             "bowden configure MODEL.yaml",
         )
     origin = ConfigurationOriginOutcome(drive.read_raw("configuration_origin.outcome"))

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from bowden.drive.client import Drive
 from bowden.drive.dictionary import lookup
 from bowden.drive.entry_text import shown
-from bowden.drive.faults import describe_address
-from bowden.drive.meanings import TableDefect
+from bowden.drive.faults import describe_culprit
 from bowden.errors import BadInput, DriveFailed
 
 _SAVE = int.from_bytes(b"save", "little")  # CiA 301, entry 1010h
@@ -104,11 +103,10 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
                     f"{shown(entry, there)} instead of {shown(entry, change.raw_wanted)}"
                 )
         if culprit := drive.read_raw("configuration_error"):
-            defect = TableDefect(drive.read_raw("table_defect"))
+            named = describe_culprit(culprit, drive.read_raw("table_defect"))
             raise DriveFailed(
                 f"node {drive.node_id} cannot run with this configuration: "
-                f"{describe_address(culprit)} does not fit the rest"
-                + (f": {defect.doc}" if defect else "")
+                f"{named} does not fit the rest"
             )
     except DriveFailed as failure:
         raise DriveFailed(f"{failure}; {_take_back(drive, written)}") from failure

@@ -8,6 +8,7 @@ from __future__ import annotations
 from canopen import SdoAbortedError
 
 from bowden.drive.dictionary import EMERGENCIES, TABLE
+from bowden.drive.meanings import TableDefect
 
 _ADVICE_ON_ABORT = {
     0x06010002: "this entry is read-only",
@@ -37,6 +38,11 @@ def describe_abort(error: SdoAbortedError) -> str:
 
 
 def describe_address(address: int) -> str:
-    """Return the entry's name for ``index << 8 | sub-index``, as in `configuration_error`."""
+    """Return the entry's name for ``index << 8 | sub-index``."""
     entry = TABLE.at(address >> 8, address & 0xFF)
     return entry.name if entry else f"{address >> 8:04X}h sub {address & 0xFF}"
+
+
+def describe_culprit(address: int, defect: int) -> str:
+    """Return what `configuration_error` names and, of a table, why (`table_defect`)."""
+    return describe_address(address) + (f" ({TableDefect.describe(defect)})" if defect else "")

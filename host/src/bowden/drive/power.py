@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from bowden.drive.client import Drive
 from bowden.drive.connection import HOST_NODE_ID
-from bowden.drive.faults import describe_address, describe_emergency
+from bowden.drive.faults import describe_culprit, describe_emergency
 from bowden.drive.meanings import ModeOfOperation
 from bowden.errors import DriveFailed
 
@@ -148,7 +148,8 @@ def enable(drive: Drive, run: Run) -> None:
     """Bring the drive to "operation enabled"; use `powered`, which also brings it back."""
     if culprit := drive.read_raw("configuration_error"):
         raise DriveFailed(
-            f"node {drive.node_id} cannot run with its {describe_address(culprit)}: "
+            f"node {drive.node_id} cannot run with its "
+            f"{describe_culprit(culprit, drive.read_raw('table_defect'))}: "
             "write a working configuration with `bowden configure`"
         )
     drive.write_raw("target_torque", 0)
