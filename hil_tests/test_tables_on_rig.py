@@ -99,7 +99,7 @@ def test_an_applied_effect_renders_as_if_it_were_not_there(
 
 def test_a_law_that_no_catalogue_has_goes_to_the_drive_as_a_table(tmp_path: Path) -> None:
     angle = np.linspace(-0.7, 0.7, 17)
-    table = LawTable("friction_factor", ("load_angle_rad", "direction"), tuple(angle.tolist()))
+    table = LawTable("friction_factor", ("load_angle_rad", "slip_direction"), tuple(angle.tolist()))
     law = LAB.with_law(table, (CHANGE * np.tanh(angle / WIDTH_RAD)).tolist())
     settings = (f"cable.pile_change={CHANGE}", f"cable.pile_width_rad={WIDTH_RAD}")
     without = rendering_error_nm(tmp_path / "without.blf", {}, LAB, settings)

@@ -55,7 +55,12 @@ def test_more_knots_leave_the_curve_as_it_is_where_it_had_some() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "moves"), [(("load_angle_rad",), False), (("load_angle_rad", "direction"), True)]
+    ("arguments", "moves"),
+    [
+        (("load_angle_rad",), False),
+        (("load_angle_rad", "direction"), True),
+        (("load_angle_rad", "slip_direction"), True),
+    ],
 )
 def test_the_coefficient_moves_beside_a_factor_that_cannot_stand_for_it(
     arguments: tuple[str, ...], moves: bool

@@ -126,8 +126,10 @@ LEARNED = """effects:
 """
 
 
-def test_a_learned_law_goes_as_it_is() -> None:
+@pytest.mark.parametrize("way", ["direction", "slip_direction"])
+def test_a_learned_law_goes_as_it_is(way: str) -> None:
     text = format_model(table_1()).replace("effects: []\n", LEARNED)
+    text = text.replace("load_angle_rad, direction", f"load_angle_rad, {way}")
     reduced = reduced_model(parse_model(text))
     assert (reduced.tabled, reduced.left_out) == (("learned",), ())
     positive, negative = reduced.tables

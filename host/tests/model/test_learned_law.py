@@ -18,6 +18,7 @@ from .effects_rig import given, plain
 from .rigs import FloatArray
 
 TP, PT = Mode.TORQUE_POSITION, Mode.POSITION_TORQUE
+WAYS = ("direction", "slip_direction")
 TENT = LawTable("load_torque_nm", ("load_angle_rad",), (-0.1, 0.0, 0.1))
 
 
@@ -187,6 +188,29 @@ def test_it_stands_in_a_model_file_and_its_values_move() -> None:
     assert moved.value("effects[0].values[0]") == 0.02
 
 
+@pytest.mark.parametrize("stiction", [False, True])
+def test_a_level_law_of_the_slip_is_the_asymmetry_of_the_same_size(stiction: bool) -> None:
+    # The effect has it in the pair's own coefficients, the law as a history beside them.
+    rig = plain()
+    if stiction:  # another solver
+        rig = rig.with_effect("stribeck_friction", {"a": 0.2, "v_s_m_per_s": 0.01})
+    level = LawTable("friction_factor", ("load_angle_rad", "slip_direction"), (-1.0, 1.0))
+    found = simulate(rig.with_law(level, (0.2, 0.2)), TP, given(TP))
+    other = simulate(rig.with_effect("direction_asymmetry", {"a": 0.2}), TP, given(TP))
+    # Half a segment's compliance is that of the pair's own coefficient, which differs by a^2/12.
+    same(found.load_torque_nm, other.load_torque_nm, 1e-4)
+    same(found.motor_angle_rad, other.motor_angle_rad, 1e-4)
+
+
+def test_slip_that_changes_along_the_stroke_is_the_angles_where_one_side_alone_slides() -> None:
+    # Outward all the way there is one direction, the load's and the cable's.
+    time_s = np.linspace(0.0, 1.0, 501)
+    inputs = Inputs(time_s, motor_torque_nm=np.zeros(501), load_angle_rad=0.4 * time_s)
+    tables = [LawTable("friction_factor", ("load_angle_rad", way), (0.0, 0.2, 0.4)) for way in WAYS]
+    load, cable = (simulate(plain().with_law(one, (0.1, 0.3, 0.0)), TP, inputs) for one in tables)
+    same(cable.load_torque_nm, load.load_torque_nm, 1e-6)
+
+
 ENTRY = "{name: learned, place: load_torque_nm, arguments: [time_s], x: [0, 1], values: [0, 0.1]}"
 
 
@@ -196,6 +220,7 @@ ENTRY = "{name: learned, place: load_torque_nm, arguments: [time_s], x: [0, 1], 
         (ENTRY.replace("load_torque_nm", "handle"), "effects[0].place: found 'handle'"),
         (ENTRY.replace("[time_s]", "[age_s]"), "effects[0].arguments: found ['age_s']"),
         (ENTRY.replace("[time_s]", "[time_s, speed]"), "accepted: one of load_angle_rad"),
+        (ENTRY.replace("[time_s]", "[time_s, slip_direction]"), "effects[0].arguments: found"),
         (ENTRY.replace("[0, 1]", "[1, 0]"), "effects[0].x: found [1, 0]"),
         (ENTRY.replace("[0, 1]", "[0, .nan]"), "effects[0].x: found [0, nan]"),
         (ENTRY.replace("[0, 0.1]", "[0]"), "effects[0].values: found [0]"),

@@ -66,15 +66,34 @@ def test_exact_steps_agree_with_implicit_ones(law: str, mode: Mode) -> None:
     assert np.abs(factor - 1.0).max() > 0.3  # and there was something to agree on
 
 
+@pytest.mark.parametrize("mode", [TP, PP])
+def test_exact_steps_agree_where_friction_differs_by_the_way_a_segment_slides(mode: Mode) -> None:
+    angle = swing(400)
+    time_s = times(angle)
+    more = 0.4 * np.tanh(angle / 0.3)  # a pile that leans
+    given = np.zeros_like(angle) if mode is TP else 5.2 * angle + 0.02 * np.sin(3.0 * time_s)
+    exact, implicit = both(mode, time_s, given, angle, 1.0 + more, 1.0 - more)
+    alike, _ = both(mode, time_s, given, angle, 1.0 + more)
+    assert np.sqrt(np.mean((exact - implicit) ** 2)) < 2e-4 * np.abs(implicit).max()
+    assert np.abs(exact - alike).max() > 0.3 * np.abs(implicit).max()
+
+
 def both(
-    mode: Mode, time_s: FloatArray, motor: FloatArray, load: FloatArray, factor: FloatArray
+    mode: Mode,
+    time_s: FloatArray,
+    motor: FloatArray,
+    load: FloatArray,
+    *factors: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the load's torque from event to event, and from implicit steps."""
+    """Return the load's torque from event to event, and from implicit steps.
+
+    `factors` on friction: of all segments, or of those that slide outward and of the others.
+    """
     pair = printed(SEGMENTS)
     other = printed(SEGMENTS, mu_v_s_per_m=UNSEEN_S_PER_M)
     assert needs_implicit_steps(other, mode)
     assert not needs_implicit_steps(pair, mode)
-    changing = Histories(friction_factor=factor)
+    changing = Histories(*factors)
     series = (time_s, motor, load, changing)
     return (
         simulate_mesh(pair, mode, *series).load_torque_nm,

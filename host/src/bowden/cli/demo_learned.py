@@ -59,7 +59,7 @@ def learn_a_law(args: argparse.Namespace, folder: Path) -> dict[str, object]:
     )
     hidden = HiddenLaw(
         "friction_factor",
-        ("load_angle_rad", "direction"),
+        ("load_angle_rad", "slip_direction"),
         _STROKE_RAD,
         CHANGE * np.tanh(_STROKE_RAD / WIDTH_RAD),
     )

@@ -1,4 +1,4 @@
-"""Learned laws as candidates: every place over every argument, with or without direction.
+"""Learned laws as candidates: every place over every argument, with or without a direction.
 
 `learn` screens them with few knots and fits the promising ones with more. Touches no file.
 """
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bowden.diagnosis.candidates import Candidate
 from bowden.model import Model
 from bowden.model.effects import LawTable, law_of
-from bowden.model.effects.learned import ARGUMENTS, DIRECTION, PLACES, argument_of
+from bowden.model.effects.learned import ARGUMENTS, DIRECTION, PLACES, SLIP_DIRECTION, argument_of
 from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
@@ -52,9 +52,9 @@ class LawCandidate(Candidate):
     def scales_friction(self) -> bool:
         """Whether only mu (1 + f) can be told: mu stays at the file's value then.
 
-        With the direction the law is what differs between outward and back, and mu is known apart.
+        With a direction the law is what differs between outward and back, and mu is known apart.
         """
-        return self.table.place == "friction_factor" and not self.table.by_direction
+        return self.table.place == "friction_factor" and not self.table.turns
 
     @property
     def precision(self) -> _Floats:
@@ -87,7 +87,7 @@ def smooth_precision(table: LawTable, bend: float) -> _Floats:
     return np.asarray(energy + np.eye(knots) / (knots * level**2))
 
 
-LAWS = 2 * len(PLACES) * len(ARGUMENTS)  # that there are to choose from
+LAWS = (2 * len(PLACES) + 1) * len(ARGUMENTS)  # that there are to choose from
 
 
 def laws_over(recordings: Sequence[Recording], knots: int = SCREENED) -> list[LawCandidate]:
@@ -107,7 +107,8 @@ def laws_over(recordings: Sequence[Recording], knots: int = SCREENED) -> list[La
             continue
         x = tuple(np.linspace(*visited, knots).tolist())
         for place, known in PLACES.items():
-            for arguments in ((argument,), (argument, DIRECTION)):
+            slip = ((argument, SLIP_DIRECTION),) if place == "friction_factor" else ()
+            for arguments in ((argument,), (argument, DIRECTION), *slip):
                 found.append(LawCandidate.of(LawTable(place, arguments, x), known.usual))
     return found
 

@@ -67,7 +67,8 @@ class Learned:
     place : str
         ``load_torque_nm``, ``motor_torque_nm`` or ``friction_factor``.
     arguments : tuple of str
-        What it is a function of; "direction" last, where its sign follows the load's motion.
+        What it is a function of; last "direction" where its sign follows the load's motion, or
+        "slip_direction" where it follows the cable's.
     curve : ndarray of shape (knots, 4)
         Argument, value, and the ends of the 95 % interval.
     visited : ndarray of shape (knots,)

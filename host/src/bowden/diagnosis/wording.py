@@ -13,7 +13,7 @@ from bowden.diagnosis.result import Diagnosis, Learned, NamedEffect, Verdict
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
 from bowden.model import Mode, Model
-from bowden.model.effects.learned import DIRECTION
+from bowden.model.effects.learned import DIRECTION, SLIP_DIRECTION
 from bowden.signals.prediction import PREDICTED
 
 
@@ -116,8 +116,8 @@ def law_in_words(one: Learned) -> str:
     else:
         course = "varies with"
     argument = ARGUMENT_WORDS.get(one.arguments[0], one.arguments[0])
-    direction = " and changes with the direction of motion" if DIRECTION in one.arguments else ""
-    return f"{PLACES_IN_WORDS[one.place]} that {course} {argument}{direction}"
+    turning = "".join(f" and changes with the {ARGUMENT_WORDS[way]}" for way in one.arguments[1:])
+    return f"{PLACES_IN_WORDS[one.place]} that {course} {argument}{turning}"
 
 
 def place_in_words(where: str) -> str:
@@ -138,6 +138,7 @@ ARGUMENT_WORDS = {
     "time_since_reversal_s": "time since the last reversal",
     "conduit_temperature_c": "conduit temperature",
     DIRECTION: "direction of motion",
+    SLIP_DIRECTION: "direction in which the cable slides",
 }
 
 

@@ -272,7 +272,7 @@ def _learned(law: LawTable, p: Values) -> tuple[DriveTable, ...]:
     both = DriveTable(
         place, values, _ARGUMENTS[law.argument], float(even[0]), float(even[-1] - even[0])
     )
-    if not law.by_direction:
+    if not law.turns:
         return (both,)
     back = replace(both, values=-values, direction=TableDirection.NEGATIVE)
     return (replace(both, direction=TableDirection.POSITIVE), back)

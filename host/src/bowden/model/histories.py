@@ -21,29 +21,46 @@ class Histories:
     ----------
     friction_factor : ndarray of shape (n,) or None, >= 0
         Multiplies the friction coefficient of every segment.
+    friction_factor_back : ndarray of shape (n,) or None, >= 0
+        That of segments which slide as for negative angles of the pair; None: the same.
     lengthening_m : ndarray of shape (n,) or None, m
         Extra rest length of each of the two cables, spread evenly over it; 0 at first.
     """
 
     friction_factor: FloatArray | None = None
+    friction_factor_back: FloatArray | None = None
     lengthening_m: FloatArray | None = None
 
     def __and__(self, other: Histories) -> Histories:
         """Both at once: factors multiply, lengths add."""
-        factor, length = self.friction_factor, self.lengthening_m
-        if factor is None or other.friction_factor is None:
-            factor = other.friction_factor if factor is None else factor
-        else:
-            factor = factor * other.friction_factor
+        factor = _product(self.friction_factor, other.friction_factor)
+        back = None
+        if self.friction_factor_back is not None or other.friction_factor_back is not None:
+            back = _product(self.back, other.back)
+        length = self.lengthening_m
         if length is None or other.lengthening_m is None:
             length = other.lengthening_m if length is None else length
         else:
             length = length + other.lengthening_m
-        return Histories(factor, length)
+        return Histories(factor, back, length)
+
+    @property
+    def back(self) -> FloatArray | None:
+        """Factor on the friction of segments that slide back."""
+        return (
+            self.friction_factor if self.friction_factor_back is None else self.friction_factor_back
+        )
 
     @property
     def is_empty(self) -> bool:
         """Return whether nothing changes: no series, or only factors of 1 and lengths of 0."""
-        factor, length = self.friction_factor, self.lengthening_m
-        same = factor is None or bool(np.all(factor == 1.0))
+        length = self.lengthening_m
+        factors = [one for one in (self.friction_factor, self.back) if one is not None]
+        same = all(bool(np.all(one == 1.0)) for one in factors)
         return same and (length is None or not np.any(length))
+
+
+def _product(one: FloatArray | None, other: FloatArray | None) -> FloatArray | None:
+    if one is None or other is None:
+        return other if one is None else one
+    return one * other

@@ -40,7 +40,8 @@ class Asked:
 
     @property
     def _parts(self) -> list[FloatArray]:
-        histories = (self.histories.friction_factor, self.histories.lengthening_m)
+        every = self.histories
+        histories = (every.friction_factor, every.friction_factor_back, every.lengthening_m)
         return [self.motor, self.load, *(part for part in histories if part is not None)]
 
     @property
@@ -54,8 +55,9 @@ class Asked:
         motor, load = next(parts), next(parts)
         histories = self.histories
         factor = next(parts) if histories.friction_factor is not None else None
+        back = next(parts) if histories.friction_factor_back is not None else None
         length = next(parts) if histories.lengthening_m is not None else None
-        return Asked(motor, load, Histories(factor, length))
+        return Asked(motor, load, Histories(factor, back, length))
 
     def agrees_with(self, other: Asked, share: float) -> bool:
         """Return whether both ask the same, but for a share of each series' largest value."""

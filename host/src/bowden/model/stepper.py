@@ -84,19 +84,20 @@ class PairStepper:
         before = 0.0 if self._last_force is None else self._last_force
         free = self._free
         if self._implicit:
-            s, given = self._chain, (before, force, spring, motor, load, 1.0, 0.0, dt)
-            moved, flags = implicit.sample(self._chain_tables, s, self._pulleys, free, *given)
+            s, given, plain = self._chain, (before, force, spring, motor, load), (1.0, 1.0)
+            t, p = self._chain_tables, self._pulleys
+            moved, flags = implicit.sample(t, s, p, free, *given, plain, 0.0, dt)
             ends = s.tension[:, [0, -1]]
             slack = s.gap_m >= 0
         else:
-            t, e = self._events_tables, self._events
+            tables, e = self._events_tables, self._events
             x, y = (0.0 if free == 0 else motor), (0.0 if free == 1 else load)
-            moved, flags = events.step(t, e, free, before, force, spring, x, y)
-            if t.sticks:
+            moved, flags = events.step(tables, e, free, before, force, spring, x, y)
+            if tables.sticks:
                 pair = self._pair
                 x, y = (moved if free == 0 else x), (moved if free == 1 else y)
                 band, rest = pair.velocity_dead_band_m_per_s, pair.rest_time_s
-                events.stick_at_rest(t, e, x, y, dt, band, rest)
+                events.stick_at_rest(tables, e, x, y, dt, band, rest)
             ends, slack = e.end_n, e.gap_m >= 0
         if flags & 8 or not np.isfinite(moved):
             raise ModelError("no equilibrium found, accepted: lower gains or smaller steps")

@@ -8,6 +8,8 @@
 A natural cubic spline through the knots, level beyond the first and the last: of all curves through
 them the one that bends least, and what is expected of a smooth law that is known at the knots. With
 `direction` the value counts times the sign of the load's last motion, which is held at standstill.
+With `slip_direction`, of friction alone, it counts as it is where the cable slides as for positive
+angles of the pair, and with the other sign where it slides back: place by place in the conduit.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from bowden.model.transmission import Transmission
 
 LEARNED = "learned"
 DIRECTION = "direction"
+SLIP_DIRECTION = "slip_direction"
 MOST_KNOTS = 33  # what the drive's tables hold
 LEAST_FACTOR = -0.95  # of mu, added: friction does not vanish
 ROUNDS = 20  # iterations of a fixed point, whose error shrinks by the slope of the law
@@ -81,7 +84,7 @@ class LawTable:
     place : str
         In `PLACES`.
     arguments : tuple of str
-        One of `ARGUMENTS`; then "direction" where it counts.
+        One of `ARGUMENTS`; then "direction" or "slip_direction" where one counts.
     x : tuple of float
         Knots, rising, in the first argument's unit.
     """
@@ -101,6 +104,16 @@ class LawTable:
         return DIRECTION in self.arguments
 
     @property
+    def by_slip(self) -> bool:
+        """Return whether its value changes sign with the cable's own sliding."""
+        return SLIP_DIRECTION in self.arguments
+
+    @property
+    def turns(self) -> bool:
+        """Return whether it is another law one way than back."""
+        return self.by_direction or self.by_slip
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the values as parameters."""
         return tuple(f"values[{k}]" for k in range(len(self.x)))
@@ -112,7 +125,7 @@ class LawTable:
         return tuple(dict.fromkeys(seen))
 
     def at(self, around: Signals, values: Values) -> FloatArray:
-        """Return the law's value at every sample."""
+        """Return the law's value at every sample; by the slip's direction that outward."""
         where = argument_of(self.argument, around)
         found = self.curve(where, np.array([values[name] for name in self.names]))
         return found * direction_of(around["load_angle_rad"]) if self.by_direction else found
@@ -199,7 +212,9 @@ def law_of(table: LawTable) -> Effect:
 def _friction(table: LawTable) -> Any:  # noqa: ANN401  (a hook of `Variant`)
     def histories(inside: Signals, pair: Transmission, p: Values) -> Histories:
         del pair
-        return Histories(friction_factor=1.0 + np.maximum(table.at(inside, p), LEAST_FACTOR))
+        f = table.at(inside, p)
+        out = 1.0 + np.maximum(f, LEAST_FACTOR)
+        return Histories(out, 1.0 + np.maximum(-f, LEAST_FACTOR) if table.by_slip else None)
 
     return histories
 
@@ -241,10 +256,13 @@ def table_in(entry: Mapping[str, Any]) -> tuple[LawTable | None, list[str]]:
     if place not in PLACES:
         wrong.append(f"place: found {place!r}, accepted: {', '.join(PLACES)}")
     known = isinstance(arguments, (list, tuple)) and bool(arguments)
-    if not known or arguments[0] not in ARGUMENTS or list(arguments[1:]) not in ([], [DIRECTION]):
+    turning: list[list[str]] = [[], [DIRECTION]]
+    if place == "friction_factor":
+        turning.append([SLIP_DIRECTION])
+    if not known or arguments[0] not in ARGUMENTS or list(arguments[1:]) not in turning:
         wrong.append(
             f"arguments: found {arguments!r}, accepted: one of {', '.join(ARGUMENTS)}, then "
-            f"{DIRECTION} where it counts"
+            f"{DIRECTION} where it counts, or for friction_factor {SLIP_DIRECTION}"
         )
     x, values = entry["x"], entry["values"]
     if not _numbers(x) or not 2 <= len(x) <= MOST_KNOTS or np.any(np.diff(x) <= 0.0):

@@ -236,11 +236,11 @@ def run(
     (of cable a's end, outward, m) at the other. Row of `out`: free pulley's displacement, T1a, TLa,
     T1b, TLb, flags. Returns the number of samples in which a step did not end (always 0).
     `mass_kg` is the motor's inertia over its radius squared; it counts where the motor is free, and
-    `damping_s` with it. `factor` on the friction coefficient is that of `Histories`, of one sample
-    where nothing changes.
+    `damping_s` with it. `factor` on the friction coefficient, out and back, is that of `Histories`,
+    of one sample where nothing changes.
     """
-    if factor[0] != 1.0:
-        set_friction(t, f, factor[0])
+    if factor[0, 0] != 1.0 or factor[0, 1] != 1.0:
+        set_friction(t, f, factor[0, 0], factor[0, 1])
     failed, place, dt_before, share = 0, 0.0, 0.0, 0.0
     mean_speed, speed, acceleration = 0.0, 0.0, 0.0
     force_before, x_before, y_before = 0.0, motor[0], load[0]
@@ -258,8 +258,10 @@ def run(
             share = beyond(dt, dt_before, damping_s)
             pull, spring = pull_of_mass(mass_kg, share, dt, mean_speed, speed, acceleration)
             force += pull
-        if 0 < i < factor.size and factor[i] != factor[i - 1]:
-            change_to(t, s, f, factor[i], free, force, spring, x, y)
+        if 0 < i < factor.shape[0] and (
+            factor[i, 0] != factor[i - 1, 0] or factor[i, 1] != factor[i - 1, 1]
+        ):
+            change_to(t, s, f, factor[i, 0], factor[i, 1], free, force, spring, x, y)
             if free >= 0:  # what friction alone has done to it: no step of the torque
                 before = s.end_n[0, free] - s.end_n[1, free]
         moved, flags = step(t, s, free, before, force, spring, x, y)

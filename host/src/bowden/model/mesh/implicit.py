@@ -123,7 +123,7 @@ def step(
     spring: float,
     motor: float,
     load: float,
-    factor: float,
+    factor: tuple[float, float],
     longer: float,
     dt: float,
     way: int,
@@ -227,7 +227,7 @@ def sample(
     spring: float,
     motor: float,
     load: float,
-    factor: float,
+    factor: tuple[float, float],
     longer: float,
     dt: float,
 ) -> tuple[float, int]:
@@ -298,9 +298,9 @@ def run(
             spring += p.drag_n_s_per_m / dt
             if mass_kg == 0.0:
                 force_before -= p.drag_n_s_per_m * mean_speed
-        moved, flags = sample(
-            t, s, p, free, force_before, force, spring, x, y, factor[i % factor.size], extra, dt
-        )
+        row = i % factor.shape[0]
+        mu = factor[row, 0], factor[row, 1]
+        moved, flags = sample(t, s, p, free, force_before, force, spring, x, y, mu, extra, dt)
         if flags & 8:
             return i + 1
         force_before = force

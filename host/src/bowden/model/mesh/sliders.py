@@ -136,16 +136,19 @@ def has_friction(t: ChainTables, cable: int, j: int) -> bool:
 
 
 @compiled_in_place
-def prepare(t: ChainTables, s: ChainState, cable: int, factor: float) -> None:
-    """Set the limits of friction for a sample, and start from the slips of the last one."""
+def prepare(t: ChainTables, s: ChainState, cable: int, factor: tuple[float, float]) -> None:
+    """Set the limits of friction for a sample, and start from the slips of the last one.
+
+    `factor` on it: of segments that slide as for positive angles of the pair, and back.
+    """
     n = t.wrap.shape[2]
     for j in range(n):
-        mu = t.mu_d * factor
-        mu *= 1.0 + risen(
+        rise = 1.0 + risen(
             t.stribeck_gain, t.stribeck_speed_m_per_s, t.recalls_friction, s.recalled[cable, j]
         )
-        mu *= 1.0 + ageing_term(t.ageing_gain, t.ageing_s, s.age_s[cable, j])
+        age = 1.0 + ageing_term(t.ageing_gain, t.ageing_s, s.age_s[cable, j])
         for d in range(2):
+            mu = t.mu_d * (factor[0] if d == cable else factor[1]) * rise * age
             limit = min(t.wrap[cable, d, j] * mu, MOST_WRAP)
             if limit != s.limit[cable, d, j]:
                 s.limit[cable, d, j] = limit

@@ -123,17 +123,20 @@ def needs_implicit_steps(transmission: Transmission, mode: Mode) -> bool:
 
 
 def _series(histories: Histories, samples: int) -> tuple[FloatArray, FloatArray]:
-    """Return friction factor and lengthening; of one value where nothing changes."""
+    """Return friction factors (out, back) and lengthening; of one row where nothing changes."""
     found = []
-    for name, still in (("friction_factor", 1.0), ("lengthening_m", 0.0)):
-        series = getattr(histories, name)
+    out, back, length = histories.friction_factor, histories.back, histories.lengthening_m
+    named = (("friction_factor", out, 1.0), ("friction_factor", back, 1.0))
+    for name, given, still in (*named, ("lengthening_m", length, 0.0)):
+        series = given
         series = np.array([still]) if series is None else np.ascontiguousarray(series, dtype=float)
         if series.size not in {1, samples} or not np.all(np.isfinite(series)):
             raise ModelError(f"{name}: found {series.size} values, accepted: {samples} finite ones")
         found.append(series)
-    if np.any(found[0] < 0):
-        raise ModelError(f"friction_factor: found {found[0].min():g}, accepted: 0 or more")
-    return found[0], found[1]
+    least = min(found[0].min(), found[1].min())
+    if least < 0:
+        raise ModelError(f"friction_factor: found {least:g}, accepted: 0 or more")
+    return np.ascontiguousarray(np.broadcast_arrays(*found[:2])).T.copy(), found[2]
 
 
 def chain_tables(transmission: Transmission) -> ChainTables:

@@ -82,8 +82,10 @@ def friction_level(transmission: Transmission) -> FrictionLevel:
 
 
 @compiled_in_place
-def set_friction(t: Tables, f: FrictionLevel, factor: float) -> None:
-    """Work out the tables for a factor on the friction coefficient.
+def set_friction(t: Tables, f: FrictionLevel, out: float, back: float) -> None:
+    """Work out the tables for factors on the friction coefficient.
+
+    `out` is that of segments which slide as for positive angles of the pair, `back` of the others.
 
     The compliance of half a segment stays that of factor 1, as in `mesh.implicit`: it differs by
     a^2/12, and no segment at standstill shall stretch because friction changes.
@@ -92,11 +94,12 @@ def set_friction(t: Tables, f: FrictionLevel, factor: float) -> None:
     alike = True  # cables and directions: without direction asymmetry
     for j in range(n):
         first = f.exponent[0, 0, j]
-        held = math.exp(factor * first)
+        held = math.exp(out * first)
         for cable in range(2):
             for towards_load in range(2):
                 own = f.exponent[cable, towards_load, j]
-                if own == first:
+                factor = out if towards_load == cable else back
+                if own == first and factor == out:
                     f.held[cable, towards_load, j] = held
                 else:
                     f.held[cable, towards_load, j] = math.exp(factor * own)
@@ -302,18 +305,19 @@ def change_to(
     t: Tables,
     s: State,
     f: FrictionLevel,
-    factor: float,
+    out: float,
+    back: float,
     free: int,
     force: float,
     spring: float,
     motor: float,
     load: float,
 ) -> None:
-    """Change the factor on the friction coefficient before a step, whose arguments are `step`'s."""
+    """Change the factors on the friction coefficient before a step, whose arguments it takes."""
     for cable in range(2):
         if s.gap_m[cable] < 0:
             remember(t, s, f, cable)
-    set_friction(t, f, factor)
+    set_friction(t, f, out, back)
     for cable in range(2):
         if s.gap_m[cable] < 0 and is_overloaded_inside(t, s, f, cable):
             slump(t, s, f, cable)
