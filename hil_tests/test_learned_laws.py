@@ -10,8 +10,9 @@ from bowden.model import Mode, parse_model
 
 from hil_tests.benchmarks.diagnosis import recordings_of
 from hil_tests.benchmarks.diagnosis_truth import law_inside
-from hil_tests.hidden_effects import random_laws
-from hil_tests.hidden_effects.recordings import Case, draw_case
+from hil_tests.hidden_effects import effects, random_laws
+from hil_tests.hidden_effects.hidden import Signals
+from hil_tests.hidden_effects.recordings import Case, draw_case, draw_rig
 
 CANDIDATES = ["bearing_friction", "gravity_imbalance", "load_cell_gain"]  # few, to be quick
 
@@ -49,6 +50,19 @@ def test_a_listed_effect_gets_its_name_and_no_law() -> None:
     assert [one.name for one in found.effects] == ["gravity_imbalance"]
     assert found.learned is None
     assert "learned" not in found.to_document()
+
+
+def test_a_level_law_by_the_slip_that_is_hidden_is_a_hidden_asymmetry() -> None:
+    level = {"size": 0.2, "level": 1.0} | {f"a_{k}": 0.0 for k in (1, 2, 3)}
+    level |= {f"phase_{k}_rad": 0.0 for k in (1, 2, 3)}
+    one = random_laws.HIDE["friction_factor over load_angle_rad and slip_direction"](level)
+    other = effects.HIDE["direction_asymmetry"]({"a": 0.2})
+    time_s = np.linspace(0.0, 1.0, 50)
+    signals = Signals(time_s, np.zeros(50), np.sin(6.0 * time_s), np.full(50, 20.0))
+    pair = draw_rig(np.random.default_rng(1)).pair
+    found, expected = (hidden.histories(signals, pair) for hidden in (one, other))
+    np.testing.assert_array_equal(found.friction_plus, expected.friction_plus)
+    np.testing.assert_array_equal(found.friction_minus, expected.friction_minus)
 
 
 def test_a_law_of_the_benchmark_counts_for_both_directions_as_the_contract_says() -> None:

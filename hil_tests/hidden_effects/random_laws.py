@@ -1,8 +1,10 @@
 """Random smooth laws of one argument at one place, hidden in the continuum.
 
 What a rig may have that no catalogue lists: a torque or a factor on friction that follows an angle,
-a speed, a torque or time, with or without the direction of motion. Written from the definitions in
-the contracts, not from `bowden.model`.
+a speed, a torque or time, with or without a direction: of a torque the load's motion, of friction
+that in which each place of a cable slides. The continuum cannot have friction by the load's motion:
+it falls all along a cable at once, and where the cable stands it would have to give way, which the
+continuum leaves out. Written from the definitions in the contracts, not from `bowden.model`.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from hil_tests.hidden_effects.continuum import Histories, Pair
 from hil_tests.hidden_effects.effects import both
 from hil_tests.hidden_effects.hidden import Draw, Hidden, Signals, Values, Vector
 
@@ -55,6 +58,7 @@ PLACES = {
     "motor_torque_nm": (5e-4, 0.2),
     "friction_factor": (0.03, 0.8),
 }
+LOAD, SLIP = "direction", "slip_direction"  # whose direction a law may go by
 CELL = "load_torque_nm"  # the cell's own torque: at its place only
 
 
@@ -65,16 +69,21 @@ def curve(p: Values, at: Vector, low: float, high: float) -> Vector:
     return np.asarray(p["size"] * (p["level"] + np.sum(waves, axis=0)))
 
 
-def _law(place: str, argument: str, by_direction: bool, p: Values) -> Hidden:
+def _law(place: str, argument: str, direction_of: str, p: Values) -> Hidden:
     def value(signals: Signals, own: Vector | None = None) -> Vector:
         at = ARGUMENTS[argument](signals) if own is None else own
         low, high = np.quantile(at, [0.0, 1.0])
         found = curve(p, at, float(low), float(high))
-        return found * direction(signals.load_angle_rad) if by_direction else found
+        return found * direction(signals.load_angle_rad) if direction_of == LOAD else found
 
-    name = name_of(place, argument, by_direction)
+    def factors(signals: Signals, pair: Pair) -> Histories:
+        del pair
+        f = value(signals)
+        return Histories(1.0 + f, 1.0 - f) if direction_of == SLIP else both(1.0 + f)
+
+    name = name_of(place, argument, direction_of)
     if place == "friction_factor":
-        return Hidden(name, dict(p), histories=lambda s, pair: both(1.0 + value(s)))  # noqa: ARG005
+        return Hidden(name, dict(p), histories=factors)
     if place == "motor_torque_nm":
         return Hidden(name, dict(p), true_torque=lambda x, s: x + value(s))
     own = argument == CELL
@@ -83,7 +92,7 @@ def _law(place: str, argument: str, by_direction: bool, p: Values) -> Hidden:
 
 def recorded_law(name: str, p: Values, columns: Mapping[str, Vector], at: Vector) -> Vector:
     """Return the true curve at some arguments, its range read off a recording's columns."""
-    argument = name.split(" over ")[1].removesuffix(" and direction")
+    argument = name.split(" over ")[1].split(" and ", maxsplit=1)[0]
     time_s = columns["time_s"]
     warm = columns.get("conduit_temperature_c", np.zeros(time_s.size))
     recorded = Signals(time_s, columns["motor_torque_nm"], columns["load_angle_rad"], warm)
@@ -91,16 +100,16 @@ def recorded_law(name: str, p: Values, columns: Mapping[str, Vector], at: Vector
     return curve(p, at, float(seen.min()), float(seen.max()))
 
 
-def name_of(place: str, argument: str, by_direction: bool) -> str:
+def name_of(place: str, argument: str, direction_of: str) -> str:
     """Return what a law is called: its place and its arguments."""
-    return f"{place} over {argument}" + " and direction" * by_direction
+    return f"{place} over {argument}" + (f" and {direction_of}" if direction_of else "")
 
 
 HIDE: dict[str, Callable[[Values], Hidden]] = {
-    name_of(place, argument, by_direction): partial(_law, place, argument, by_direction)
+    name_of(place, argument, direction_of): partial(_law, place, argument, direction_of)
     for place in PLACES
     for argument in (*ARGUMENTS, *((CELL,) if place == CELL else ()))
-    for by_direction in (False, True)
+    for direction_of in ("", SLIP if place == "friction_factor" else LOAD)
 }
 """Name -> from parameter values to the hidden law."""
 
