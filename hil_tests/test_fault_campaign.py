@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bowden.drive.meanings import CompensationLaw
 from bowden_rig.bench import TICKS_PER_S
 
 from hil_tests.board_bench import NEEDS_ELF
@@ -22,11 +23,13 @@ from hil_tests.fault_campaign.outcome import (
     judge,
 )
 from hil_tests.fault_campaign.situations import SITUATIONS, situation
-from hil_tests.fault_campaign.trial import NativeFork, Trace
+from hil_tests.fault_campaign.trial import NativeFork, Trace, runner
+from hil_tests.targets.emulated import EmulatedTarget
 
 pytestmark = pytest.mark.timeout(600)  # a busy machine runs a batch of rows eight times slower
 
 PERIOD_S = 1.0 / TICKS_PER_S
+PROTOCOL_ERROR = 0x8200
 TORQUE = situation("torque-none")
 WRONG_ANGLE = Fault(Line.LOAD_ENCODER, Kind.OFFSET)
 
@@ -206,6 +209,55 @@ def test_a_host_that_is_silent_or_late_stays_below_the_ceilings_with_the_deadlin
         assert found.off_s is not None
         assert found.off_s <= 0.02
         assert found.holds
+
+
+TARGETS = ("target-stuck", "target-offset", "target-gain", "target-sign", "target-noise")
+
+
+@pytest.mark.parametrize("law", list(CompensationLaw))
+def test_no_wrong_target_reaches_the_operator_of_a_host_that_guards_its_commands(
+    law: CompensationLaw,
+) -> None:
+    """All rows of exceptions.yaml about targets hold, at the default deadline."""
+    where = replace(situation(f"torque-{law.word}"), guarded=True)
+    run = NativeFork(where).run
+    references = run(), run(cut=True)
+    assert references[0].bridge_on.all()
+    assert not references[0].emergencies
+    for fault in named(TARGETS):
+        found = judge("native", where, fault, run(fault), references)
+        assert found.holds, fault.name
+        assert found.told == PROTOCOL_ERROR
+
+
+@pytest.mark.parametrize("name", ["torque-none", "tunnel-none", "tunnel-model-inversion"])
+def test_a_host_that_repeats_its_last_frame_is_noticed_by_the_guard(name: str) -> None:
+    """With the deadline of 20 ms; without the guard the frame is a sign of life for ever."""
+    where = replace(situation(name), guarded=True, command_deadline_s=0.02)
+    run = NativeFork(where).run
+    (fault,) = named(("commands-frozen",))
+    found = judge(
+        "native", where, fault, run(fault, stop=True), (run(stop=True), run(stop=True, cut=True))
+    )
+    assert found.off_s is not None
+    assert found.off_s <= 0.03  # one frame more of 10 ms had been taken
+    assert found.holds
+
+
+@NEEDS_ELF
+def test_the_guard_on_the_flashed_elf() -> None:
+    where = replace(situation("torque-none"), guarded=True)
+    run = runner(where, EmulatedTarget)
+    (fault,) = named(("target-stuck",))
+    found = judge(
+        "emulated",
+        where,
+        fault,
+        run(fault, False, False),
+        (run(None, False, False), run(None, False, True)),
+    )
+    assert found.holds
+    assert found.told == PROTOCOL_ERROR
 
 
 @NEEDS_ELF

@@ -45,6 +45,7 @@ enum {
     OD_PERSIST = 1 << 4,     /* saved by store parameters */
     OD_ADD_NODE_ID = 1 << 5, /* the initial value is relative to the node id ($NODEID in the EDS) */
     OD_URGENT = 1 << 6,      /* the drive evaluates it also in an RPDO that is not taken (pdo.h) */
+    OD_GUARD = 1 << 7,       /* protects the RPDO that it is mapped into (pdo_guard.h) */
 };
 
 /* Offset of an entry without storage: its value is the initial one, for ever. */

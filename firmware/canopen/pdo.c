@@ -3,6 +3,8 @@
 
 #include <stddef.h>
 
+#include "pdo_guard.h"
+
 #define RPDO_COMMUNICATION 0x1400
 #define RPDO_MAPPING 0x1600
 #define TPDO_COMMUNICATION 0x1800
@@ -132,6 +134,10 @@ static pdo_map_t read_map(const od_t *od, uint16_t index, bool receives) {
             map.exists = false; /* cannot come from the bus: a defect of the generated defaults */
             return map;
         }
+        if ((map.slots[i].entry->flags & OD_GUARD) != 0) {
+            map.guarded = true;
+            map.guard_at = map.length;
+        }
         map.slot_count++;
         map.length = (uint8_t)(map.length + od_size(map.slots[i].entry));
     }
@@ -229,11 +235,18 @@ bool pdo_take_withheld(pdo_t *pdo, uint16_t *value) {
     return has;
 }
 
-static void accept(pdo_t *pdo, rpdo_t *rpdo, uint32_t now_us) {
+static void accept(pdo_t *pdo, rpdo_t *rpdo, const can_frame_t *frame, uint32_t now_us) {
     pdo->accepted = true;
     rpdo->heard = true;
     rpdo->late = false;
     rpdo->heard_us = now_us;
+    rpdo->guard_count = pdo_guard_count(frame, rpdo->map.guard_at);
+}
+
+static bool guard_fits(const rpdo_t *rpdo, const can_frame_t *frame) {
+    const pdo_map_t *map = &rpdo->map;
+    const bool repeated = rpdo->heard && pdo_guard_count(frame, map->guard_at) == rpdo->guard_count;
+    return !map->guarded || (!repeated && pdo_guard_crc_fits(frame, map->length, map->guard_at));
 }
 
 bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame, uint32_t now_us) {
@@ -247,15 +260,18 @@ bool pdo_receive(pdo_t *pdo, const od_t *od, const can_frame_t *frame, uint32_t 
         rpdo->too_short = frame->length < rpdo->map.length; /* longer: the rest is ignored */
         if (rpdo->too_short) {
             withhold(pdo, &rpdo->map, frame);
+        } else if (!guard_fits(rpdo, frame)) {
+            rpdo->refused = true;
+            withhold(pdo, &rpdo->map, frame);
         } else if (is_event_type(rpdo->map.type)) {
             rpdo->refused = !apply(&rpdo->map, od, frame);
             if (rpdo->refused) {
                 withhold(pdo, &rpdo->map, frame);
             } else {
-                accept(pdo, rpdo, now_us);
+                accept(pdo, rpdo, frame, now_us);
             }
         } else {
-            accept(pdo, rpdo, now_us);
+            accept(pdo, rpdo, frame, now_us);
             withhold(pdo, &rpdo->map, frame);
             rpdo->frame = *frame;
             rpdo->waiting = true;

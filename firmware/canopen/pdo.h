@@ -8,13 +8,13 @@
  *
  * TPDO types: 1 .. 240 at every n-th SYNC; 254, 255 by their event timer. All TPDOs that are sent
  * in one tick hold values of that tick. RPDO types: 0 .. 240 at the next SYNC, 254, 255 at once.
- * An RPDO is taken whole or not at all: not when it is too short or carries a value that the
- * dictionary refuses, and not yet when it waits for SYNC. The value of an urgent entry (OD_URGENT)
- * in such a frame is withheld: the drive takes it with pdo_take_withheld() and decides itself.
- * An RPDO with an event timer has a deadline (CiA 301, 7.5.2.35): once one was accepted after NMT
- * start, the next must be within it. Whether the host comes at all is not watched here.
- * PDOs without entries are not sent. Remote frames, type 0, 252, 253 and the SYNC start value do
- * not exist.
+ * An RPDO is taken whole or not at all: not when it is too short, has a guard that does not fit
+ * (pdo_guard.h) or carries a value that the dictionary refuses, and not yet when it waits for SYNC.
+ * The value of an urgent entry (OD_URGENT) in such a frame is withheld: the drive takes it with
+ * pdo_take_withheld() and decides itself. An RPDO with an event timer has a deadline (CiA
+ * 301, 7.5.2.35): once one was accepted after NMT start, the next must be within it. Whether the
+ * host comes at all is not watched here. PDOs without entries are not sent. Remote frames, type 0,
+ * 252, 253 and the SYNC start value do not exist.
  */
 #ifndef BOWDEN_CANOPEN_PDO_H
 #define BOWDEN_CANOPEN_PDO_H
@@ -35,7 +35,9 @@ typedef struct {
     bool exists;
     uint16_t cob_id;
     uint8_t type;
-    uint8_t length; /* bytes */
+    uint8_t length;   /* bytes */
+    bool guarded;     /* pdo_guard.h */
+    uint8_t guard_at; /* first byte of the guard */
     uint8_t slot_count;
     pdo_slot_t slots[PDO_SLOTS];
 } pdo_map_t;
@@ -44,11 +46,12 @@ typedef struct {
     pdo_map_t map;
     bool waiting; /* a frame that waits for SYNC */
     bool too_short;
-    bool refused; /* the last frame had a value that the dictionary refuses */
+    bool refused; /* the last frame had a value that the dictionary refuses, or a wrong guard */
     bool heard;   /* one was accepted since NMT start: its deadline runs */
     bool late;
     uint32_t deadline_us; /* 0: none */
     uint32_t heard_us;
+    uint8_t guard_count; /* of the last frame that was accepted */
     can_frame_t frame;
 } rpdo_t;
 

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xCBAD8162)
+#define DICTIONARY_HASH UINT32_C(0xB44E8499)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 238
+#define DICTIONARY_COUNT 239
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -154,6 +154,7 @@ typedef struct {
     int32_t model_friction_torque_unm;                 /* 0x203C */
     int32_t motor_innovation_nm;                       /* 0x203D */
     int32_t target_torque_unm;                         /* 0x2040 */
+    uint16_t command_guard;                            /* 0x2041 */
     uint32_t motor_pulley_radius_nm;                   /* 0x2100 */
     uint32_t load_pulley_radius_nm;                    /* 0x2101 */
     uint32_t motor_encoder_resolution_counts_per_turn; /* 0x2102 */

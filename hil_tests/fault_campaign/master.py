@@ -10,6 +10,7 @@ from copy import copy
 from typing import Final
 
 import can
+from bowden.drive.command_guard import CommandGuard
 from bowden.drive.connection import HOST_NODE_ID
 from bowden.drive.dictionary import RPDOS
 from bowden_rig.bench import TICKS_PER_S
@@ -33,10 +34,11 @@ class Master:
     controlword, mode, torque_nm
         What the next frames say.
     fault : Fault or None
-        On its frames, from now on.
+        On its frames, from now on: after the guard was filled, where there is one.
     """
 
-    def __init__(self, node_id: int = DEFAULT_NODE_ID) -> None:
+    def __init__(self, node_id: int = DEFAULT_NODE_ID, *, guarded: bool = False) -> None:
+        self._guard = CommandGuard(RPDOS[0].cob_id + node_id) if guarded else None
         self.controlword = 0
         self.mode = 0
         self.torque_nm = 0.0
@@ -65,6 +67,7 @@ class Master:
     def copy(self) -> Master:
         """Return a master that goes on from here by itself."""
         other = copy(self)
+        other._guard = copy(self._guard)
         other._waiting = list(self._waiting)
         return other
 
@@ -81,23 +84,25 @@ class Master:
 
     def _command(self) -> bytes:
         torque_unm = round(1e6 * self.torque_nm)
+        true = self._bytes(self.mode, torque_unm)
+        guard = self._guard(true)[len(true) :] if self._guard is not None else b""
         if self._stream is not None:
             torque_unm = self._stream(torque_unm)
-        mode = self.mode
-        if self._is(Line.COMMANDS, Kind.OFFSET):
-            mode = IMPOSSIBLE_MODE
-        data = b"".join(
-            (
-                self.controlword.to_bytes(2, "little"),
-                mode.to_bytes(1, "little", signed=True),
-                torque_unm.to_bytes(3, "little", signed=True),
-            )
-        )
-        assert len(data) == RPDOS[0].size
+        mode = IMPOSSIBLE_MODE if self._is(Line.COMMANDS, Kind.OFFSET) else self.mode
+        data = self._bytes(mode, torque_unm) + guard
         if self._is(Line.COMMANDS, Kind.FROZEN):
             return self._held or data
         self._held = data
         return data
+
+    def _bytes(self, mode: int, torque_unm: int) -> bytes:
+        entries = {
+            "controlword": self.controlword,
+            "mode_of_operation": mode,
+            "target_torque": torque_unm,
+        }
+        sizes = ((entry.name, entry.bits // 8, entry.signed) for entry in RPDOS[0].entries)
+        return b"".join(entries[n].to_bytes(size, "little", signed=s) for n, size, s in sizes)
 
     def _is(self, line: Line, kind: Kind) -> bool:
         return self._fault is not None and (self._fault.line, self._fault.kind) == (line, kind)

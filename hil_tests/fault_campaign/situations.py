@@ -51,6 +51,8 @@ class Situation:
         The host asks for a quick stop at the onset.
     command_deadline_s : float or None
         Of the drive; None: its default.
+    guarded : bool
+        The host maps `command_guard` into RPDO 1 and fills it.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Situation:
     faulted: bool = False
     stops: bool = False
     command_deadline_s: float | None = None
+    guarded: bool = False
 
     @property
     def rig(self) -> Rig:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from bowden.drive.command_guard import GUARD
+from bowden.drive.dictionary import RPDOS
 from bowden_rig.bench import TICKS_PER_S, Bench
 from bowden_rig.native import NativeTarget
 from bowden_rig.rig import state as at
@@ -35,6 +37,9 @@ HORIZON_S: Final = 0.6  # the command deadline of 0.5 s is within it
 STEP_S: Final = 0.02  # of the controlwords
 CONFIGURED_S: Final = 0.06  # a configuration is taken 50 ms after its last entry
 DEAD_SUPPLY_MV: Final = 5000
+RPDO_COMMUNICATION: Final = 0x1400
+RPDO_MAPPING: Final = 0x1600
+PDO_DOES_NOT_EXIST: Final = 1 << 31
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,18 @@ class Trace:
     load_speed_rad_per_s: NDArray[np.float64]
     bridge_on: NDArray[np.bool_]
     emergencies: tuple[tuple[float, int], ...]
+
+
+def map_guard(host: LockstepHost[VirtualBus]) -> None:
+    """Map the guard behind the other entries of RPDO 1, by the procedure of CiA 301."""
+    cob_id = RPDOS[0].cob_id + host.node_id
+    place = len(RPDOS[0].entries) + 1
+    word = GUARD.index << 16 | GUARD.sub << 8 | GUARD.bits
+    host.write(RPDO_COMMUNICATION, 1, cob_id | PDO_DOES_NOT_EXIST, 4)
+    host.write(RPDO_MAPPING, 0, 0, 1)
+    host.write(RPDO_MAPPING, place, word, 4)
+    host.write(RPDO_MAPPING, 0, place, 1)
+    host.write(RPDO_COMMUNICATION, 1, cob_id, 4)
 
 
 class Approach:
@@ -65,7 +82,7 @@ class Approach:
         self.target = BrokenTarget(target)
         rig = fitted(where.rig, target.capabilities)
         self.bench = Bench(SimulatedRig(rig, seed=1), self.target)
-        self.master = Master()
+        self.master = Master(guarded=where.guarded)
         self._configure()
         self._enter()
 
@@ -76,6 +93,8 @@ class Approach:
             for index, sub, raw, size in raw_entries(self.where.entries()):
                 host.write(index, sub, raw, size)
             host.listen(CONFIGURED_S)
+            if self.where.guarded:
+                map_guard(host)
             if self.where.operational:
                 bus.send(self.master.nmt_start())
 

@@ -133,7 +133,7 @@ def _row(obj: Object, variable: Variable) -> str:
     flags = [_ACCESS[variable.access]]
     flags += {"tx": ["OD_MAP_TX"], "rx": ["OD_MAP_RX"], None: []}[variable.pdo]
     flags += ["OD_PERSIST"] * variable.persist + ["OD_ADD_NODE_ID"] * variable.node_id_added
-    flags += ["OD_URGENT"] * variable.urgent
+    flags += ["OD_URGENT"] * variable.urgent + ["OD_GUARD"] * variable.guard
     field = f"offsetof(dictionary_t, {obj.c_name(variable)})"
     offset = field if variable.stored else "OD_NO_STORAGE"
     if isinstance(variable.default, str):

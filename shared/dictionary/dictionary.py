@@ -81,6 +81,7 @@ class Variable:
     node_id_added: bool = False
     enumeration: Enumeration | None = None
     urgent: bool = False
+    guard: bool = False
     absent: Absent | None = None
     doc: str = ""
 
@@ -288,6 +289,7 @@ def _variable(
         node_id_added=value.node_id_added,
         enumeration=enumeration,
         urgent=value.urgent,
+        guard=value.guard,
         absent=value.absent,
         doc=value.doc,
     )

@@ -98,6 +98,8 @@ def _variable(v: Variable, obj: Object) -> Iterator[str]:
         yield "a write-only entry cannot be mapped into a TPDO"
     if v.urgent and (v.pdo != "rx" or v.type.bits > 16):
         yield "only what an RPDO may carry, of at most 16 bits, is urgent"
+    if v.guard and (v.pdo != "rx" or v.type.bits != 16):
+        yield "a guard is a u16 that an RPDO may carry"
     is_log = v.role == "state" and v.count > 1  # the drive saves it by itself
     if v.persist and v.role not in {"config", "calibration", "communication"} and not is_log:
         yield f"role {v.role} is not stored"

@@ -87,6 +87,7 @@ class Value(_Strict):
     values: Annotated[list[NamedValue], Field(min_length=1)] | Name | None = None
     bits: Annotated[list[NamedBit], Field(min_length=1)] | Name | None = None
     urgent: bool = False
+    guard: bool = False
     absent: Absent | None = None
     doc: str = ""
 
@@ -118,6 +119,7 @@ class Entry(_Strict):
     values: Annotated[list[NamedValue], Field(min_length=1)] | Name | None = None
     bits: Annotated[list[NamedBit], Field(min_length=1)] | Name | None = None
     urgent: bool = False
+    guard: bool = False
     absent: Absent | None = None
     doc: str = ""
     array: Annotated[int, Field(ge=1, le=254)] | None = None

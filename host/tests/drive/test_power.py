@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import can
 import numpy as np
 import pytest
 from bowden.drive.client import Drive
@@ -76,6 +77,33 @@ def test_a_late_rpdo_stops_a_drive_whose_host_heartbeat_goes_on(rig: MakeRig) ->
         assert not bus.bench.actuators.bridge_enabled
     assert drive.emergencies == [0x8250]
     assert drive.read_raw("rpdo1_communication.event_timer") == 0  # as it was
+
+
+def test_torques_by_rpdo_are_guarded_while_they_are_sent(rig: MakeRig) -> None:
+    """A program on the host that hangs and repeats its last frame is no sign of life."""
+    drive, bus = rig(motion="locked")
+    sent: list[can.Message] = []
+    send = bus.send
+
+    def note(message: can.Message, timeout: float | None = None) -> None:
+        sent.append(message)
+        send(message, timeout)
+
+    bus.send = note  # type: ignore[method-assign]
+    with powered(drive, PROFILE):
+        send_torque = torque_sender(drive)
+        for _ in range(3):
+            send_torque(0.05)
+            drive.connection.listen(0.02)
+        frames = [message for message in sent if message.arbitration_id == 0x210]
+        assert [len(frame.data) for frame in frames] == [8, 8, 8]
+        assert drive.read_raw("target_torque") == 50_000
+        for _ in range(14):
+            send(frames[-1])
+            drive.connection.listen(0.02)
+        assert not bus.bench.actuators.bridge_enabled
+    assert 0x8250 in drive.emergencies  # late: none of them counted
+    assert drive.read_raw("rpdo1_mapping.count") == 3  # as it was
 
 
 def test_a_running_host_keeps_the_drive_running(rig: MakeRig) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Absent, Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0xCBAD8162
+HASH = 0xB44E8499
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -113,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xcbad8162, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xb44e8499, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -186,6 +186,7 @@ TABLE = Table(
         Entry(0x203C, 0, 'model_friction_torque', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='N m', scale=1e-06, pdo='tx', doc='friction of the sliding pair at the load, as the encoders and the motor current tell it'),
         Entry(0x203D, 0, 'motor_innovation', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='m', scale=1e-09, pdo='tx', doc='arc of the motor pulley, encoder minus model'),
         Entry(0x2040, 0, 'target_torque', 'i24', 'rw', 'command', 0, low=-8388607, high=8388607, unit='N m', scale=1e-06, pdo='rx', doc='motor torque asked for in mode -2'),
+        Entry(0x2041, 0, 'command_guard', 'u16', 'rw', 'command', 0, high=65535, pdo='rx', doc='protects the RPDO that it is mapped into: bits 0 to 3 a count, another one in each frame; bits 4 to 15 a CRC-12 (x^12 + x^11 + x^3 + x^2 + x + 1 from 0) of COB-ID (low byte first), all other mapped bytes, and the count as a byte. A frame that does not fit is refused and no sign of life; a stop in it is obeyed. Means nothing by SDO'),
         Entry(0x2100, 0, 'motor_pulley_radius', 'u32', 'rw', 'config', 20000000, low=1000000, high=500000000, unit='m', scale=1e-09, persist=True),
         Entry(0x2101, 0, 'load_pulley_radius', 'u32', 'rw', 'config', 104000000, low=1000000, high=500000000, unit='m', scale=1e-09, persist=True),
         Entry(0x2102, 0, 'motor_encoder_resolution', 'u32', 'rw', 'config', 2000, low=16, high=1048576, unit='counts per turn', scale=1.0, persist=True),

@@ -2,7 +2,8 @@
 
 `powered` is the only way in that users need: whatever happens inside its block, the bridge is off
 at the end. While the bridge is on, the drive watches the host's heartbeat, and the RPDO where
-torques go through it, and stops by itself when the host dies or hangs.
+torques go through it, and stops by itself when the host dies or hangs. Such an RPDO is guarded
+(`command_guard`): the drive refuses a frame that was changed or repeated.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bowden.drive.client import Drive
+from bowden.drive.command_guard import command_mapping, default_mapping, guard_mapping
+from bowden.drive.configuration import difference, write
 from bowden.drive.connection import HOST_NODE_ID
 from bowden.drive.faults import describe_culprit, describe_emergency
 from bowden.drive.meanings import ModeOfOperation
@@ -29,7 +32,8 @@ RPDO_DEADLINE_MS = 250
 _ANSWERS_OUT_S = 0.02
 _SILENT_S = 0.3
 _FAULT_BIT = 0x0008
-_WATCHED = ("consumer_heartbeat.1", "rpdo1_communication.event_timer")
+_ROLES = ("config", "communication")
+_WATCHED = ("consumer_heartbeat.1", "rpdo1_communication.event_timer", *guard_mapping())
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,7 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
         run, or a step not taken.
     """
     require_unused(drive)
-    before = {name: drive.read_raw(name) for name in _WATCHED}
+    before = {name: drive.read(name) for name in _WATCHED}
     try:
         enable(drive, run)
         yield
@@ -137,11 +141,9 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
     _stop_and_restore(drive, before)
 
 
-def _stop_and_restore(drive: Drive, before: Mapping[str, int]) -> None:
-    safe_stop(drive)  # ends in pre-operational, where both may be written
-    for name, raw in before.items():
-        if drive.read_raw(name) != raw:
-            drive.write_raw(name, raw)
+def _stop_and_restore(drive: Drive, before: Mapping[str, float]) -> None:
+    safe_stop(drive)  # ends in pre-operational, where all of it may be written
+    write(drive, difference(drive, before, _ROLES))
 
 
 def enable(drive: Drive, run: Run) -> None:
@@ -158,6 +160,8 @@ def enable(drive: Drive, run: Run) -> None:
     if run.uses_rpdo:
         drive.nmt("PRE-OPERATIONAL")
         drive.write_raw("rpdo1_communication.event_timer", RPDO_DEADLINE_MS)
+        if command_mapping(drive) == default_mapping():  # another one is refused by the sender
+            write(drive, difference(drive, guard_mapping(), _ROLES))
     drive.nmt("OPERATIONAL")
     if is_fault(drive.read_raw("statusword")):
         _reset_fault(drive)

@@ -16,6 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.drive.client import Drive
+from bowden.drive.command_guard import (
+    CommandGuard,
+    command_mapping,
+    default_mapping,
+    guarded_mapping,
+)
 from bowden.drive.dictionary import RPDOS, lookup
 from bowden.drive.meanings import ModeOfOperation
 from bowden.errors import BadInput, DriveFailed
@@ -24,6 +30,7 @@ from bowden.recording.read import read_recording
 SEND_EVERY_S = 0.01
 _ENABLE_OPERATION = 0x0F
 _PDO_DOES_NOT_EXIST = 1 << 31
+_COB_ID = 0x7FF
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +106,7 @@ def profile_sender(drive: Drive, profile: TorqueProfile) -> Callable[[float], No
 
 
 def torque_sender(drive: Drive) -> Callable[[float], None]:
-    """Return what sends a motor torque, N m, through RPDO 1.
+    """Return what sends a motor torque, N m, through RPDO 1, guarded where the guard is mapped.
 
     Raises
     ------
@@ -107,25 +114,27 @@ def torque_sender(drive: Drive) -> Callable[[float], None]:
         RPDO 1 is not as the drive comes from power-on.
     """
     layout = RPDOS[0]
-    mapping = [
-        drive.read_raw(f"{layout.name}_mapping.object_{place}")
-        for place in range(1, drive.read_raw(f"{layout.name}_mapping.count") + 1)
-    ]
+    mapping = command_mapping(drive)
     cob_id = drive.read_raw(f"{layout.name}_communication.cob_id")
-    wanted = [entry.index << 16 | entry.sub << 8 | entry.bits for entry in layout.entries]
-    if mapping != wanted or cob_id & _PDO_DOES_NOT_EXIST:
+    known = mapping in (default_mapping(), guarded_mapping())
+    if not known or cob_id & _PDO_DOES_NOT_EXIST:
         raise DriveFailed(
             f"node {drive.node_id} does not take {', '.join(e.name for e in layout.entries)} in "
             "its first RPDO: reset it to its default mapping"
         )
     torque = lookup("target_torque")
+    guard: Callable[[bytes], bytes] | None = None
 
     def send(torque_nm: float) -> None:
+        nonlocal guard
+        if guard is None:  # `powered` maps it, maybe after this sender was made
+            guarded = command_mapping(drive) == guarded_mapping()
+            guard = CommandGuard(cob_id & _COB_ID) if guarded else bytes
         raw = {
             "controlword": _ENABLE_OPERATION,
             "mode_of_operation": int(ModeOfOperation.TORQUE),
             "target_torque": torque.to_raw(torque_nm),
         }
-        drive.connection.send(cob_id & 0x7FF, layout.encode(raw))
+        drive.connection.send(cob_id & _COB_ID, guard(layout.encode(raw)))
 
     return send
