@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bowden.model import Mode, Transmission
+from bowden.model import FrictionLaw, Mode, Transmission
 from bowden.model.histories import Histories
 from bowden.model.mesh.solver import needs_implicit_steps, simulate_mesh
 from bowden.model.mesh.state import cut
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from .rigs import R_MOTOR_M, FloatArray, M, printed, rigs, series_for, through, times, walks
@@ -112,8 +112,22 @@ def test_friction_that_rises_and_falls_at_standstill_comes_down_to_its_least() -
     assert ratio[200:] == pytest.approx(0.6, rel=1e-9)
 
 
+ONE_STRAIGHT_PIECE = Transmission(
+    axial_stiffness_n=500.0,
+    piece_length_m=np.array([1.0]),
+    piece_curvature_per_m=np.array([0.0]),
+    pretension_n=1.0,
+    motor_pulley_radius_m=0.03125,
+    load_pulley_radius_m=0.125,
+    friction=FrictionLaw(0.0, 0.0, 0.02),
+    segments=1,
+    rest_time_s=0.0,
+)
+
+
 @settings(max_examples=25, deadline=None)
 @given(rigs(), walks, st.lists(st.floats(0.3, 1.7), min_size=5, max_size=5))
+@example(ONE_STRAIGHT_PIECE, [-0.5, 0.0, 0.0, 0.5], [1.0] * 5)  # slack from both ends alike
 def test_a_cable_keeps_its_stretch_whatever_friction_does(
     pair: Transmission, walk: list[float], levels: list[float]
 ) -> None:

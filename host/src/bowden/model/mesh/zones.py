@@ -220,6 +220,8 @@ def next_event(
             to_kink = (t.pretension_n - tension) / change
             if 0 < to_kink < first and abs(t.pretension_n - tension) > SURE * tension:
                 first, what, where = to_kink, KINK, end
+        if stretch < -sure and tension + change * first < 0:  # both alike: none of it slides
+            first, what, where = tension / -change, GOES_SLACK, end
     return first, what, where
 
 
