@@ -8,8 +8,8 @@ from typing import Final
 
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
-from bowden.diagnosis.growing import without_idle
-from bowden.diagnosis.hypothesis import Hypothesis, finish, start_of
+from bowden.diagnosis.growing import refitted_from, without_idle
+from bowden.diagnosis.hypothesis import Hypothesis, coordinates_without, finish, start_of
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.relevance import idle
 from bowden.diagnosis.search import search
@@ -19,6 +19,7 @@ from .lab import MODEL, TRUTH, measured
 
 (OFFSET,) = candidates(("motor_torque_offset",))
 (ASYMMETRY,) = candidates(("direction_asymmetry",))
+(WRAP,) = candidates(("wrap_angle_change",))
 HIDDEN_NM: Final = 0.03
 
 
@@ -53,3 +54,26 @@ def test_an_effect_that_does_nothing_beside_another_is_dropped(
     # Known to a hundredth of itself: counts and noise of 12 s.
     assert less.values(0)["offset_nm"] == pytest.approx(HIDDEN_NM, rel=0.01)
     assert without_idle(material, as_searched(MODEL), both, {less.key: less}) is None
+
+
+def test_calibrated_numbers_take_over_what_an_effect_did(
+    material: Material, base: Hypothesis
+) -> None:
+    """Only the product of coefficient and wrap angle shows: without the one the other does it."""
+    offset = (OFFSET, {"offset_nm": HIDDEN_NM})
+    both = fitted(material, base, offset, (WRAP, {"extra_wrap_rad": 0.3}))
+    numbers = both.problem.parameters.each
+    (mu,) = (one for one in numbers if one.path == "friction.mu_d")
+    with_it = mu.value(both.coordinates()[mu.path])
+    without = mu.value(coordinates_without(both, [1])[mu.path])
+    wrap = MODEL.transmission.wrap_rad
+    extra = both.values(1)["extra_wrap_rad"]
+    assert abs(extra) > 0.05
+    # To first order in a change of some per cent; tolerances pull at it, too.
+    assert without / with_it - 1.0 == pytest.approx(extra / wrap, rel=0.2)
+    # So the smaller set, fitted from there, is no less likely but for the prior of one number more.
+    less = fitted(material, base, offset)
+    again = finish(
+        material, refitted_from(material, as_searched(MODEL), less, both), base.best.noises
+    )
+    assert again.best.cost < both.best.cost + 1.0

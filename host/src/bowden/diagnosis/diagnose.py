@@ -20,12 +20,12 @@ import numpy as np
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.excitation import excitation
 from bowden.diagnosis.figures import gap_in, series_of
-from bowden.diagnosis.hypothesis import estimates_of, with_posterior
 from bowden.diagnosis.law_candidates import learned_among
 from bowden.diagnosis.learn import learned_of, with_laws
 from bowden.diagnosis.localise import Where, localise
 from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
+from bowden.diagnosis.numbers_known import estimates_of, with_posterior
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, Series, Verdict
 from bowden.diagnosis.rules.diagnose import diagnose_by_rules

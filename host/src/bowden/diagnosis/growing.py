@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bowden.diagnosis.hypothesis import ROUGH, Hypothesis, start_of
+from bowden.diagnosis.hypothesis import ROUGH, Hypothesis, coordinates_without, start_of
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.relevance import idle
 from bowden.diagnosis.screening import ScreenedCandidate
@@ -68,6 +68,19 @@ def without_idle(
         return None
     start = start_of(material, searched, kept, one.coordinates(), one.best)
     return None if start is None else start.fitted(ROUGH)
+
+
+def refitted_from(
+    material: Material, searched: Model, one: Hypothesis, other: Hypothesis
+) -> Hypothesis:
+    """Fit a set from where another ended, the calibrated numbers doing what its effects did.
+
+    As it is where no model runs there.
+    """
+    effects = [(effect, one.values(i)) for i, effect in enumerate(one.effects)]
+    gone = [i for i, effect in enumerate(other.effects) if effect.key not in one.key]
+    start = start_of(material, searched, effects, coordinates_without(other, gone), one.best)
+    return one if start is None else start.fitted(ROUGH)
 
 
 def lowest(children: Sequence[Hypothesis], count: int) -> list[Hypothesis]:

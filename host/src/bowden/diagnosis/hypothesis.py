@@ -6,9 +6,8 @@ one comparison are fitted under one covariance, each with its own correction.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +19,8 @@ from bowden.diagnosis.probes import off_value
 from bowden.estimation.covariance import DOUBTED, Covariance
 from bowden.estimation.descend import ROUNDS, descend, jacobians, principal_axes
 from bowden.estimation.parameters import Parameters, parameters_of
-from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate, covariance_of
 from bowden.estimation.problem import Optimum, Problem
-from bowden.estimation.search import INTERVAL
 from bowden.model import Model, ModelError
-from bowden.model.model_file import PosteriorSection
 
 _Floats = NDArray[np.float64]
 
@@ -226,60 +222,6 @@ def _with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum
     return Hypothesis(effects, problem, best, tuple(slopes))
 
 
-def with_posterior(one: Hypothesis) -> Model:
-    """Return the fitted model with what is known of its numbers together: the next fit's prior.
-
-    Only the values where the model leaves more than usual: the covariance would be too narrow.
-    """
-    size, parameters = one.problem.size, one.problem.parameters
-    if not size or max(one.best.scales.discrepancy) > EXCEEDS:
-        return one.model
-    slopes = parameters.slopes(one.best.x[:size])
-    covariance = covariance_of(one.best.hessian)[:size, :size] * np.outer(slopes, slopes)
-    known = np.zeros(size)
-    for index, effect in enumerate(one.effects):
-        known[one.rows(index)] = effect.effect.known_to
-    covariance += np.diag((known * parameters.values(one.best.x[:size])) ** 2)
-    section = PosteriorSection(
-        paths=tuple(number.path for number in parameters.each),
-        covariance=tuple(tuple(float(v) for v in row) for row in 0.5 * (covariance + covariance.T)),
-        bowden_version=version("bowden"),
-    )
-    return one.model.with_posterior(section)
-
-
-def estimates_of(one: Hypothesis) -> tuple[Estimate, ...]:
-    """Return the numbers of the file that moved, with their 95 % intervals."""
-    covariance = covariance_of(one.best.hessian)
-    found = []
-    for i, number in enumerate(one.problem.parameters.each):
-        if number.path.startswith(
-            tuple(f"effects[{one.own + k}]" for k in range(len(one.effects)))
-        ):
-            continue
-        x = float(one.best.x[i])
-        spread = float(np.sqrt(max(covariance[i, i], 0.0)))
-        sigma = spread * abs(number.slope(x))
-        ends = sorted(number.value(x + sign * INTERVAL * spread) for sign in (-1.0, 1.0))
-        edge, (low, high) = 1e-3 * number.step, number.ends
-        value = number.value(x)
-        found.append(
-            Estimate(
-                path=number.path,
-                before=number.before,
-                value=value,
-                low=max(ends[0], number.low),
-                high=min(ends[1], number.high),
-                sigma=sigma,
-                tolerance=number.sigma,
-                change_in_sigmas=(value - number.before) / number.sigma if number.sigma else None,
-                at_bound=bool(x < low + edge or x > high - edge),
-                identifiable=bool(number.sigma is None or sigma < NOT_TOLD * number.sigma),
-            )
-        )
-    return tuple(found)
-
-
 def size_in_noise(like: Hypothesis, change: Sequence[_Floats]) -> float:
     """Return the RMS of a change of the prediction, each over its observation's error.
 
@@ -325,14 +267,42 @@ def contributions(one: Hypothesis) -> list[list[_Floats] | None]:
     return found
 
 
+def coordinates_without(one: Hypothesis, gone: Collection[int]) -> dict[str, float]:
+    """Return the coordinates of a set in which the calibrated numbers do what some effects did.
+
+    As far as they can, to first order.
+
+    Parameters
+    ----------
+    one : Hypothesis
+    gone : collection of int
+        Which of its effects.
+    """
+    found, changes = one.coordinates(), contributions(one)
+    for index in gone:
+        change = changes[index]
+        if change is not None:
+            kept, step = _calibrated_for(one, change)
+            for i, more in zip(kept, step, strict=True):
+                if i < one.problem.size:
+                    found[one.problem.parameters.each[i].path] += float(more)
+    return found
+
+
 def _beyond_calibration(one: Hypothesis, change: Sequence[_Floats]) -> list[_Floats]:
     """Return what is left of a change of the prediction when the calibrated numbers follow."""
+    kept, step = _calibrated_for(one, change)
+    return [c + s[:, kept] @ step for c, s in zip(change, one.slopes, strict=True)]
+
+
+def _calibrated_for(one: Hypothesis, change: Sequence[_Floats]) -> tuple[list[int], _Floats]:
+    """Return which numbers are calibrated, and the step of theirs that does nearest the same."""
     effects = tuple(f"effects[{one.own + k}]" for k in range(len(one.effects)))
     paths = [number.path for number in one.problem.parameters.each]
     kept = [i for i, path in enumerate(paths) if not path.startswith(effects)]
     kept += range(len(paths), one.problem.unit.size)
     if not kept:
-        return list(change)
+        return kept, np.zeros(0)
     errors = [np.sqrt(_error(noise)) for noise in one.best.noises]
     rows = [s[:, kept] / e[:, None] for s, e in zip(one.slopes, errors, strict=True)]
     prior = one.problem.prior(one.best.x)[1][:, kept]
@@ -340,7 +310,7 @@ def _beyond_calibration(one: Hypothesis, change: Sequence[_Floats]) -> list[_Flo
     step, *_ = np.linalg.lstsq(
         np.concatenate([*rows, prior]), np.concatenate([*target, np.zeros(len(prior))]), rcond=None
     )
-    return [c + s[:, kept] @ step for c, s in zip(change, one.slopes, strict=True)]
+    return kept, step
 
 
 def _error(noise: Covariance) -> _Floats:

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.growing import Done, grown_from, lowest, without_idle
+from bowden.diagnosis.growing import Done, grown_from, lowest, refitted_from, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis, finish, start_of
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import Weighed, log_prior, posterior
@@ -131,7 +131,7 @@ def search(
         best_ones = grown[: 1 if holds(grown[0]) else PARENTS]
         frontier = [one for one in best_ones if one not in frontier]
     tell("predicting what was held out", 0.85)
-    compared = _comparable(material, done, noises)
+    compared = _comparable(material, searched, done, noises)
     names = len({one.name for one in every})
     return Found(
         tuple(posterior(compared, names, seed)), done[base.key], filed, tuple(first.here), in_time
@@ -170,17 +170,26 @@ COMPARED = 8
 
 def _comparable(
     material: Material,
+    searched: Model,
     done: Done,
     noises: Sequence[Covariance],
 ) -> list[tuple[Hypothesis, UnseenPrediction]]:
-    """Fit the finalists to the end under one covariance and predict what was held out."""
+    """Fit the finalists to the end under one covariance and predict what was held out.
+
+    Where the likelihood is jagged a fit may end in a notch, and what a further effect gains may be
+    the way out of it: each starts once more from where the likeliest ended.
+    """
     base = done[frozenset()]
     ranked = sorted((one for one in done.values() if matters(one)), key=_merit)[:COMPARED]
     if base not in ranked:
         ranked.append(base)
+    finished = [finish(material, one, noises) for one in ranked]
+    likeliest = min(finished, key=_merit)
     found = []
-    for rough in ranked:
-        one = finish(material, rough, noises)
+    for one in finished:
+        if one is not likeliest:
+            again = refitted_from(material, searched, one, likeliest)
+            one = min(one, finish(material, again, noises), key=_merit)  # noqa: PLW2901
         done[one.key] = one
         if matters(one):
             found.append((one, predict_unseen(one)))

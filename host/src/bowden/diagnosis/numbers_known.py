@@ -1,0 +1,70 @@
+"""What is known of the numbers of a fitted hypothesis: intervals, and the next fit's prior.
+
+Takes a `Hypothesis` at its optimum; `diagnose` puts the results into its answer.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+import numpy as np
+
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate, covariance_of
+from bowden.estimation.search import INTERVAL
+from bowden.model import Model
+from bowden.model.model_file import PosteriorSection
+
+
+def with_posterior(one: Hypothesis) -> Model:
+    """Return the fitted model with what is known of its numbers together: the next fit's prior.
+
+    Only the values where the model leaves more than usual: the covariance would be too narrow.
+    """
+    size, parameters = one.problem.size, one.problem.parameters
+    if not size or max(one.best.scales.discrepancy) > EXCEEDS:
+        return one.model
+    slopes = parameters.slopes(one.best.x[:size])
+    covariance = covariance_of(one.best.hessian)[:size, :size] * np.outer(slopes, slopes)
+    known = np.zeros(size)
+    for index, effect in enumerate(one.effects):
+        known[one.rows(index)] = effect.effect.known_to
+    covariance += np.diag((known * parameters.values(one.best.x[:size])) ** 2)
+    section = PosteriorSection(
+        paths=tuple(number.path for number in parameters.each),
+        covariance=tuple(tuple(float(v) for v in row) for row in 0.5 * (covariance + covariance.T)),
+        bowden_version=version("bowden"),
+    )
+    return one.model.with_posterior(section)
+
+
+def estimates_of(one: Hypothesis) -> tuple[Estimate, ...]:
+    """Return the numbers of the file that moved, with their 95 % intervals."""
+    covariance = covariance_of(one.best.hessian)
+    found = []
+    for i, number in enumerate(one.problem.parameters.each):
+        if number.path.startswith(
+            tuple(f"effects[{one.own + k}]" for k in range(len(one.effects)))
+        ):
+            continue
+        x = float(one.best.x[i])
+        spread = float(np.sqrt(max(covariance[i, i], 0.0)))
+        sigma = spread * abs(number.slope(x))
+        ends = sorted(number.value(x + sign * INTERVAL * spread) for sign in (-1.0, 1.0))
+        edge, (low, high) = 1e-3 * number.step, number.ends
+        value = number.value(x)
+        found.append(
+            Estimate(
+                path=number.path,
+                before=number.before,
+                value=value,
+                low=max(ends[0], number.low),
+                high=min(ends[1], number.high),
+                sigma=sigma,
+                tolerance=number.sigma,
+                change_in_sigmas=(value - number.before) / number.sigma if number.sigma else None,
+                at_bound=bool(x < low + edge or x > high - edge),
+                identifiable=bool(number.sigma is None or sigma < NOT_TOLD * number.sigma),
+            )
+        )
+    return tuple(found)
