@@ -7,6 +7,7 @@ import pytest
 from bowden.estimation.covariance import DRAWS, Data, covariance
 from bowden.estimation.likelihood import Scales, best_scales, cost, whiten
 from bowden.estimation.nuisance import Nuisance, as_given, as_read, usual_nuisances
+from bowden.estimation.observations import USUAL_BLOCK_S, _block_edges
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
 from scipy.stats import multivariate_t
@@ -64,7 +65,18 @@ def test_every_observation_is_in_one_block() -> None:
     _, read = run()
     seen = Data.of(read, 0, MODEL, MODE).observations
     assert np.array_equal(np.sort(np.concatenate(seen.blocks)), np.arange(seen.time_s.size))
-    assert all(np.ptp(seen.time_s[rows]) <= 1.7 for rows in seen.blocks)
+    # A stretch of one and a half usual blocks is not divided.
+    assert all(np.ptp(seen.time_s[rows]) <= 1.5 * USUAL_BLOCK_S for rows in seen.blocks)
+
+
+@pytest.mark.parametrize("stroke_s", [1.0, 2.0, 3.1])
+def test_what_a_reversal_begins_stays_in_one_block(stroke_s: float) -> None:
+    """Else an error of a turn's place were in the training data of what it is judged by."""
+    time_s = np.arange(12_000) * 1e-3
+    angle = 0.3 * np.cos(np.pi * time_s / stroke_s)
+    begun = _block_edges(Recording(time_s, {"load_angle_rad": angle}))
+    turns = stroke_s * np.arange(1, int(12.0 / stroke_s))
+    assert all(np.min(np.abs(begun - turn)) < 2e-3 for turn in turns)
 
 
 def test_the_cost_is_that_of_a_multivariate_t() -> None:

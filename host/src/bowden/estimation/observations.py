@@ -23,7 +23,7 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
 STEP_S = 16e-3  # closer observations cost time and tell little more
-BLOCK_S = (0.9, 1.6)  # from reversal to reversal, at least and at most
+USUAL_BLOCK_S, LEAST_BLOCK_S = 1.25, 0.9  # what a reversal begins stays in its block
 DISCREPANCY_S = 0.15  # how long what a model lacks stays correlated
 LEAST_SHARE = 1e-5  # of a channel's range: no prediction is more exact
 
@@ -134,7 +134,7 @@ def _spaced(index: _Index, time_s: _Floats) -> _Index:
 
 
 def _block_edges(recording: Recording) -> _Floats:
-    """Return the times at which blocks begin: at reversals where there are some."""
+    """Return the times at which blocks begin: at reversals, and between those far apart."""
     time_s = recording.time_s
     names = ("load_angle_rad", "motor_angle_rad", "load_torque_nm", "motor_torque_nm")
     having = [recording[name] for name in names if name in recording.channels]
@@ -144,11 +144,10 @@ def _block_edges(recording: Recording) -> _Floats:
     last = np.maximum.accumulate(np.where(way == 0, 0, np.arange(way.size)))
     way[still] = way[last[still]]
     turns = time_s[1:-1][np.diff(way) != 0]
-    least, most = BLOCK_S
     edges = [float(time_s[0])]
     for turn in [*turns.tolist(), float(time_s[-1])]:
-        while turn - edges[-1] > most:
-            edges.append(edges[-1] + 0.5 * (least + most))
-        if turn - edges[-1] >= least:
-            edges.append(turn)
+        lasts = turn - edges[-1]
+        if lasts >= LEAST_BLOCK_S:
+            parts = max(1, round(lasts / USUAL_BLOCK_S))
+            edges += np.linspace(edges[-1], turn, parts + 1)[1:].tolist()
     return np.array(edges[1:])
