@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
-from bowden.signals.dequantise import Estimates, estimate_channels, speeds
+from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
 from bowden.signals.propagate import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 
@@ -29,7 +30,8 @@ _Index = NDArray[np.intp]
 
 DRAWS = 48  # input paths: the degrees of freedom of the block covariance
 TAPER_S = 1.0  # beyond it so many draws resolve no correlation
-ANY_SHAPE, ROUGH_S = 1e-3, 1.0  # share of the draws' variance of any shape, and how long it lasts
+ANY_SHAPE = 1.0 / (DRAWS + 1)  # share of their variance: one further draw may have any shape
+ROUGH_S = 1.0  # and lasts so long
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
 FINEST_S = 1e-3  # shortest step between simulated samples
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
@@ -98,12 +100,9 @@ class Data:
 
     def paths(self) -> Iterator[Recording]:
         """Yield other paths that explain the readings as well, the same ones each time."""
-        for child in np.random.SeedSequence([self.seed, self.number]).spawn(DRAWS):
-            generator = np.random.default_rng(child)
-            channels = self.estimates.channels
-            drawn = {name: channels[name].draw(generator) for name in self.mode.columns}
-            drawn |= speeds(self.estimates.recording.time_s, drawn)
-            yield self.given.with_channels({n: path[self.kept] for n, path in drawn.items()})
+        seed = np.random.SeedSequence([self.seed, self.number])
+        for drawn in islice(self.estimates.draws(self.mode, seed), DRAWS):
+            yield drawn.select(self.kept)
 
     def predict(
         self,

@@ -15,8 +15,9 @@ residual is left as it is where its noise is white.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,13 +63,13 @@ class Estimated:
     noise: float
     _path: _Path | None = None
 
-    def draw(self, generator: np.random.Generator) -> _Floats:
-        """Return another path that fits the samples as well, drawn at random.
+    def draws(self, generator: np.random.Generator) -> Iterator[_Floats]:
+        """Yield other paths that fit the samples as well, drawn at random, without end.
 
-        Its distance from `values` is correlated as the estimate's error is: from edge to edge of a
-        count, over a whole rest.
+        Their distance from `values` is correlated as the estimate's error is: from edge to edge of
+        a count, over a whole rest.
         """
-        return self.values.copy() if self._path is None else self._path.drawn(generator)
+        return repeat(self.values) if self._path is None else self._path.draws(generator)
 
 
 @dataclass(frozen=True)
@@ -97,11 +98,12 @@ class _Path:
         mean = one_way(np.clip(mean, self.low, self.high), self.turns) if self.turns else mean
         return self._back(mean), self.unit * sigma
 
-    def drawn(self, generator: np.random.Generator) -> _Floats:
-        mean, _ = self.smooth.draw(generator).at(self.node, self.share)
-        for rest in self.rests:
-            rest.draw(mean, generator)
-        return self._back(mean)
+    def draws(self, generator: np.random.Generator) -> Iterator[_Floats]:
+        for one in self.smooth.draws(generator):
+            mean, _ = one.at(self.node, self.share)
+            for rest in self.rests:
+                rest.draw(mean, generator)
+            yield self._back(mean)
 
     def _back(self, mean: _Floats) -> _Floats:
         return np.asarray(self.zero + self.unit * np.clip(mean, self.low, self.high))
@@ -144,7 +146,7 @@ def dequantise(
     noise = float(np.sqrt(max(total**2 - 1.1 * quantum**2 / 12.0, 0.0)))
     if noise > NOISY_COUNTS * quantum:
         return replace(_denoised(time_s, values, total), quantum=quantum)
-    return _within_counts(time_s, values, quantum, noise, felt)
+    return _within_counts(time_s, values, quantum, felt)
 
 
 def grid(values: _Floats, expected_quantum: float | None = None) -> float | None:
@@ -208,7 +210,7 @@ def _denoised(time_s: _Floats, values: _Floats, sigma: float) -> Estimated:
 
 
 def _within_counts(
-    time_s: _Floats, values: _Floats, quantum: float, noise: float, felt: _Floats | None
+    time_s: _Floats, values: _Floats, quantum: float, felt: _Floats | None
 ) -> Estimated:
     zero = float(values[0])
     count = np.round((values - zero) / quantum)
@@ -216,11 +218,13 @@ def _within_counts(
     runs = Runs.of(count)
     nodes = runs.nodes()
     step = np.diff(time_s[nodes]) / usual
-    blur = max(EDGE_NOISE, noise / quantum)
-    smooth = path_through_boxes(step, count[nodes], blur, runs.liveliness(nodes))
+    # At a turn friction changes its sign and the acceleration jumps.
+    lively, kind = runs.liveliness(nodes, count), runs.kinds(nodes, count)
+    smooth = path_through_boxes(step, count[nodes], EDGE_NOISE, lively, kind)
+    noise = float(np.sqrt(smooth.noise**2 - EDGE_NOISE**2))
     before = np.clip(np.searchsorted(nodes, np.arange(count.size), "right") - 1, 0, nodes.size - 2)
     share = (time_s - time_s[nodes[before]]) / (step[before] * usual)
-    margin = 0.5 + BAND_SIGMAS * noise / quantum
+    margin = 0.5 + BAND_SIGMAS * noise
     path = _Path(
         smooth=smooth,
         node=before,
@@ -232,7 +236,7 @@ def _within_counts(
         rests=runs.rests(count, felt),
         turns=runs.turns(count),
     )
-    return Estimated(*path.estimate(), quantum, noise, path)
+    return Estimated(*path.estimate(), quantum, quantum * noise, path)
 
 
 @dataclass(frozen=True)
@@ -249,6 +253,15 @@ class Estimates:
 
     recording: Recording
     channels: dict[str, Estimated]
+
+    def draws(self, mode: Mode, seed: np.random.SeedSequence) -> Iterator[Recording]:
+        """Yield recordings whose given channels could as well have been, without end."""
+        names = mode.columns
+        generators = map(np.random.default_rng, seed.spawn(len(names)))
+        paths = [self.channels[name].draws(g) for name, g in zip(names, generators, strict=True)]
+        for drawn in zip(*paths, strict=True):
+            given = dict(zip(names, drawn, strict=True))
+            yield self.recording.with_channels(given | speeds(self.recording.time_s, given))
 
 
 def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimates:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from bowden.model import Mode, Model, Trajectory
 from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import Recording
-from bowden.signals.dequantise import Estimates, estimate_channels, speeds
+from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.noise import effective_samples
 from bowden.signals.prediction import PREDICTED, simulate_recording
 
@@ -36,7 +37,7 @@ MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.
 OTHERWISE = (1 / 3, 3.0)  # times numbers that are not known better
 UNDAMPED_OR_MORE = (0.0, 3.0)  # times the damping of what rings
 HELD_OR_NOT = math.sqrt(2 / 3)  # half a sample late, early or neither, each as likely
-LEAST_SHARE = 1e-6  # of a channel's range: sigma never falls below, so that gaps can be weighed
+LEAST_SHARE = 1e-6  # of a channel's range: no sensor is better, so that gaps can be weighed
 
 
 @dataclass(frozen=True)
@@ -138,8 +139,7 @@ def local_noise(
         The model cannot run the recording.
     """
     estimates = estimate_channels(recording, model, mode)
-    children = np.random.SeedSequence(seed).spawn(draws)
-    paths = [_moved(estimates, mode, np.random.default_rng(child)) for child in children]
+    paths = [*islice(estimates.draws(mode, np.random.SeedSequence(seed)), draws)]
     every = [estimates.recording, *paths]
     index = samples(every) if samples else np.arange(recording.time_s.size)
     best = at_samples(estimates.recording, index)
@@ -170,19 +170,18 @@ def local_noise(
         left_open = np.zeros(index.size)
         for k, (_, share) in enumerate(doubts):
             left_open = np.hypot(left_open, share * off(f"doubt {k}", name))
-        sensor = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
+        swing = max(float(np.ptp(getattr(one, name))) for one in (best, runs["best"]))
+        least = LEAST_SHARE * max(swing, 1e-9)
+        read = np.broadcast_to(estimates.channels[name].sigma, recording.time_s.shape)[index]
         parts[name] = {
-            "sensor": sensor,
+            "sensor": np.hypot(read, least),
             "inputs": smooth(np.mean(errors**2, axis=0)) ** 0.5,
             "mesh": smooth((MESH_FACTOR * off("mesh", name)) ** 2) ** 0.5,
             "steps": smooth(off("steps", name) ** 2) ** 0.5,
             "held": smooth((HELD_OR_NOT * off("held", name)) ** 2) ** 0.5,
             "open": smooth(left_open**2) ** 0.5,
         }
-        swing = max(float(np.ptp(getattr(one, name))) for one in (best, runs["best"]))
-        least = LEAST_SHARE * max(swing, 1e-9)
-        total = sum(part**2 for part in parts[name].values())
-        sigma[name] = np.sqrt(total + least**2)
+        sigma[name] = np.sqrt(sum(part**2 for part in parts[name].values()))
         scaled = errors / np.maximum(parts[name]["inputs"], least)
         memory_s[name] = duration / float(np.mean([effective_samples(one) for one in scaled]))
     return LocalNoise(sigma, memory_s, parts, best, index, estimates)
@@ -223,12 +222,6 @@ def noise_floor(sigma: _Floats | Sequence[_Floats], counts: _Flags | None = None
     values = sigma if isinstance(sigma, np.ndarray) else np.concatenate(list(sigma))
     chosen = values if counts is None else values[counts]
     return float(np.sqrt(np.mean(chosen**2))) if chosen.size else 0.0
-
-
-def _moved(estimates: Estimates, mode: Mode, generator: np.random.Generator) -> Recording:
-    """Return the recording with given channels that could as well have been."""
-    drawn = {name: estimates.channels[name].draw(generator) for name in mode.columns}
-    return estimates.recording.with_channels(drawn | speeds(estimates.recording.time_s, drawn))
 
 
 def held_torque(recording: Recording) -> Recording:

@@ -150,7 +150,6 @@ class Runs:
     first: _Index
     last: _Index
     number: _Index
-    around: _Floats
     rest: NDArray[np.bool_]
 
     @classmethod
@@ -161,8 +160,7 @@ class Runs:
         last = np.concatenate([change, [count.size - 1]])
         length = last - first + 1.0
         before, after = np.append(0.0, length[:-1]), np.append(length[1:], 0.0)
-        around = np.maximum(before, after)
-        longest = (length > REST_SAMPLES) & (length > REST_RATIO * around)
+        longest = (length > REST_SAMPLES) & (length > REST_RATIO * np.maximum(before, after))
         # An operator at standstill on the edge between two counts makes two.
         first_of_two = (length[:-1] > REST_RATIO * before[:-1]) & (
             length[1:] > REST_RATIO * after[1:]
@@ -171,7 +169,7 @@ class Runs:
         two = np.concatenate([first_of_two, [False]]) | np.concatenate([[False], first_of_two])
         rest = longest | two
         number = np.repeat(np.arange(first.size), last - first + 1)
-        return cls(first, last, number, np.maximum(around, 1.0), rest)
+        return cls(first, last, number, rest)
 
     def nodes(self) -> _Index:
         """Choose samples that bear the path: all where it is fast, few where it hardly moves."""
@@ -187,16 +185,41 @@ class Runs:
             depth *= 2
         return np.unique(np.concatenate(parts))
 
-    def depth(self, at: _Floats, number: _Index) -> _Floats:
-        """Return the distance from the nearer end of a run, in lengths of its neighbours."""
-        inside = np.minimum(at - self.first[number], self.last[number] - at)
-        return np.maximum(inside, 0.0) / self.around[number]
+    def liveliness(self, nodes: _Index, count: _Floats) -> _Floats:
+        """Return how strongly each step between nodes may bend, and turn at a corner.
 
-    def liveliness(self, nodes: _Index) -> _Floats:
-        """Return how strongly a path may bend: within a rest, the less the further inside."""
-        number = self.number[nodes[:-1]]
-        depth = self.depth((nodes[1:] + nodes[:-1]) / 2.0, number)
-        return np.where(self.rest[number], (1.0 + depth) ** -3.0, 1.0)
+        Where counts turn or rest, how long a motion takes for a count changes no faster than time
+        passes: it is what the run beside took, and how long ago that was. White jerk moves a path
+        by the power 5/2 of time, white acceleration by 3/2.
+
+        Returns
+        -------
+        ndarray of shape (m - 1, 2)
+        """
+        still, number = self._still(nodes, count)
+        middle = (nodes[1:] + nodes[:-1]) / 2.0
+        length = np.concatenate([[np.inf], self.last - self.first + 1.0, [np.inf]])
+        since = length[number] + middle - self.first[number]
+        until = length[number + 2] + self.last[number] - middle
+        takes = np.where(still, np.minimum(since, until), 1.0)
+        takes = np.where(np.isfinite(takes), takes, count.size)
+        return np.asarray(takes[:, None] ** -np.array([5.0, 3.0]))
+
+    def kinds(self, nodes: _Index, count: _Floats) -> _Index:
+        """Return of each step between nodes its stroke, 1 and more, or 0 in turns and rests."""
+        still, number = self._still(nodes, count)
+        return np.where(still, 0, np.cumsum(self._turns(count) | self.rest)[number] + 1)
+
+    def _turns(self, count: _Floats) -> NDArray[np.bool_]:
+        """Return of each run whether counts turn in it."""
+        way = np.sign(np.diff(count[self.first]))
+        return np.concatenate([[False], way[1:] != way[:-1], [False]])[: self.first.size]
+
+    def _still(self, nodes: _Index, count: _Floats) -> tuple[NDArray[np.bool_], _Index]:
+        """Return of each step whether counts turn or rest in a run that it touches, and which."""
+        still = self._turns(count) | self.rest
+        late, early = self.number[nodes[1:]], self.number[nodes[:-1]]
+        return still[late] | still[early], np.where(still[late], late, early)
 
     def turns(self, count: _Floats) -> tuple[tuple[int, int, float], ...]:
         """List the runs that the counts turn in, with the ends of the recording; see `one_way`."""

@@ -1,11 +1,21 @@
 """The path behind a coarse or noisy sensor: a smoothing spline that knows what each sample allows.
 
-`dequantise` uses it; the kernels touch arrays only. The path is an integrated Wiener process, whose
-posterior mean is a cubic spline (Wahba 1978): position x, velocity v, and between two nodes an
-acceleration of white noise with its own intensity. A node says where x is through a Gaussian of
-precision `precision` and mean `pull / precision`. A count says only "x is in this box"; expectation
-propagation (Minka 2001) finds the Gaussians that stand for all boxes together. Intensities are
-found by expectation maximisation with heavy tails, so that corners stay corners.
+`dequantise` uses it; `wiener` smooths and `wiener_draws` draws. The path is an integrated Wiener
+process, whose posterior mean is a spline (Wahba 1978). Its noise is twofold, bends and corners.
+What has mass has an acceleration, so an angle bends by white jerk (a quintic spline): were its
+acceleration white, the torque of a mass would have no bound. But a commanded triangle turns at
+once, and a stop is hit: corners are white acceleration. A torque is smoothed by one order less: its
+slope bends, and it may step.
+
+A node says where x is through a Gaussian of precision `precision` and mean `pull / precision`. A
+count says only "x is in this box"; expectation propagation (Minka 2001) finds the Gaussians that
+stand for all boxes together, and the noise that blurs the boxes' edges. Either noise of the path
+has an intensity of its own in each step, Student-t distributed about a usual one: a corner is a
+rare, strong event. Each stroke has usual ones of its own, distributed about those of all strokes;
+turns and rests share theirs (`runs`). They are the fixed point of expectation maximisation,
+iterated by what the data determine (MacKay 1992): a path without corners, or without bends, loses
+that noise within some ten rounds. Draws take turns, the path given the intensities and those given
+the path (Geman and Geman 1984), because a path is less sure than its likeliest intensities say.
 
 Lengths in counts (or in standard deviations), time in usual sample steps.
 """
@@ -15,21 +25,32 @@ Lengths in counts (or in standard deviations), time in usual sample steps.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 
 from bowden.model.compiled import compiled
+from bowden.signals import wiener, wiener_draws
 
 _Floats = NDArray[np.float64]
+_Index = NDArray[np.intp]
 
-ROUNDS = 300  # of boxes and intensities at most: expectation maximisation is slow, but sure
-SETTLED = 1e-4  # counts: a round that moves no node further is the last
+ROUNDS = 100  # of boxes and intensities at most
+SETTLED = 1e-3  # counts: a round that moves no node further is the last
 DAMPING = 0.7
-POOLED = 1  # neighbours on either side whose accelerations are taken together
-HEAVINESS = 0.5  # how many typical accelerations each local estimate is mixed with
-_WIDE = 1e8
+FREEDOM = 1.0  # degrees of freedom of the Student-t distribution: 1, so that any corner may come
+POOLED = 1  # steps on either side that share an intensity: when a corner comes is not known better
+BENDS_FIRST = 1e-2  # against corners, before anything is known
+TURNS_FIRST = (1.0, 1e-2)  # the same in turns: as a motion brakes that takes so long for a count
+NEVER = 1e-100  # least usual intensity
+ROUNDING = 1e-6  # of a step's numbers: fewer are determined by rounding alone
+SWEEPS = 32  # from which the variance is taken
+FORGETTING = 20  # sweeps until the likeliest intensities, where a chain begins, are left
+ANGLE_ORDER, TORQUE_ORDER = 3, 2  # derivatives that exist, with x itself
 _SQRT_2 = math.sqrt(2.0)
 _SQRT_2_PI = math.sqrt(2.0 * math.pi)
 
@@ -40,23 +61,26 @@ class SmoothPath:
 
     Parameters
     ----------
-    step : ndarray of shape (m - 1,)
-        Time between nodes.
-    intensity : ndarray of shape (m - 1,)
-        Of the acceleration between nodes.
-    precision, pull : ndarray of shape (m,)
-        What each node's sample says: a Gaussian of that precision, mean pull / precision.
-    position, velocity, variance : ndarray of shape (m,)
-        Posterior mean of both, and variance of the position.
+    nodes : Nodes
+        Steps, the intensities of either noise, and what each node's sample says.
+    states : ndarray of shape (m, order)
+        Posterior mean of x and its derivatives.
+    variance : ndarray of shape (m,)
+        Of the position, whatever the intensities are.
+    liveliness : ndarray of shape (m - 1, 2)
+        Intensities of each step against the usual ones of its kind.
+    usual : ndarray of shape (m - 1, 2)
+        Intensities about which those of each step's kind are distributed.
+    noise : float
+        Standard deviation of what blurs the boxes' edges.
     """
 
-    step: _Floats
-    intensity: _Floats
-    precision: _Floats
-    pull: _Floats
-    position: _Floats
-    velocity: _Floats
+    nodes: wiener.Nodes
+    states: _Floats
     variance: _Floats
+    liveliness: _Floats
+    usual: _Floats
+    noise: float
 
     def at(self, node: NDArray[np.intp], share: _Floats) -> tuple[_Floats, _Floats]:
         """Return mean and variance between nodes.
@@ -68,34 +92,48 @@ class SmoothPath:
         share : ndarray of shape (n,)
             Part of the way to the next node, 0..1.
         """
-        h, u = self.step[node], share
-        mean = (
-            (2 * u**3 - 3 * u**2 + 1) * self.position[node]
-            + (u**3 - 2 * u**2 + u) * h * self.velocity[node]
-            + (3 * u**2 - 2 * u**3) * self.position[node + 1]
-            + (u**3 - u**2) * h * self.velocity[node + 1]
-        )
-        bridge = self.intensity[node] * (h * u * (1 - u)) ** 3 / 3
-        return mean, (1 - u) * self.variance[node] + u * self.variance[node + 1] + bridge
+        h, u = self.nodes.step[node], share
+        n = self.states.shape[1]
+        mean = np.zeros(share.shape)
+        # Hermite's polynomial: from the start forwards, from the end backwards in mirrored time.
+        for ends, w, way in ((self.states[node], u, h), (self.states[node + 1], 1 - u, -h)):
+            for i in range(n):
+                series = sum(math.comb(n - 1 + k, k) * w**k for k in range(n - i))
+                mean += (1 - w) ** n * series * (way * w) ** i / math.factorial(i) * ends[:, i]
+        between = (1 - u) * self.variance[node] + u * self.variance[node + 1]
+        for each, m in enumerate((n, n - 1)):
+            scale = (2 * m - 1) * math.factorial(m - 1) ** 2
+            bridge = (h * u * (1 - u)) ** (2 * m - 1) / scale
+            between += self.nodes.intensity[node, each] * bridge
+        return mean, between
 
-    def draw(self, generator: np.random.Generator) -> SmoothPath:
-        """Return a path drawn from the posterior, in place of its mean."""
-        size = self.precision.size
-        position, velocity = np.empty(size), np.empty(size)
-        _draw(
-            self.step,
-            self.intensity,
-            self.precision,
-            self.pull,
-            generator.standard_normal((size, 2)),
-            position,
-            velocity,
-        )
-        return replace(self, position=position, velocity=velocity)
+    def draws(self, generator: np.random.Generator) -> Iterator[SmoothPath]:
+        """Yield paths from the posterior in place of its mean, without end; one follows another."""
+        return islice(self._sweeps(generator), FORGETTING, None)
+
+    def with_open_intensities(self) -> SmoothPath:
+        """Return the path with the variance that intensities which are drawn as well give it."""
+        total = np.zeros(self.variance.size)
+        for one in islice(self.draws(np.random.default_rng(0)), SWEEPS):
+            found = wiener.smooth(one.nodes, self.states.shape[1])
+            total += found.variance + (found.states[:, 0] - self.states[:, 0]) ** 2
+        return replace(self, variance=total / SWEEPS)
+
+    def _sweeps(self, generator: np.random.Generator) -> Iterator[SmoothPath]:
+        """Yield Gibbs' sweeps: a path given intensities, which were drawn given the one before."""
+        order = self.states.shape[1]
+        numbers = np.broadcast_to(np.array([order, order - 1.0]), self.usual.shape)
+        freedom, nodes = FREEDOM + _pooled(numbers), self.nodes
+        while True:
+            states, felt = wiener_draws.draw(nodes, order, generator)
+            yield replace(self, nodes=nodes, states=states)
+            spread = FREEDOM * self.usual + _pooled(felt / self.liveliness)
+            intensity = self.liveliness * spread / generator.chisquare(freedom)
+            nodes = nodes._replace(intensity=intensity)
 
 
 def path_through_boxes(
-    step: _Floats, middle: _Floats, noise: float, liveliness: _Floats
+    step: _Floats, middle: _Floats, least_noise: float, liveliness: _Floats, kind: _Index
 ) -> SmoothPath:
     """Find the path whose nodes lie in boxes of width 1.
 
@@ -104,147 +142,105 @@ def path_through_boxes(
     step : ndarray of shape (m - 1,)
     middle : ndarray of shape (m,)
         Of each node's box.
-    noise : float
-        Standard deviation of what blurs the boxes' edges, > 0.
-    liveliness : ndarray of shape (m - 1,)
-        Relative intensity to begin with and to be drawn to; 1 where nothing is known.
+    least_noise : float
+        Least standard deviation of what blurs the boxes' edges, > 0; it is found from the data.
+    liveliness : ndarray of shape (m - 1, 2)
+        Intensities of each step against the usual ones of its kind.
+    kind : ndarray of int, shape (m - 1,)
+        Steps of one kind share usual intensities: 0 in turns and rests, of each stroke another.
 
     Returns
     -------
     SmoothPath
     """
     precision = np.full(middle.size, 12.0)  # of a uniform error of one count
-    return _fitted(step, precision, precision * middle, liveliness, boxes=(middle, noise))
+    nodes = wiener.Nodes(step, np.empty(0), precision, precision * middle)
+    return _fitted(nodes, ANGLE_ORDER, liveliness, kind, (middle, least_noise))
 
 
 def path_through_noise(step: _Floats, values: _Floats) -> SmoothPath:
     """Find the path behind values with white noise of standard deviation 1."""
-    return _fitted(step, np.ones(values.size), values.copy(), np.ones(step.size), boxes=None)
+    nodes = wiener.Nodes(step, np.empty(0), np.ones(values.size), values.copy())
+    return _fitted(nodes, TORQUE_ORDER, np.ones((step.size, 2)), np.zeros(step.size, dtype=np.intp))
 
 
 def _fitted(
-    step: _Floats,
-    precision: _Floats,
-    pull: _Floats,
+    nodes: wiener.Nodes,
+    order: int,
     liveliness: _Floats,
-    boxes: tuple[_Floats, float] | None,
+    kind: _Index,
+    boxes: tuple[_Floats, float] | None = None,
 ) -> SmoothPath:
-    size = precision.size
-    position, velocity, variance = np.empty(size), np.empty(size), np.empty(size)
-    liveness = np.empty(size - 1)
-    kernel = np.ones(2 * POOLED + 1)
-    members = np.convolve(np.ones(size - 1), kernel, "same")
-    # An acceleration that is worth a tenth of a count over a usual step between nodes.
-    intensity = 1e-2 * liveliness / float(np.mean(step)) ** 2
-    before = np.full(size, np.inf)
+    # Noise that is worth a tenth of a count over a usual step, corners above all: where
+    # a path bends, corners give way to bends; where it has a corner, bends would round it off.
+    powers = np.array([2.0 * order - 2, 2.0 * order - 4])
+    first = np.array([BENDS_FIRST, 1.0]) * 1e-2 / float(np.mean(nodes.step)) ** powers
+    usual = np.tile(first, (int(kind.max()) + 2, 1))
+    if boxes:
+        usual[0] = TURNS_FIRST
+    nodes = nodes._replace(intensity=liveliness * usual[kind])
+    noise = boxes[1] if boxes else 0.0
+    before = np.full(nodes.precision.size, np.inf)
     for _ in range(ROUNDS):
-        _smooth(step, intensity, precision, pull, position, velocity, variance, liveness)
+        found = wiener.smooth(nodes, order)
+        position = found.states[:, 0]
         if float(np.max(np.abs(position - before))) < SETTLED:
             break
-        before = position.copy()
+        before = position
         if boxes:
-            _match_boxes(*boxes, position, variance, precision, pull)
-        pooled = np.convolve(np.maximum(liveness, 0.0) / liveliness, kernel, "same")
-        usual = math.exp(float(np.mean(np.log(np.maximum(pooled / members, 1e-14)))))
-        intensity = liveliness * (HEAVINESS * usual + pooled) / (HEAVINESS + members)
-        intensity = np.maximum(intensity, 1e-16)
-    _smooth(step, intensity, precision, pull, position, velocity, variance, liveness)
-    return SmoothPath(step, intensity, precision, pull, position, velocity, variance)
+            noise = _match_boxes(*boxes, noise, position, found.variance, *nodes[2:])
+        felt, determined = _pooled(found.felt / liveliness), _pooled(found.known)
+        usual = _usual(usual, felt, determined, kind)
+        spread = liveliness * (FREEDOM * usual[kind] + felt)
+        nodes = nodes._replace(intensity=spread / (FREEDOM + determined))
+    found = wiener.smooth(nodes, order)
+    path = SmoothPath(nodes, found.states, found.variance, liveliness, usual[kind], noise)
+    return path.with_open_intensities()
 
 
-@compiled
-def _filter(
-    step: _Floats,
-    intensity: _Floats,
-    precision: _Floats,
-    pull: _Floats,
-    states: _Floats,
-) -> None:
-    """Kalman filter: states[k] = x, v and their covariance xx, xv, vv, given the nodes up to k."""
-    x, v, xx, xv, vv = pull[0] / precision[0], 0.0, _WIDE, 0.0, _WIDE
-    for k in range(precision.size):
-        if k > 0:
-            h, q = step[k - 1], intensity[k - 1]
-            x += h * v
-            xx += 2.0 * h * xv + h * h * vv + q * h * h * h / 3.0
-            xv += h * vv + q * h * h / 2.0
-            vv += q * h
-        gain = 1.0 + precision[k] * xx
-        miss = (pull[k] - precision[k] * x) / gain
-        x += xx * miss
-        v += xv * miss
-        vv -= precision[k] * xv * xv / gain
-        xv /= gain
-        xx /= gain
-        states[k, 0], states[k, 1] = x, v
-        states[k, 2], states[k, 3], states[k, 4] = xx, xv, vv
+def _usual(usual: _Floats, felt: _Floats, determined: _Floats, kind: _Index) -> _Floats:
+    """Return the usual intensities of each kind; in the last row those of all strokes."""
+    # The harmonic mean of all intensities, which the determined ones alone decide.
+    weight = usual[kind] / (FREEDOM * usual[kind] + felt)
+    squares, numbers = _sums(kind, felt * weight), _sums(kind, determined * weight)
+    found = np.empty_like(usual)
+    # A stroke's are distributed about those of all strokes as a step's are about the stroke's.
+    all_strokes = usual[-1]
+    weight = all_strokes / (FREEDOM * all_strokes + squares[1:])
+    found[-1] = np.sum(squares[1:] * weight, axis=0) + ROUNDING * all_strokes
+    found[-1] /= np.sum(numbers[1:] * weight, axis=0) + ROUNDING
+    squares[1:] += FREEDOM * all_strokes
+    numbers[1:] += FREEDOM
+    rounding = ROUNDING * np.maximum(np.bincount(kind), 1)[:, None]
+    found[:-1] = (squares + rounding * usual[:-1]) / (numbers + rounding)
+    return np.maximum(found, NEVER)
 
 
-@compiled
-def _smooth(
-    step: _Floats,
-    intensity: _Floats,
-    precision: _Floats,
-    pull: _Floats,
-    position: _Floats,
-    velocity: _Floats,
-    variance: _Floats,
-    liveness: _Floats,
-) -> None:
-    """Rauch-Tung-Striebel smoother; liveness: expected intensity of each step, for the next round.
+def _sums(kind: _Index, values: _Floats) -> _Floats:
+    """Return sums over the steps of each kind; shape (kinds, 2)."""
+    return np.stack([np.bincount(kind, column) for column in values.T], axis=1)
 
-    With d = s[k+1] - F s[k], liveness = E[d' Q1^-1 d] / 2, Q1 the covariance for intensity 1.
-    """
-    size = precision.size
-    states = np.empty((size, 5))
-    _filter(step, intensity, precision, pull, states)
-    x, v, xx, xv, vv = states[-1, 0], states[-1, 1], states[-1, 2], states[-1, 3], states[-1, 4]
-    position[-1], velocity[-1], variance[-1] = x, v, xx
-    for k in range(size - 2, -1, -1):
-        h, q = step[k], intensity[k]
-        fx, fv, fxx, fxv, fvv = (
-            states[k, 0],
-            states[k, 1],
-            states[k, 2],
-            states[k, 3],
-            states[k, 4],
-        )
-        # Predicted covariance of the next state, and the smoother's gain.
-        pxx = fxx + 2.0 * h * fxv + h * h * fvv + q * h * h * h / 3.0
-        pxv = fxv + h * fvv + q * h * h / 2.0
-        pvv = fvv + q * h
-        scale = 1.0 / (pxx * pvv - pxv * pxv)
-        cxx, cvx = fxx + h * fxv, fxv + h * fvv
-        gxx, gxv = (cxx * pvv - fxv * pxv) * scale, (fxv * pxx - cxx * pxv) * scale
-        gvx, gvv = (cvx * pvv - fvv * pxv) * scale, (fvv * pxx - cvx * pxv) * scale
-        dx, dv = x - fx - h * fv, v - fv
-        dxx, dxv, dvv = xx - pxx, xv - pxv, vv - pvv
-        # Covariance between the next state and this one.
-        lxx, lxv = xx * gxx + xv * gxv, xx * gvx + xv * gvv
-        lvx, lvv = xv * gxx + vv * gxv, xv * gvx + vv * gvv
-        nxx = fxx + gxx * (gxx * dxx + gxv * dxv) + gxv * (gxx * dxv + gxv * dvv)
-        nxv = fxv + gvx * (gxx * dxx + gxv * dxv) + gvv * (gxx * dxv + gxv * dvv)
-        nvv = fvv + gvx * (gvx * dxx + gvv * dxv) + gvv * (gvx * dxv + gvv * dvv)
-        nx, nv = fx + gxx * dx + gxv * dv, fv + gvx * dx + gvv * dv
-        ex, ev = x - nx - h * nv, v - nv
-        sxx = ex * ex + xx + nxx + 2.0 * h * nxv + h * h * nvv - 2.0 * (lxx + h * lxv)
-        sxv = ex * ev + xv + nxv + h * nvv - (lvx + h * lvv) - lxv
-        svv = ev * ev + vv + nvv - 2.0 * lvv
-        liveness[k] = 6.0 * sxx / (h * h * h) - 6.0 * sxv / (h * h) + 2.0 * svv / h
-        x, v, xx, xv, vv = nx, nv, nxx, nxv, nvv
-        position[k], velocity[k], variance[k] = x, v, xx
+
+def _pooled(values: _Floats) -> _Floats:
+    """Return sums over neighbouring steps; shape (m - 1, 2)."""
+    return np.asarray(convolve1d(values, np.ones(2 * POOLED + 1), axis=0, mode="constant"))
 
 
 @compiled
 def _match_boxes(
     middle: _Floats,
+    least_noise: float,
     noise: float,
     position: _Floats,
     variance: _Floats,
     precision: _Floats,
     pull: _Floats,
-) -> None:
-    """One round of expectation propagation: the Gaussian that stands for each node's box."""
+) -> float:
+    """One round of expectation propagation: the Gaussian that stands for each node's box.
+
+    Returns the noise that blurs the boxes' edges, from what the nodes determine of it.
+    """
+    felt, determined = least_noise * least_noise, 1.0
     for k in range(middle.size):
         free = max(1.0 / variance[k] - precision[k], 1e-9)
         mean, spread = (position[k] / variance[k] - pull[k]) / free, 1.0 / free
@@ -261,6 +257,8 @@ def _match_boxes(
             at_high = math.exp(-0.5 * high * high) / _SQRT_2_PI / mass
             shift = at_low - at_high
             shrink = shift * shift - (low * at_low - high * at_high)
+            felt += (noise * noise * shift / width) ** 2
+            determined += (noise / width) ** 2 * shrink
             inside = max(spread - (spread / width) ** 2 * shrink, 1e-9 * spread)
             wanted = max(1.0 / inside - free, 0.0)
             towards = (mean + spread / width * shift) / inside - mean * free
@@ -268,48 +266,4 @@ def _match_boxes(
                 towards = 0.0
         precision[k] += DAMPING * (wanted - precision[k])
         pull[k] += DAMPING * (towards - pull[k])
-
-
-@compiled
-def _draw(
-    step: _Floats,
-    intensity: _Floats,
-    precision: _Floats,
-    pull: _Floats,
-    normal: _Floats,
-    position: _Floats,
-    velocity: _Floats,
-) -> None:
-    """Draw a path from the posterior: filter forwards, sample backwards."""
-    size = precision.size
-    states = np.empty((size, 5))
-    _filter(step, intensity, precision, pull, states)
-    for k in range(size - 1, -1, -1):
-        x, v, xx, xv, vv = (
-            states[k, 0],
-            states[k, 1],
-            states[k, 2],
-            states[k, 3],
-            states[k, 4],
-        )
-        if k < size - 1:
-            h, q = step[k], intensity[k]
-            pxx = xx + 2.0 * h * xv + h * h * vv + q * h * h * h / 3.0
-            pxv = xv + h * vv + q * h * h / 2.0
-            pvv = vv + q * h
-            scale = 1.0 / (pxx * pvv - pxv * pxv)
-            cxx, cvx = xx + h * xv, xv + h * vv
-            gxx, gxv = (cxx * pvv - xv * pxv) * scale, (xv * pxx - cxx * pxv) * scale
-            gvx, gvv = (cvx * pvv - vv * pxv) * scale, (vv * pxx - cvx * pxv) * scale
-            dx, dv = position[k + 1] - x - h * v, velocity[k + 1] - v
-            x, v = x + gxx * dx + gxv * dv, v + gvx * dx + gvv * dv
-            xx, xv, vv = (
-                xx - gxx * cxx - gxv * xv,
-                xv - gvx * cxx - gvv * xv,
-                vv - gvx * cvx - gvv * vv,
-            )
-        first = math.sqrt(max(xx, 0.0))
-        slope = xv / first if first > 0.0 else 0.0
-        position[k] = x + first * normal[k, 0]
-        velocity[k] = v + slope * normal[k, 0]
-        velocity[k] += math.sqrt(max(vv - slope * slope, 0.0)) * normal[k, 1]
+    return max(math.sqrt(felt / determined), least_noise)
