@@ -60,15 +60,18 @@ def test_failed_fits_are_counted_in_the_tables() -> None:
     assert text.splitlines()[-1].split("|")[-2].strip() == "1"
 
 
-def test_a_rig_is_recorded_with_and_without_counts_alike() -> None:
+def test_a_rig_is_recorded_with_counts_and_with_noise_as_large() -> None:
     rng = np.random.default_rng([3, 0])
     recorded = Recorded(draw_rig(rng), rng, 500.0, 4.0)
-    counted, exact = (recorded.get(one)[0] for one in SETTINGS[:2])
+    counted, noisy = (recorded.get(one)[0] for one in SETTINGS[:2])
     count = 2.0 * np.pi / LOAD_COUNTS
     assert counted.time_s.size == 2000
-    apart = np.abs(counted.load_angle_rad - exact.load_angle_rad)
-    assert 0.0 < float(apart.max()) <= 0.5 * count * (1.0 + 1e-9)
-    assert np.array_equal(counted.load_torque_nm, exact.load_torque_nm)
+    on_grid = counted.load_angle_rad / count
+    assert np.allclose(on_grid, np.round(on_grid), atol=1e-6)
+    # At standstill only the noise changes; 3 standard errors of some 100 samples: 21 %.
+    still = noisy.load_angle_rad[: int(0.2 * 500.0)]
+    assert np.std(still) == pytest.approx(count / np.sqrt(12.0), rel=0.22)
+    assert np.array_equal(counted.load_torque_nm, noisy.load_torque_nm)
 
 
 def test_nothing_to_do_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

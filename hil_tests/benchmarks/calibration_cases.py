@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from bowden.estimation.calibrate import Calibration, calibrate
 from bowden.estimation.covariance import Data, covariance
+from bowden.estimation.fit import as_fitted
 from bowden.estimation.likelihood import Scales, best_scales, whiten
 from bowden.estimation.quantities import estimate
 from bowden.model import Mode, Model, ModelError, parse_model
@@ -35,6 +36,7 @@ from hil_tests.hidden_effects.strength import (
 LENGTH_S = (15.0, 20.0)
 RATES_HZ = (500.0, 1000.0)
 RARE = 4  # every fourth rig: four recordings, or an `estimate`
+ROUNDING = 1.0 / np.sqrt(12.0)  # counts, RMS
 LOCKED_NM_PER_N = 0.1  # of pretension: one cable goes slack at about 0.08 (PHYSICS.md)
 MODE = Mode.TORQUE_POSITION
 
@@ -49,7 +51,7 @@ class Setting:
         As in the table.
     recordings : int
     counted : bool
-        Whether the encoders count.
+        Whether angles are counts; else they carry white noise of the same size.
     quantity : str or None
         Of `estimate`, with flat priors of its numbers; None: `calibrate`.
     every : int
@@ -65,10 +67,10 @@ class Setting:
 
 SETTINGS = (
     Setting("calibrate, one recording"),
-    Setting("calibrate, one recording, encoders without counts", counted=False),
+    Setting("calibrate, one recording, angles with white noise", counted=False),
     Setting("calibrate, four recordings", recordings=4, every=RARE),
     Setting(
-        "calibrate, four recordings, encoders without counts", 4, counted=False, every=2 * RARE
+        "calibrate, four recordings, angles with white noise", 4, counted=False, every=2 * RARE
     ),
     Setting("estimate friction", quantity="friction", every=RARE),
     Setting("estimate pretension", quantity="pretension", every=RARE),
@@ -84,7 +86,7 @@ FLAT = {
 def trials(seed: int, number: int) -> list[Trial]:
     """Draw one rig, fit it in every setting whose turn it is; a rig is the same for a seed."""
     rng = np.random.default_rng([seed, number])
-    rig = draw_rig(rng)
+    rig = draw_rig(rng, most_sigmas=np.inf)
     rate_hz = RATES_HZ[number % len(RATES_HZ)]
     length_s = float(rng.uniform(*LENGTH_S))
     mine = [one for one in SETTINGS if number % one.every == 0]
@@ -135,22 +137,26 @@ def _held(rng: np.random.Generator, rig: Rig, length_s: float) -> Signals:
 def _read(
     rig: Rig, signals: Signals, rng: np.random.Generator, rate_hz: float
 ) -> tuple[Recording, Recording]:
-    """Return what the sensors said: encoders with counts, and without."""
+    """Return what the sensors said: encoders with counts, and with white noise as large."""
     seen = read_out(rig.pair, signals, [])
     cell = seen.load_torque_nm + rng.normal(0.0, CELL_NOISE_NM, signals.time_s.size)
     stride = round(excitation.RATE_HZ / rate_hz)
     torques = {"motor_torque_nm": signals.motor_torque_nm, "load_torque_nm": cell}
-    exact = {"motor_angle_rad": seen.motor_angle_rad, "load_angle_rad": seen.load_angle_rad}
-    counted = {
-        "motor_angle_rad": counts(seen.motor_angle_rad, MOTOR_COUNTS),
-        "load_angle_rad": counts(seen.load_angle_rad, LOAD_COUNTS),
+    exact = {
+        "motor_angle_rad": (seen.motor_angle_rad, MOTOR_COUNTS),
+        "load_angle_rad": (seen.load_angle_rad, LOAD_COUNTS),
+    }
+    counted = {name: counts(angle, per_turn) for name, (angle, per_turn) in exact.items()}
+    noisy = {
+        name: angle + rng.normal(0.0, ROUNDING * 2.0 * np.pi / per_turn, angle.size)
+        for name, (angle, per_turn) in exact.items()
     }
     first, second = (
         Recording(
             signals.time_s[::stride],
             {name: values[::stride] for name, values in (angles | torques).items()},
         )
-        for angles in (counted, exact)
+        for angles in (counted, noisy)
     )
     return first, second
 
@@ -191,11 +197,10 @@ def _without_tolerance(text: str, names: tuple[str, ...]) -> str:
 
 
 def true_model(rig: Rig) -> Model:
-    """Return the model with the true numbers."""
+    """Return the model with the true numbers, solved as fits solve it."""
     model = parse_model(rig.model_yaml)
-    return model.with_values(
-        {path: rig.nominal[path.rpartition(".")[2]] for path, _, _ in model.free_parameters()}
-    )
+    values = {path: rig.nominal[path.rpartition(".")[2]] for path, _, _ in model.free_parameters()}
+    return as_fitted(model.with_values(values), MODE)
 
 
 def block_squares(model: Model, recording: Recording) -> tuple[float, ...]:

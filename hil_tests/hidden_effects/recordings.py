@@ -96,8 +96,11 @@ class Case:
         return recording, model
 
 
-def draw_rig(rng: np.random.Generator) -> Rig:
-    """Draw a rig around Table I, and the truth from the tolerances of its model file."""
+def draw_rig(rng: np.random.Generator, most_sigmas: float = 2.0) -> Rig:
+    """Draw a rig around Table I, and the truth from the tolerances of its model file.
+
+    `most_sigmas`: no number is further from the file's; infinite: drawn from the prior itself.
+    """
     length = round(float(rng.uniform(1.2, 2.4)), 2)
     wrap = float(rng.uniform(3.0, 7.0))
     straight = round(float(rng.uniform(0.1, 0.4)), 2) if rng.random() < 0.4 else 0.0
@@ -115,7 +118,8 @@ def draw_rig(rng: np.random.Generator) -> Rig:
     }
     tolerance = {"pretension_n": 0.10, "mu_d": 0.10, "axial_stiffness_n": 0.10}
     true = {
-        name: value * (1.0 + tolerance[name] * float(np.clip(rng.normal(), -2.0, 2.0)))
+        name: value
+        * (1.0 + tolerance[name] * float(np.clip(rng.normal(), -most_sigmas, most_sigmas)))
         for name, value in believed.items()
     }
     path = "\n".join(
