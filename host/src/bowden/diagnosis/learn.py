@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.diagnosis.growing import without_idle
 from bowden.diagnosis.hypothesis import FRICTION, ROUGH, Hypothesis, finish, start_of
 from bowden.diagnosis.law_candidates import FITTED as KNOTS
 from bowden.diagnosis.law_candidates import (
@@ -77,6 +78,8 @@ def with_laws(
     laws = [law for parent in _parents(found) for law in _laws_on(material, searched, parent)]
     if not laws:
         return found
+    alone = [without_idle(material, searched, one, {}) for one in laws]
+    laws += [one for one in alone if one is not None and learned_among(one.effects)]
     tell("predicting by learned laws", 0.93)
     best = min(laws, key=lambda one: one.best.cost)
     numbers = [best.problem.numbers(best.best.x, k) for k in range(len(material.coarse))]
@@ -110,7 +113,7 @@ def _parents(found: Found) -> list[Hypothesis]:
 def _laws_on(material: Material, searched: Model, parent: Hypothesis) -> list[Hypothesis]:
     """Return the likeliest laws on top of a set of effects, fitted to the end.
 
-    Each set has its own: a law beside a named effect that turns out idle does not count.
+    Each set has its own: beside a named effect that turns out idle a law counts without it.
     """
     begun = [_begun(material, searched, parent, one) for one in _proposed(material, parent)]
     rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun)]
