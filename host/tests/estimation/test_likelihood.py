@@ -38,10 +38,33 @@ def test_an_edge_says_where_an_encoder_is_to_a_small_part_of_a_count() -> None:
     error = seen.measured[angle] - truth
     # Uniform within what it moves in a sample, which is what sigma says beside 0.05 of a count.
     assert np.sqrt(np.mean((error / seen.sigma[angle]) ** 2)) < 1.1
-    # At a count a sample and more it is the mean of two readings, and never worse than that.
+    # Never worse than one rounded reading: at a count a sample both readings are off alike.
     count = 2 * np.pi / 2000
-    assert seen.sigma[angle].max() < 1.05 * np.hypot(0.05 * count, count / np.sqrt(24))
+    assert seen.sigma[angle].max() < 1.001 * np.hypot(0.05 * count, count / np.sqrt(12))
     assert seen.sigma[angle].min() < 0.2 * count
+
+
+def test_edges_lie_neither_ahead_nor_behind() -> None:
+    # At 0.7 counts a sample: an edge after a sample without one is an early one, and a choice
+    # that prefers it would put every angle 0.06 counts behind its motion.
+    count = 2 * np.pi / 2000
+    time_s = np.arange(0.0, 40.0, 1e-3)
+    angle = 0.7e3 * count * np.where(time_s < 20.0, time_s, 40.0 - time_s)
+    angle = angle + 3.0 * count * np.sin(0.37 * time_s)  # no beat between counts and samples
+    read = Recording(
+        time_s,
+        {
+            "motor_angle_rad": count * np.round(angle / count),
+            "load_angle_rad": angle / 5.2,
+            "motor_torque_nm": np.sin(time_s),
+            "load_torque_nm": np.cos(time_s),
+        },
+    )
+    seen = Data.of(read, 0, MODEL, MODE).observations
+    edge = seen.channel == 1
+    error = (seen.measured[edge] - np.interp(seen.time_s[edge], time_s, angle)) / count
+    behind = float(np.mean(error * seen.direction[edge]))
+    assert abs(behind) < 3.0 * float(np.std(error)) / np.sqrt(edge.sum())
 
 
 def test_an_encoder_at_standstill_gives_no_observation() -> None:
