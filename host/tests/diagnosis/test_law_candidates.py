@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bowden.diagnosis.hypothesis import parameters_with
+from bowden.diagnosis.fitting import parameters_with
 from bowden.diagnosis.law_candidates import LawCandidate, finer, laws_over, smooth_precision
 from bowden.model.effects import LawTable
 from bowden.recording.recording import Recording

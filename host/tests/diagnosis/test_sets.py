@@ -8,8 +8,10 @@ from typing import Final
 
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
+from bowden.diagnosis.contribution import coordinates_without
+from bowden.diagnosis.fitting import finish, start_of
 from bowden.diagnosis.growing import refitted_from, without_idle
-from bowden.diagnosis.hypothesis import Hypothesis, coordinates_without, finish, start_of
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.relevance import idle
 from bowden.diagnosis.search import search

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bowden.diagnosis.hypothesis import ROUGH, Hypothesis, coordinates_without, start_of
+from bowden.diagnosis.contribution import coordinates_without
+from bowden.diagnosis.fitting import ROUGH, start_of
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.relevance import idle
 from bowden.diagnosis.screening import ScreenedCandidate

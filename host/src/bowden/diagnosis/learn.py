@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.diagnosis.fitting import FRICTION, ROUGH, finish, start_of
 from bowden.diagnosis.growing import without_idle
-from bowden.diagnosis.hypothesis import FRICTION, ROUGH, Hypothesis, finish, start_of
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import FITTED as KNOTS
 from bowden.diagnosis.law_candidates import (
     LawCandidate,

@@ -12,7 +12,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.hypothesis import Hypothesis, shares, start_of
+from bowden.diagnosis.contribution import shares
+from bowden.diagnosis.fitting import start_of
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import MORE
 from bowden.diagnosis.relevance import ERROR, is_strained, law_errors

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bowden.diagnosis.hypothesis import Hypothesis, sizes_of
+from bowden.diagnosis.contribution import sizes_of
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.predict import LISTED
 from bowden.diagnosis.probes import strength_of
 from bowden.estimation.parameters import WEAK

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.hypothesis import Hypothesis, size_in_noise
+from bowden.diagnosis.contribution import size_in_noise
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.probes import (
     Probe,
     probes_of,

@@ -16,8 +16,9 @@ from functools import partial
 import numpy as np
 
 from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.fitting import finish, start_of
 from bowden.diagnosis.growing import Done, grown_from, lowest, refitted_from, without_idle
-from bowden.diagnosis.hypothesis import Hypothesis, finish, start_of
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import Weighed, log_prior, posterior
 from bowden.diagnosis.predict import UnseenPrediction, predict_unseen

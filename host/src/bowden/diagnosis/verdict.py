@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.hypothesis import Hypothesis, shares
+from bowden.diagnosis.contribution import shares
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict

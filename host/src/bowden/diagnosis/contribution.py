@@ -1,0 +1,124 @@
+"""What the effects of a fitted hypothesis do to its prediction, and what calibration could instead.
+
+`relevance` decides by it, `fitting` doubts each law by its share of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.estimation.covariance import DOUBTED, Covariance
+
+_Floats = NDArray[np.float64]
+
+
+def size_in_noise(like: Hypothesis, change: Sequence[_Floats]) -> float:
+    """Return the RMS of a change of the prediction, each over its observation's error.
+
+    Of the channel where that is more. The error is the sensor's own and what is doubted of the
+    simulation; less than it is of no use to anybody, however many samples agree on it.
+
+    Parameters
+    ----------
+    like : Hypothesis
+        Whose observations and noise count.
+    change : sequence of ndarray of shape (n,)
+        One a recording.
+    """
+    sizes = [0.0]
+    for channel in (0, 1):
+        square, count = 0.0, 0
+        for one, data, own in zip(change, like.problem.data, like.best.noises, strict=True):
+            rows = data.observations.channel == channel
+            square += float(np.sum(one[rows] ** 2 / _error(own)[rows]))
+            count += int(np.count_nonzero(rows))
+        if count:
+            sizes.append(float(np.sqrt(square / count)))
+    return max(sizes)
+
+
+def coordinates_without(one: Hypothesis, gone: Collection[int]) -> dict[str, float]:
+    """Return the coordinates of a set in which the calibrated numbers do what some effects did.
+
+    As far as they can, to first order.
+
+    Parameters
+    ----------
+    one : Hypothesis
+    gone : collection of int
+        Which of its effects.
+    """
+    found = one.coordinates()
+    for index in gone:
+        change = one.contributions[index]
+        if change is not None:
+            kept, step = _calibrated_for(one, change)
+            for i, more in zip(kept, step, strict=True):
+                if i < one.problem.size:
+                    found[one.problem.parameters.each[i].path] += float(more)
+    return found
+
+
+def _beyond_calibration(one: Hypothesis, change: Sequence[_Floats]) -> list[_Floats]:
+    """Return what is left of a change of the prediction when the calibrated numbers follow."""
+    kept, step = _calibrated_for(one, change)
+    return [c + s[:, kept] @ step for c, s in zip(change, one.slopes, strict=True)]
+
+
+def _calibrated_for(one: Hypothesis, change: Sequence[_Floats]) -> tuple[list[int], _Floats]:
+    """Return which numbers are calibrated, and the step of theirs that does nearest the same."""
+    effects = tuple(f"effects[{one.own + k}]" for k in range(len(one.effects)))
+    paths = [number.path for number in one.problem.parameters.each]
+    kept = [i for i, path in enumerate(paths) if not path.startswith(effects)]
+    kept += range(len(paths), one.problem.unit.size)
+    if not kept:
+        return kept, np.zeros(0)
+    errors = [np.sqrt(_error(noise)) for noise in one.best.noises]
+    rows = [s[:, kept] / e[:, None] for s, e in zip(one.slopes, errors, strict=True)]
+    prior = one.problem.prior(one.best.x)[1][:, kept]
+    target = [-c / e for c, e in zip(change, errors, strict=True)]
+    step, *_ = np.linalg.lstsq(
+        np.concatenate([*rows, prior]), np.concatenate([*target, np.zeros(len(prior))]), rcond=None
+    )
+    return kept, step
+
+
+def _error(noise: Covariance) -> _Floats:
+    """Variance of a single observation: the sensor's own and what is doubted of the simulation."""
+    return np.asarray(noise.own + (DOUBTED * noise.offset) ** 2)
+
+
+def sizes_of(one: Hypothesis) -> list[tuple[float, float]]:
+    """Return how much each effect does: in all, and beyond what calibration would do about it.
+
+    As `size_in_noise` has it; infinite where the model cannot run without it.
+    """
+    return [
+        (np.inf, np.inf)
+        if change is None
+        else (size_in_noise(one, change), size_in_noise(one, _beyond_calibration(one, change)))
+        for change in one.contributions
+    ]
+
+
+def shares(one: Hypothesis) -> list[float]:
+    """Return how much each effect does beyond calibration."""
+    return [beyond for _, beyond in sizes_of(one)]
+
+
+def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
+    """Return covariances in which each effect's law may be off by its share of what it does.
+
+    The share is the effect's `form_error`: how much the laws of one name differ, observation by
+    observation; parts and solvers of one law differ by a little, too.
+    """
+    squares = [np.zeros(noise.own.size) for noise in noises]
+    for effect, change in zip(one.effects, one.contributions, strict=True):
+        for k, done in enumerate(_beyond_calibration(one, change) if change else []):
+            squares[k] += (effect.effect.form_error * done) ** 2
+    return [replace(noise, law=np.sqrt(s)) for noise, s in zip(noises, squares, strict=True)]

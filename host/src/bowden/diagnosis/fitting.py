@@ -1,0 +1,166 @@
+"""Fit the model with some effects: where a fit starts, a first fit, and a fit to the end.
+
+A fit starts where its parent ended and at the values that screening promised; all hypotheses of
+one comparison are fitted under one covariance, each with its own correction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.contribution import with_laws_doubted
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.law_candidates import LawCandidate
+from bowden.diagnosis.material import Material, with_offset
+from bowden.estimation.covariance import Covariance
+from bowden.estimation.descend import ROUNDS, descend, jacobians, principal_axes
+from bowden.estimation.parameters import Parameters, parameters_of
+from bowden.estimation.problem import Optimum, Problem
+from bowden.model import Model, ModelError
+
+_Floats = NDArray[np.float64]
+
+ROUGH = 4  # rounds of a first fit
+FRICTION = ("friction.mu_d", "friction.mu_s")
+
+
+def parameters_with(
+    model: Model, effects: Sequence[tuple[Candidate, Mapping[str, float]]]
+) -> Parameters:
+    """Return the numbers that move: those with a tolerance and those of the effects."""
+    extended, paths = model, [path for path, _, _ in model.free_parameters()]
+    if any(isinstance(one, LawCandidate) and one.scales_friction for one, _ in effects):
+        paths = [path for path in paths if path not in FRICTION]  # only mu (1 + f) can be told
+    if model.document.posterior is not None:
+        paths += [path for path in model.document.posterior.paths if path not in paths]
+    for candidate, values in effects:
+        index = len(extended.effects)
+        extended = candidate.added_to(extended, values)
+        paths += [one.path for one in candidate.numbers(index)]
+    if not paths:
+        return Parameters(extended, (), np.zeros((0, 0)))
+    return _with_smoothness(parameters_of(extended, paths), [one for one, _ in effects])
+
+
+def _with_smoothness(known: Parameters, effects: Sequence[Candidate]) -> Parameters:
+    """Put the prior of learned laws into the parameters: about none, and smooth."""
+    each, precision = list(known.each), np.array(known.precision)
+    place = len(known.model.effects) - len(effects)
+    paths = [one.path for one in known.each]
+    for index, effect in enumerate(effects):
+        if isinstance(effect, LawCandidate):
+            rows = [paths.index(one.path) for one in effect.numbers(place + index)]
+            precision[np.ix_(rows, rows)] = effect.precision
+            for row in rows:
+                each[row] = replace(each[row], before=0.0)
+    return replace(known, each=tuple(each), precision=precision)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a fit of the model with some effects starts.
+
+    Parameters
+    ----------
+    effects : tuple of Candidate
+    problem : Problem
+    here : Optimum
+        The starting point, with the covariance to fit under and the scales that suit it.
+    """
+
+    effects: tuple[Candidate, ...]
+    problem: Problem
+    here: Optimum
+
+    def fitted(self, rounds: int) -> Hypothesis:
+        """Return the hypothesis after so many rounds of Gauss-Newton."""
+        best, here = self.here, self.here
+        if rounds:
+            best = _descend(self.problem, here, here.noises, rounds) or here
+        return _with_slopes(self.effects, self.problem, best)
+
+
+def start_of(
+    material: Material,
+    model: Model,
+    effects: Sequence[tuple[Candidate, Mapping[str, float]]],
+    start: Mapping[str, float],
+    like: Optimum,
+) -> Start | None:
+    """Return where a fit of the model with some effects starts; None where no rig answers.
+
+    Parameters
+    ----------
+    material : Material
+    model : Model
+        As it is searched, with the file's values.
+    effects : sequence of (Candidate, values)
+    start : mapping of str to float
+        Coordinates of numbers that have been fitted before, by path.
+    like : Optimum
+        Whose covariance and scales are used, and whose nuisance numbers are the start.
+    """
+    try:
+        parameters = parameters_with(model, effects)
+    except ModelError:
+        return None
+    problem = material.problem(parameters, effects)
+    first = parameters.coordinates_of(parameters.model)
+    for i, one in enumerate(parameters.each):
+        first[i] = start.get(one.path, first[i])
+    count = len(material.nuisances)
+    x = problem.feasible(np.concatenate([first, like.x[like.x.size - count :]]))
+    noises = corrected(material, problem, x, like.noises)
+    here = descend(problem, x, noises, like.scales, rounds=0)
+    return None if here is None else Start(tuple(one for one, _ in effects), problem, here)
+
+
+def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
+    """Fit a hypothesis to the end under a covariance, with the correction of where it ends."""
+    effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
+    problem, best = material.problem(one.problem.parameters, effects), one.best
+    for _ in range(CORRECTED):
+        own = corrected(material, problem, best.x, with_laws_doubted(one, noises))
+        found = _descend(problem, best, own)
+        if found is None:
+            return one
+        settled = float(np.max(np.abs(found.x - best.x) / problem.unit)) < SETTLED
+        best = found
+        one = replace(one, problem=problem, best=best)
+        if settled:
+            break
+    return _with_slopes(one.effects, problem, best)
+
+
+def _descend(
+    problem: Problem, start: Optimum, noises: Sequence[Covariance], rounds: int = ROUNDS
+) -> Optimum | None:
+    return descend(problem, start.x, noises, start.scales, rounds=rounds, secants=SECANTS)
+
+
+SECANTS = 4  # steps after each with derivatives of its own: a search fits hundreds of sets
+CORRECTED = 4  # times at most
+SETTLED = 0.05  # unit steps: the correction doesn't change within that
+
+
+def corrected(
+    material: Material, problem: Problem, x: _Floats, noises: Sequence[Covariance]
+) -> list[Covariance]:
+    """Return covariances with the correction of a point; as they are where the fine model fails."""
+    model = problem.parameters.model_at(x[: problem.size])
+    numbers = [problem.numbers(x, one.number) for one in material.coarse]
+    try:
+        return with_offset(noises, material.correction(model, numbers))
+    except ModelError:
+        return list(noises)
+
+
+def _with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum) -> Hypothesis:
+    axes = principal_axes(problem, best.hessian)
+    slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
+    return Hypothesis(effects, problem, best, tuple(slopes))
