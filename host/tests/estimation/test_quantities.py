@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bowden.errors import BadInput
@@ -121,6 +123,18 @@ def test_friction_from_a_moving_load() -> None:
     one = of(estimate("friction", start, [moving(as_printed())]), "mu_d")
     assert abs(one.value - 0.21) < half_width(one)
     assert one.value == pytest.approx(0.21, rel=2e-3)
+
+
+def test_a_number_that_the_data_do_not_tell_disturbs_no_other() -> None:
+    """A load that never stands says nothing of static friction, and is as sure of the kinetic."""
+    start = as_printed().with_values({"friction.mu_d": 0.15})
+    friction = start.document.friction.model_copy(update={"law": "coulomb", "mu_s": None})
+    without = replace(start, document=start.document.model_copy(update={"friction": friction}))
+    run = moving(as_printed())
+    assert of(estimate("friction", start, [run]), "mu_s").low is None
+    sigmas = [of(estimate("friction", one, [run]), "mu_d").sigma for one in (start, without)]
+    # Derivatives by differences of half a sigma: a few per cent either way.
+    assert sigmas[0] == pytest.approx(sigmas[1], rel=0.1)
 
 
 def test_the_viscous_coefficient_where_the_model_has_one() -> None:

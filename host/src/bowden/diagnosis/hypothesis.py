@@ -54,6 +54,11 @@ class Hypothesis:
         return self.problem.parameters.model_at(self.best.x[: self.problem.size])
 
     @property
+    def covariance(self) -> _Floats:
+        """Covariance of the numbers of the point, shape (k, k)."""
+        return self.problem.covariance(self.best.hessian)
+
+    @property
     def own(self) -> int:
         """How many effects of the model stood in the file already."""
         return len(self.problem.parameters.model.effects) - len(self.effects)

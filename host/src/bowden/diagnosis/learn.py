@@ -29,7 +29,7 @@ from bowden.diagnosis.law_candidates import (
 )
 from bowden.diagnosis.material import Material, as_searched, with_offset
 from bowden.diagnosis.odds import posterior
-from bowden.diagnosis.predict import WIDEST, predict_unseen
+from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.relevance import matters
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
@@ -37,8 +37,7 @@ from bowden.diagnosis.search import Found
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import bounded_step, normal_equations
 from bowden.estimation.likelihood import best_scales
-from bowden.estimation.posterior import covariance_of
-from bowden.estimation.problem import fitted_parts, objective
+from bowden.estimation.problem import WIDEST, fitted_parts, objective
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model
 from bowden.recording.recording import Recording
@@ -219,7 +218,7 @@ def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
     assert law is not None
     mine = one.rows(one.effects.index(law))
     value = one.best.x[mine]
-    variance = np.maximum(np.diag(covariance_of(one.best.hessian))[mine], 0.0)
+    variance = np.maximum(np.diag(one.covariance)[mine], 0.0)
     variance = variance + (law.effect.known_to * value) ** 2
     if law.scales_friction:  # mu (1 + f) is known, mu to its tolerance only
         variance = variance + (_tolerance_of(one.model, FRICTION[0]) * (1.0 + value)) ** 2

@@ -10,7 +10,7 @@ from importlib.metadata import version
 import numpy as np
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate, covariance_of
+from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model
 from bowden.model.model_file import PosteriorSection
@@ -25,7 +25,7 @@ def with_posterior(one: Hypothesis) -> Model:
     if not size or max(one.best.scales.discrepancy) > EXCEEDS:
         return one.model
     slopes = parameters.slopes(one.best.x[:size])
-    covariance = covariance_of(one.best.hessian)[:size, :size] * np.outer(slopes, slopes)
+    covariance = one.covariance[:size, :size] * np.outer(slopes, slopes)
     known = np.zeros(size)
     for index, effect in enumerate(one.effects):
         known[one.rows(index)] = effect.effect.known_to
@@ -40,7 +40,7 @@ def with_posterior(one: Hypothesis) -> Model:
 
 def estimates_of(one: Hypothesis) -> tuple[Estimate, ...]:
     """Return the numbers of the file that moved, with their 95 % intervals."""
-    covariance = covariance_of(one.best.hessian)
+    covariance = one.covariance
     found = []
     for i, number in enumerate(one.problem.parameters.each):
         if number.path.startswith(

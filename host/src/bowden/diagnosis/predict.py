@@ -31,7 +31,6 @@ LISTED = (0.0, 0.25, 0.5, 1.0)
 UNLISTED = (0.0, 2.0, 8.0, 32.0, 128.0)
 OUTLIER = 0.03  # of the blocks: noise is not what it was taken for (17 of 592, nothing hidden)
 DAMPING = (1e-6, 1e-2, 1.0)  # of a step, in turn
-WIDEST = 10.0  # unit steps: a number is within its bounds, however little the data say of it
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,7 @@ def _refitted(
     hessian, gradient = normal_equations(
         train, best.x, best.residuals, one.slopes, (best.noises, scales)
     )
-    root = _root(hessian, train.unit)
+    root = train.root(hessian)
     here = objective(train, best.x, best.residuals, best.noises, scales)
     for damping in DAMPING:
         step = bounded_step(train, best.x, hessian, gradient, damping)
@@ -158,12 +157,6 @@ def _refitted(
         if found is not None and objective(train, x, found, best.noises, scales) < here:
             return x, found, root * (step != 0.0)[:, None]
     return best.x, best.residuals, root
-
-
-def _root(hessian: _Floats, unit: _Floats) -> _Floats:
-    """Return a root of the inverse: the numbers' uncertainty, no wider than their ranges."""
-    values, vectors = np.linalg.eigh(hessian * np.outer(unit, unit))
-    return np.asarray(unit[:, None] * vectors / np.sqrt(np.maximum(values, WIDEST**-2.0)))
 
 
 def _folds(count: list[int]) -> list[NDArray[np.intp]]:

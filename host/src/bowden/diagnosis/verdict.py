@@ -18,7 +18,6 @@ from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
 from bowden.diagnosis.search import Found
-from bowden.estimation.posterior import covariance_of
 from bowden.estimation.search import INTERVAL
 from bowden.model.effects import LEARNED
 
@@ -142,7 +141,7 @@ def _ties(credible: Sequence[Weighed]) -> tuple[tuple[str, str], ...]:
 
 def effects_of(one: Hypothesis, inclusion: dict[str, float]) -> list[NamedEffect]:
     """Return the effects of a hypothesis with the 95 % intervals of their numbers."""
-    covariance = covariance_of(one.best.hessian)
+    covariance = one.covariance
     each = one.problem.parameters.each
     paths = [number.path for number in each]
     found = []

@@ -144,7 +144,7 @@ class Posterior:
 def posterior(problem: Problem, best: Optimum) -> Posterior:
     """Read the posterior off an optimum."""
     size = problem.size
-    every = covariance_of(best.hessian)
+    every = problem.covariance(best.hessian)
     slopes = problem.parameters.slopes(best.x[:size])
     covariance = every[:size, :size] * np.outer(slopes, slopes)
     holds = max(best.scales.discrepancy) <= EXCEEDS
@@ -172,18 +172,6 @@ def posterior(problem: Problem, best: Optimum) -> Posterior:
         best.scales.discrepancy,
         holds,
     )
-
-
-def covariance_of(hessian: _Floats) -> _Floats:
-    """Return the covariance of a Hessian, whose numbers have units from N m to N.
-
-    Each is scaled to a curvature of 1 first, or the precisest one would set the limit below which
-    curvature counts as none, and a number that only its tolerance tells would come out as exact.
-    """
-    size = np.sqrt(np.diag(hessian))
-    size[size == 0.0] = 1.0
-    units = np.outer(size, size)
-    return np.asarray(np.linalg.pinv(hessian / units, hermitian=True) / units, dtype=np.float64)
 
 
 def _estimate(

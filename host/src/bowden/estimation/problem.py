@@ -22,6 +22,8 @@ from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
 
+WIDEST = 10.0  # unit steps: a number is within its range, however little the data say of it
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -134,6 +136,26 @@ class Problem:
         if count:
             jacobian[size:, size:] = np.diag(1.0 / sigmas)
         return residual, jacobian
+
+    def root(self, hessian: _Floats) -> _Floats:
+        """Return a root of the numbers' covariance: columns, each an independent unknown.
+
+        No number is unknown beyond `WIDEST` unit steps: one that the data don't tell at all is
+        known by its range, and the others are not disturbed by what rounding makes of it.
+
+        Parameters
+        ----------
+        hessian : ndarray of shape (k, k)
+            Of -log posterior.
+        """
+        unit = self.unit
+        values, vectors = np.linalg.eigh(hessian * np.outer(unit, unit))
+        return np.asarray(unit[:, None] * vectors / np.sqrt(np.maximum(values, WIDEST**-2.0)))
+
+    def covariance(self, hessian: _Floats) -> _Floats:
+        """Return the covariance of the numbers of a point, shape (k, k); see `root`."""
+        root = self.root(hessian)
+        return np.asarray(root @ root.T)
 
 
 @dataclass(frozen=True)
