@@ -8,7 +8,7 @@ Only inside a turn or at standstill is it unknown within a count. So: a path thr
 wide (`smooth_path`), which never leaves them, and whose best estimate turns only where the counts
 do: friction and play remember a turn of a hundredth of a count for as long as the pair rests.
 
-Torque channels with white noise are smoothed in the same way, within three standard deviations,
+Channels with white noise are smoothed in the same way and turn only where their readings show it,
 because friction depends on extremes: noise on an input would be rectified. The measured side of a
 residual is left as it is where its noise is white.
 """
@@ -26,8 +26,14 @@ from bowden.model import Mode, Model
 from bowden.model.trajectory import speed_of
 from bowden.recording.recording import Recording
 from bowden.signals.noise import noise_sigma
-from bowden.signals.runs import Runs, Standstill, one_way
-from bowden.signals.smooth_path import SmoothPath, path_through_boxes, path_through_noise
+from bowden.signals.runs import Runs, Standstill, one_way, shown_turns
+from bowden.signals.smooth_path import (
+    ANGLE_ORDER,
+    TORQUE_ORDER,
+    SmoothPath,
+    path_through_boxes,
+    path_through_noise,
+)
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
@@ -79,34 +85,37 @@ class _Path:
     smooth: SmoothPath
     node: _Index
     share: _Floats
-    low: _Floats
-    high: _Floats
     zero: float
     unit: float
+    turns: tuple[tuple[int, int, float], ...]
+    box: tuple[_Floats, _Floats] | None = None
     rests: tuple[Standstill, ...] = ()
-    turns: tuple[tuple[int, int, float], ...] = ()
 
     def estimate(self) -> tuple[_Floats, _Floats]:
         mean, variance = self.smooth.at(self.node, self.share)
-        # Within its box nothing can be worse known than by half the box.
-        sigma = np.minimum(np.sqrt(np.maximum(variance, 0.0)), 0.5 * (self.high - self.low))
+        sigma = np.sqrt(np.maximum(variance, 0.0))
+        if self.box is not None:  # in which nothing can be worse known than by half of it
+            sigma = np.minimum(sigma, 0.5 * (self.box[1] - self.box[0]))
         for rest in self.rests:
             reached = rest.stand(mean, 0.0, USUAL_BRAKING, USUAL_BRAKING)
             sigma[rest.first : rest.last + 1] = np.maximum(
                 sigma[rest.first : rest.last + 1] * (1.0 - reached), reached * _UNIFORM
             )
-        mean = one_way(np.clip(mean, self.low, self.high), self.turns) if self.turns else mean
-        return self._back(mean), self.unit * sigma
+        return self._back(one_way(self._inside(mean), self.turns)), self.unit * sigma
 
     def draws(self, generator: np.random.Generator) -> Iterator[_Floats]:
         for one in self.smooth.draws(generator):
             mean, _ = one.at(self.node, self.share)
             for rest in self.rests:
                 rest.draw(mean, generator)
-            yield self._back(mean)
+            # Within counts a path may turn unseen; behind noise it would tremble for ever.
+            yield self._back(mean if self.box else one_way(mean, self.turns))
+
+    def _inside(self, mean: _Floats) -> _Floats:
+        return mean if self.box is None else np.clip(mean, *self.box)
 
     def _back(self, mean: _Floats) -> _Floats:
-        return np.asarray(self.zero + self.unit * np.clip(mean, self.low, self.high))
+        return np.asarray(self.zero + self.unit * self._inside(mean))
 
 
 def dequantise(
@@ -115,6 +124,7 @@ def dequantise(
     *,
     expected_quantum: float | None = None,
     felt: _Floats | None = None,
+    order: int = ANGLE_ORDER,
 ) -> Estimated:
     """Estimate the true values behind a sensor's readings.
 
@@ -129,23 +139,25 @@ def dequantise(
     felt : ndarray of shape (2, n), optional
         The measured torques at that end and at the other, over their noise: what seems to rest
         while the first drifts, or comes back without the second, may move within its count.
+    order : int
+        Derivatives that a path behind white noise has, with itself: an angle's or a torque's.
 
     Returns
     -------
     Estimated
         A quantised channel stays within half a count of what was read (and its noise on top), a
-        noisy one within three standard deviations, a clean one as it is.
+        noisy one turns where it is shown, a clean one stays as it is.
     """
     quantum = grid(values, expected_quantum)
     total = noise_sigma(values, time_s)
     if values.size < 4 or (quantum is None and total <= CLEAN_SHARE * float(np.ptp(values))):
         return Estimated(values.copy(), np.full(values.size, total), None, total)
     if quantum is None:
-        return _denoised(time_s, values, total)
+        return _denoised(time_s, values, total, order)
     # Rounding alone would make sigma^2 = q^2 / 12 while the channel moves.
     noise = float(np.sqrt(max(total**2 - 1.1 * quantum**2 / 12.0, 0.0)))
     if noise > NOISY_COUNTS * quantum:
-        return replace(_denoised(time_s, values, total), quantum=quantum)
+        return replace(_denoised(time_s, values, total, order), quantum=quantum)
     return _within_counts(time_s, values, quantum, felt)
 
 
@@ -192,19 +204,19 @@ def _misfit(levels: _Floats, quantum: float) -> float:
     return float(np.sqrt(np.mean((np.mod(levels / quantum - zero + 0.5, 1.0) - 0.5) ** 2)))
 
 
-def _denoised(time_s: _Floats, values: _Floats, sigma: float) -> Estimated:
+def _denoised(time_s: _Floats, values: _Floats, sigma: float, order: int) -> Estimated:
     step = np.diff(time_s) / float(np.median(np.diff(time_s)))
     zero = float(values[0])
     scaled = (values - zero) / sigma
     size = values.size
+    smooth = path_through_noise(step, scaled, order)
     path = _Path(
-        smooth=path_through_noise(step, scaled),
+        smooth=smooth,
         node=np.minimum(np.arange(size), size - 2),
         share=(np.arange(size) == size - 1).astype(np.float64),
-        low=scaled - BAND_SIGMAS,
-        high=scaled + BAND_SIGMAS,
         zero=zero,
         unit=sigma,
+        turns=shown_turns(smooth.states[:, 0], np.sqrt(smooth.variance)),
     )
     return Estimated(*path.estimate(), None, sigma, path)
 
@@ -229,12 +241,11 @@ def _within_counts(
         smooth=smooth,
         node=before,
         share=share,
-        low=count - margin,
-        high=count + margin,
         zero=zero,
         unit=quantum,
-        rests=runs.rests(count, felt),
         turns=runs.turns(count),
+        box=(count - margin, count + margin),
+        rests=runs.rests(count, felt),
     )
     return Estimated(*path.estimate(), quantum, quantum * noise, path)
 
@@ -293,7 +304,10 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
         if name.endswith("_rad") or name in mode.columns:
             one = 2.0 * np.pi / turn.value if turn is not None else None
             felt = _felt(channels, name, mode)
-            channels[name] = dequantise(recording.time_s, values, expected_quantum=one, felt=felt)
+            order = ANGLE_ORDER if name.endswith("_rad") else TORQUE_ORDER
+            channels[name] = dequantise(
+                recording.time_s, values, expected_quantum=one, felt=felt, order=order
+            )
         else:
             noise = noise_sigma(values, recording.time_s)
             channels[name] = Estimated(values, np.full(values.size, noise), None, noise)

@@ -1,4 +1,4 @@
-"""Stretches of equal counts: where a path turns, where it rests, where it needs many nodes.
+"""Stretches of a path: where it turns, where it rests, where it needs many nodes.
 
 Pure functions over arrays, for `dequantise`. Lengths in counts, times in samples.
 """
@@ -22,6 +22,7 @@ REST_SAMPLES = 20
 DRIFTS = 4.0  # standard deviations of a sample's noise
 PARTS = 12  # of a rest, whose means tell whether the torque comes back
 BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
+SHOWN = 6.0  # standard deviations of a difference: such a turn is not of noise
 PARABOLA = 2.0  # an even acceleration
 POWERS = (1.0, 3.0)  # of time, with which motions begin and end: at once (1), with even jerk (3)
 BRAKING = (0.5, 3.0)  # as far as draws go: operators start and stop more or less gently
@@ -267,6 +268,47 @@ def _returns(here: _Floats, there: _Floats) -> bool:
     by_chance = 2.0 * PARTS / math.sqrt(here.size / PARTS)  # twice what white noise adds up to
     others = [float(np.mean(part)) for part in np.array_split(there, PARTS)]
     return ways > 2.0 * DRIFTS + by_chance and np.ptp(others) < DRIFTS
+
+
+def shown_turns(path: _Floats, sigma: _Floats) -> tuple[tuple[int, int, float], ...]:
+    """List the turns that a path of so much uncertainty shows, and the ends; see `one_way`.
+
+    Parameters
+    ----------
+    path, sigma : ndarray of shape (n,)
+        A path behind noise and its standard deviation, > 0.
+
+    Returns
+    -------
+    tuple of (first sample, last sample, sign)
+        A turn lies anywhere in what can hardly be told from the extreme.
+    """
+    found: list[tuple[int, float]] = []
+    top = bottom = 0
+    way = 0.0
+    for k in range(path.size):
+        top = k if path[k] > path[top] else top
+        bottom = k if path[k] < path[bottom] else bottom
+        if way >= 0.0 and path[top] - path[k] > SHOWN * math.hypot(sigma[top], sigma[k]):
+            found += [(top, 1.0)] if way > 0.0 else []
+            way, top, bottom = -1.0, k, k
+        elif way <= 0.0 and path[k] - path[bottom] > SHOWN * math.hypot(sigma[bottom], sigma[k]):
+            found += [(bottom, -1.0)] if way < 0.0 else []
+            way, top, bottom = 1.0, k, k
+    end = path.size - 1
+    way = way or (1.0 if path[end] >= path[0] else -1.0)
+    ends = [0, *(at for at, _ in found), end]
+    turns = [(0, 0, -found[0][1] if found else -way)]
+    for before, (at, sign), after in zip(ends[:-2], found, ends[2:], strict=True):
+        depth = sign * (path[at] - path[before : after + 1])
+        spread = np.hypot(sigma[at], sigma[before : after + 1])
+        # Nearer in height than the next turn, so that no two share a sample.
+        half = np.where(np.arange(depth.size) < at - before, depth[0], depth[-1]) / 2.0
+        off = np.flatnonzero(depth >= np.minimum(SHOWN * spread, half)) + before
+        early, late = off[off < at], off[off > at]
+        first = int(early[-1]) + 1 if early.size else before
+        turns.append((first, int(late[0]) - 1 if late.size else after, sign))
+    return (*turns, (end, end, way))
 
 
 def one_way(path: _Floats, turns: Sequence[tuple[int, int, float]]) -> _Floats:

@@ -47,6 +47,7 @@ POOLED = 1  # steps on either side that share an intensity: when a corner comes 
 BENDS_FIRST = 1e-2  # against corners, before anything is known
 TURNS_FIRST = (1.0, 1e-2)  # the same in turns: as a motion brakes that takes so long for a count
 NEVER = 1e-100  # least usual intensity
+STRETCH = 100  # samples of a noisy angle that share usual intensities: 0.1 s at 1 kHz
 ROUNDING = 1e-6  # of a step's numbers: fewer are determined by rounding alone
 SWEEPS = 32  # from which the variance is taken
 FORGETTING = 20  # sweeps until the likeliest intensities, where a chain begins, are left
@@ -158,10 +159,15 @@ def path_through_boxes(
     return _fitted(nodes, ANGLE_ORDER, liveliness, kind, (middle, least_noise))
 
 
-def path_through_noise(step: _Floats, values: _Floats) -> SmoothPath:
-    """Find the path behind values with white noise of standard deviation 1."""
+def path_through_noise(step: _Floats, values: _Floats, order: int) -> SmoothPath:
+    """Find the path of an order behind values with white noise of standard deviation 1.
+
+    An angle has strokes and rests, whose ends noise hides: stretches of time share usual
+    intensities instead. All of a torque has the same.
+    """
     nodes = wiener.Nodes(step, np.empty(0), np.ones(values.size), values.copy())
-    return _fitted(nodes, TORQUE_ORDER, np.ones((step.size, 2)), np.zeros(step.size, dtype=np.intp))
+    stretch = STRETCH if order == ANGLE_ORDER else values.size
+    return _fitted(nodes, order, np.ones((step.size, 2)), 1 + np.arange(step.size) // stretch)
 
 
 def _fitted(
