@@ -79,3 +79,28 @@ def test_calibrated_numbers_take_over_what_an_effect_did(
         material, refitted_from(material, as_searched(MODEL), less, both), base.best.noises
     )
     assert again.best.cost < both.best.cost + 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "hidden", "is_idle"),
+    [
+        # A thousandth of the torque: pretension and stiffness within their tolerances do the same
+        # but for less than a single reading's error, though thousands of readings agree on it.
+        ("load_cell_gain", "g", 0.001, True),
+        ("load_cell_gain", "g", 0.01, False),
+        # The angle's zero does the same exactly: 0.6 and 3.2 of its tolerances away.
+        ("encoder_offset", "offset_rad", 0.001, True),
+        ("encoder_offset", "offset_rad", 0.005, False),
+    ],
+)
+def test_an_effect_has_to_do_what_calibration_cannot(
+    name: str, number: str, hidden: float, *, is_idle: bool
+) -> None:
+    effect = candidates((name,))[0]
+    truth = TRUTH.with_effect(name, {number: hidden})
+    with ThreadPoolExecutor(1) as pool:
+        readings = make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
+        calibrated = search(readings, MODEL, [], seed=1).base
+        found = fitted(readings, calibrated, (effect, {number: hidden}))
+    assert found.values(0)[number] == pytest.approx(hidden, rel=0.05)
+    assert idle(found) == ([0] if is_idle else [])

@@ -93,22 +93,31 @@ def _error(noise: Covariance) -> _Floats:
     return np.asarray(noise.own + (DOUBTED * noise.offset) ** 2)
 
 
-def sizes_of(one: Hypothesis) -> list[tuple[float, float]]:
-    """Return how much each effect does: in all, and beyond what calibration would do about it.
+def shares(one: Hypothesis) -> list[float]:
+    """Return how much each effect does beyond calibration, as `size_in_noise` has it.
 
-    As `size_in_noise` has it; infinite where the model cannot run without it.
+    Infinite where the model cannot run without it.
     """
     return [
-        (np.inf, np.inf)
-        if change is None
-        else (size_in_noise(one, change), size_in_noise(one, _beyond_calibration(one, change)))
+        np.inf if change is None else size_in_noise(one, _beyond_calibration(one, change))
         for change in one.contributions
     ]
 
 
-def shares(one: Hypothesis) -> list[float]:
-    """Return how much each effect does beyond calibration."""
-    return [beyond for _, beyond in sizes_of(one)]
+def strains(one: Hypothesis) -> list[float]:
+    """Return how far the calibrated numbers would move to do what each effect does, in tolerances.
+
+    A tolerance is one observation's error, too: of the number that it is stated for. Infinite where
+    the model cannot run without the effect.
+    """
+    found = []
+    for change in one.contributions:
+        if change is None:
+            found.append(np.inf)
+            continue
+        kept, step = _calibrated_for(one, change)
+        found.append(float(np.linalg.norm(one.problem.prior(one.best.x)[1][:, kept] @ step)))
+    return found
 
 
 def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:

@@ -7,18 +7,15 @@ idle.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from bowden.diagnosis.contribution import sizes_of
+from bowden.diagnosis.contribution import shares, strains
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.predict import LISTED
-from bowden.diagnosis.probes import strength_of
-from bowden.estimation.parameters import WEAK
 
 STRAINED = 2.5  # tolerances
-ERROR = 1.0  # of a single observation: an effect that does less makes no practical difference
 
 
 def is_strained(one: Hypothesis) -> bool:
@@ -41,26 +38,32 @@ def matters(one: Hypothesis) -> bool:
 
 
 def idle(one: Hypothesis) -> list[int]:
-    """Return which effects of a set do nothing in practice.
+    """Return which effects of a set do nothing in practice: less than `least_share` of the others.
 
-    Less than a hundredth of its usual strength, less than a single observation's error, or beyond
-    calibration less than the others' laws may be off by.
+    Where calibration would do nearly what an effect does, and within its tolerances, the effect is
+    no other explanation of the data, however many samples agree on the little that is left.
     """
-    sizes = sizes_of(one)
-    errors = law_errors(one, [beyond for _, beyond in sizes])
-    found = []
-    for index, (effect, (size, beyond)) in enumerate(zip(one.effects, sizes, strict=True)):
-        values = one.values(index)
-        strong = any(
-            abs(strength_of(p, values[p.name])) >= abs(strength_of(p, p.typical)) / WEAK
-            for p in effect.strengths
-        )
-        others = errors[:index] + errors[index + 1 :]
-        if not strong or size < ERROR or beyond < math.hypot(*others):
-            found.append(index)
-    return found
+    every, beyond = range(len(one.effects)), shares(one)
+    return [
+        k
+        for k, size in zip(every, strains(one), strict=True)
+        if max(beyond[k], size) < least_share(one, beyond, [i for i in every if i != k])
+    ]
 
 
-def law_errors(one: Hypothesis, beyond: Sequence[float]) -> list[float]:
-    """Return each law's model-form error: its share of what it does beyond calibration."""
-    return [e.effect.form_error * size for e, size in zip(one.effects, beyond, strict=True)]
+def least_share(one: Hypothesis, beyond: Sequence[float], beside: Iterable[int]) -> float:
+    """Return what an effect has to do beyond calibration to be of any practical difference.
+
+    A single observation's error and what the laws of the effects beside it may be off by, each its
+    `form_error` of what it does: the region of practical equivalence to the set without it.
+
+    Parameters
+    ----------
+    one : Hypothesis
+    beyond : sequence of float
+        What each of its effects does beyond calibration, over an observation's error.
+    beside : iterable of int
+        Which of its effects stand beside.
+    """
+    errors = (one.effects[k].effect.form_error * beyond[k] for k in beside)
+    return math.hypot(1.0, *errors)

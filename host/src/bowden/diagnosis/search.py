@@ -186,12 +186,11 @@ def _comparable(
         ranked.append(base)
     finished = [finish(material, one, noises) for one in ranked]
     likeliest = min(finished, key=_merit)
-    found = []
-    for one in finished:
-        if one is not likeliest:
-            again = refitted_from(material, searched, one, likeliest)
-            one = min(one, finish(material, again, noises), key=_merit)  # noqa: PLW2901
-        done[one.key] = one
-        if matters(one):
-            found.append((one, predict_unseen(one)))
-    return found
+
+    def restarted(one: Hypothesis) -> Hypothesis:
+        again = refitted_from(material, searched, one, likeliest)
+        return min(one, finish(material, again, noises), key=_merit)
+
+    found = [one if one is likeliest else restarted(one) for one in finished]
+    done.update((one.key, one) for one in found)
+    return [(one, predict_unseen(one)) for one in found if matters(one)]
