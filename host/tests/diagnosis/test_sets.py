@@ -14,6 +14,7 @@ from bowden.diagnosis.growing import refitted_from, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.relevance import idle
+from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
 from bowden.model import Mode
 
@@ -79,6 +80,29 @@ def test_calibrated_numbers_take_over_what_an_effect_did(
         material, refitted_from(material, as_searched(MODEL), less, both), base.best.noises
     )
     assert again.best.cost < both.best.cost + 1.0
+
+
+def test_a_gain_is_predicted_with_what_tolerances_no_longer_have_to_stretch() -> None:
+    """An angle's offset shows in nothing but its zero, 13 tolerances away: an effect gains that."""
+    offset = candidates(("encoder_offset",))[0]
+    truth = TRUTH.with_effect(OFFSET.name, {"offset_nm": HIDDEN_NM})
+    truth = truth.with_effect(offset.name, {"offset_rad": 0.02})
+    with ThreadPoolExecutor(1) as pool:
+        readings = make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
+        calibrated = search(readings, MODEL, [], seed=1).base
+        screen = Screen(fitted(readings, calibrated, (OFFSET, {"offset_nm": HIDDEN_NM})))
+        (screened, *_) = screen.screen(offset)
+        promised = screen.annealed(screened)
+        both = fitted(
+            readings,
+            calibrated,
+            (OFFSET, {"offset_nm": HIDDEN_NM}),
+            (offset, {"offset_rad": 0.01}),
+        )
+    gained = screen.parent.best.cost - both.best.cost
+    assert gained > 50.0
+    # The prediction is linear, and an offset is, too; scales of the noise may move a little.
+    assert promised == pytest.approx(gained, rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -25,8 +25,8 @@ from bowden.diagnosis.probes import (
     switched_off,
     value_of,
 )
-from bowden.estimation.likelihood import Whitened, best_scales, block_weight, cost, whiten
-from bowden.estimation.problem import fitted_parts
+from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whiten
+from bowden.estimation.problem import fitted_parts, objective
 from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
@@ -279,8 +279,11 @@ class Screen:
             for r, j, c in zip(best.residuals, self.parent.slopes, screened.change, strict=True)
         ]
         parts = fitted_parts(self.problem, left, best.noises)
-        now = cost(parts, best_scales(parts, best.scales))
-        return cost(fitted_parts(self.problem, best.residuals, best.noises), best.scales) - now
+        now = objective(
+            self.problem, best.x + step, left, best.noises, best_scales(parts, best.scales)
+        )
+        here = objective(self.problem, best.x, best.residuals, best.noises, best.scales)
+        return here - now
 
     def _predict(self, candidate: Candidate, values: Mapping[str, float]) -> list[_Floats] | None:
         parent = self.parent
