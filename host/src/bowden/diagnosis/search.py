@@ -129,8 +129,8 @@ def search(
         grown = sorted([*finished, *frontier], key=_merit)
         if grown[0] in frontier:
             break
-        best_ones = grown[: 1 if holds(grown[0]) else PARENTS]
-        frontier = [one for one in best_ones if one not in frontier]
+        rivals = [one for one in grown if holds(one) or not holds(grown[0])]
+        frontier = [one for one in rivals[:PARENTS] if one not in frontier]
     tell("predicting what was held out", 0.85)
     compared = _comparable(material, searched, done, noises)
     names = len({one.name for one in every})
