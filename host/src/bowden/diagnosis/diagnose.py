@@ -128,7 +128,9 @@ def diagnose(
     tell("done", 1.0)
     return Diagnosis(
         verdict=verdict,
-        sentence=sentence_of(verdict, decision.effects, gap, where, learned),
+        sentence=sentence_of(
+            verdict, decision.effects, gap, where, learned=learned, tied=decision.tied
+        ),
         effects=decision.effects,
         ranking=ranking(found),
         cannot_tell_apart=decision.tied,

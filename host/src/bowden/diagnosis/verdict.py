@@ -67,9 +67,7 @@ def decide(found: Found) -> Decision:
     if beyond > LIKELIER:
         verdict, chosen, shown = "unlisted", every[0], []
     elif sure:
-        exactly = [one for one in every if set(one.hypothesis.names) == sure]
-        holding = [one for one in every if sure <= set(one.hypothesis.names)]
-        chosen = (exactly or holding)[0]
+        chosen = next(one for one in every if sure <= set(one.hypothesis.names))
         verdict, shown = "named", [chosen]
     elif nothing > LIKELIER:
         verdict, chosen, shown = "complete", base, []

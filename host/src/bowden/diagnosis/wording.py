@@ -13,6 +13,7 @@ from bowden.diagnosis.result import Diagnosis, Learned, NamedEffect, Verdict
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
 from bowden.model import Mode, Model
+from bowden.model.effects import CATALOGUE
 from bowden.model.effects.learned import DIRECTION, SLIP_DIRECTION
 from bowden.signals.prediction import PREDICTED
 
@@ -56,9 +57,23 @@ def sentence_of(
     effects: Sequence[NamedEffect],
     gap: Gap,
     where: Where,
+    *,
     learned: Learned | None = None,
+    tied: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """Say the verdict in one sentence or two."""
+    """Say the verdict in one sentence or two.
+
+    Parameters
+    ----------
+    verdict : str
+    effects : sequence of NamedEffect
+        Those that are named.
+    gap : Gap
+    where : Where
+    learned : Learned, optional
+    tied : sequence of (str, str)
+        Effects, by name, of which the recordings cannot say which is there.
+    """
     scale, unit = (1e3, "mrad") if gap.quantity.endswith("_rad") else (1e3, "mN m")
     channel = gap.quantity.rpartition("_")[0].replace("_", " ")
     before, after, floor = (
@@ -66,9 +81,12 @@ def sentence_of(
     )
     titles = [_title(one) for one in effects]
     if verdict == "named":
+        beside = sorted({name for pair in tied for name in pair} - {one.name for one in effects})
+        which = " or ".join(_lower(CATALOGUE[name].title) for name in beside)
+        open_tie = f", and {which} (these recordings cannot say which)" if which else ""
         return (
-            f"The model lacks {' and '.join(titles)}: with it, the held-out gap in {channel} "
-            f"falls from {before} to {after}; the noise floor is {floor}."
+            f"The model lacks {' and '.join(titles)}{open_tie}: with it, the held-out gap in "
+            f"{channel} falls from {before} to {after}; the noise floor is {floor}."
         )
     if verdict == "ambiguous":
         return (
@@ -143,7 +161,11 @@ ARGUMENT_WORDS = {
 
 
 def _title(one: NamedEffect) -> str:
-    return one.title[0].lower() + one.title[1:] + (f" ({one.variant})" if one.variant else "")
+    return _lower(one.title) + (f" ({one.variant})" if one.variant else "")
+
+
+def _lower(title: str) -> str:
+    return title[0].lower() + title[1:]
 
 
 def as_solved_before(fitted: Model, file: Model) -> Model:
