@@ -21,7 +21,7 @@ from bowden.model import Mode
 from .lab import MODEL, TRUTH, measured
 
 (OFFSET,) = candidates(("motor_torque_offset",))
-(ASYMMETRY,) = candidates(("direction_asymmetry",))
+(GAIN,) = candidates(("load_cell_gain",))
 (WRAP,) = candidates(("wrap_angle_change",))
 HIDDEN_NM: Final = 0.03
 
@@ -49,8 +49,8 @@ def fitted(
 def test_an_effect_that_does_nothing_beside_another_is_dropped(
     material: Material, base: Hypothesis
 ) -> None:
-    both = fitted(material, base, (ASYMMETRY, {"a": 0.01}), (OFFSET, {"offset_nm": 0.02}))
-    assert [both.effects[i] for i in idle(both)] == [ASYMMETRY]
+    both = fitted(material, base, (GAIN, {"g": 0.01}), (OFFSET, {"offset_nm": 0.02}))
+    assert [both.effects[i] for i in idle(both)] == [GAIN]
     less = without_idle(material, as_searched(MODEL), both, {})
     assert less is not None
     assert less.names == (OFFSET.name,)

@@ -12,12 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import shares
 from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import MORE
-from bowden.diagnosis.relevance import is_strained, least_share
+from bowden.diagnosis.relevance import ERROR, is_strained
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.model import Model
 from bowden.model.effects import CATALOGUE
@@ -103,8 +102,7 @@ def proposed(screening: Screening) -> list[ScreenedCandidate]:
     screen, parent = screening.screen, screening.screen.parent
     others = [one for one in screening.here if one.candidate.name not in parent.names]
     fresh = [screen.again(one) for one in others]
-    least = least_share(parent, shares(parent), range(len(parent.effects)))
-    fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > least]
+    fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > ERROR]
     fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
     annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
     fresh = [one for one in fresh if annealed[one.candidate.key] > penalty(one)]

@@ -6,9 +6,6 @@ idle.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
-
 import numpy as np
 
 from bowden.diagnosis.contribution import shares, strains
@@ -16,6 +13,7 @@ from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.predict import LISTED
 
 STRAINED = 2.5  # tolerances
+ERROR = 1.0  # of a single observation, or a tolerance: the region of practical equivalence
 
 
 def is_strained(one: Hypothesis) -> bool:
@@ -38,32 +36,11 @@ def matters(one: Hypothesis) -> bool:
 
 
 def idle(one: Hypothesis) -> list[int]:
-    """Return which effects of a set do nothing in practice: less than `least_share` of the others.
+    """Return which effects of a set do nothing in practice.
 
-    Where calibration would do nearly what an effect does, and within its tolerances, the effect is
-    no other explanation of the data, however many samples agree on the little that is left.
+    Beyond what calibration would do within its tolerances, less than a single observation's error:
+    such an effect is no other explanation of the data, however many samples agree on the little
+    that is left.
     """
-    every, beyond = range(len(one.effects)), shares(one)
-    return [
-        k
-        for k, size in zip(every, strains(one), strict=True)
-        if max(beyond[k], size) < least_share(one, beyond, [i for i in every if i != k])
-    ]
-
-
-def least_share(one: Hypothesis, beyond: Sequence[float], beside: Iterable[int]) -> float:
-    """Return what an effect has to do beyond calibration to be of any practical difference.
-
-    A single observation's error and what the laws of the effects beside it may be off by, each its
-    `form_error` of what it does: the region of practical equivalence to the set without it.
-
-    Parameters
-    ----------
-    one : Hypothesis
-    beyond : sequence of float
-        What each of its effects does beyond calibration, over an observation's error.
-    beside : iterable of int
-        Which of its effects stand beside.
-    """
-    errors = (one.effects[k].effect.form_error * beyond[k] for k in beside)
-    return math.hypot(1.0, *errors)
+    sizes = zip(shares(one), strains(one), strict=True)
+    return [index for index, size in enumerate(sizes) if max(size) < ERROR]
