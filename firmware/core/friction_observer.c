@@ -7,18 +7,24 @@
 #define LEAST_COUNTS 3        /* of the load in a window */
 #define MOST_Q16 (24 << 16)   /* of what a sample says; more is a very stiff pair, or a slip */
 #define SURPRISE_Q24 ONE_Q24  /* an error of a sample counts up to this */
-#define PRIOR_X_Q30 24159191  /* 0.15^2: friction and pretension wrong by 15 % each */
+#define PRIOR_X_Q30 16106127  /* 0.122^2: mu and pretension each wrong by up to 15 %, evenly */
+#define CHANGE_X_Q30 8053064  /* 0.087^2: as much as one of them changes in use */
 #define PRIOR_E_Q30 10737418  /* 0.1^2 */
 #define PRIOR_D_Q30 6333186   /* 0.0768^2: 1.2 ms */
 #define PRIOR_O_Q30 42949673  /* 0.2^2, in units of B */
 #define DRIFT_Q30 1074        /* 1e-6 a sample: a tenth in 160 s of sliding */
-#define UNMODELLED_Q24 671089 /* 0.2^2 of B in each sample: what neither x nor e nor d explains */
+#define FADING_WINDOWS 128    /* tau of (O4): 2 s of sliding */
+#define NOISE_Q24 41943       /* 0.05^2 of B: least variance of a sample, beside the counts' */
+#define NOISE_WINDOWS 16      /* 1/4 s of sliding, over which the noise scale is estimated */
 #define SURE_DEVIATIONS 2     /* at one, 14 of 150 rigs of the priors are pushed; at two, none */
 #define LEAST_Q16 16384       /* 1/4 */
 #define MOST_FACTOR_Q16 81920 /* 5/4 */
 
 static const int32_t PRIOR_Q30[FRICTION_OBSERVER_NUMBERS] = {PRIOR_X_Q30, PRIOR_E_Q30, PRIOR_D_Q30,
                                                              PRIOR_O_Q30};
+/* What they grow to when nothing is seen. */
+static const int32_t MOST_Q30[FRICTION_OBSERVER_NUMBERS] = {PRIOR_X_Q30 + CHANGE_X_Q30, PRIOR_E_Q30,
+                                                            PRIOR_D_Q30, PRIOR_O_Q30};
 /* Where row i, column j of the covariance is kept. */
 static const uint8_t AT[FRICTION_OBSERVER_NUMBERS][FRICTION_OBSERVER_NUMBERS] = {
     {0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
@@ -33,7 +39,7 @@ friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
     const int32_t counts_q24 = (int32_t)((int64_t)count_q16 * count_q16 / 256 / 8);
     friction_observer_t observer = {
         .q16_per_nm = q16_per_nm,
-        .noise_q24 = UNMODELLED_Q24 + counts_q24,
+        .least_noise_q24 = NOISE_Q24 + counts_q24,
         .window_ticks = ticks_per_s / WINDOWS_PER_S,
         .least_travel_nm = LEAST_COUNTS * count_nm,
     };
@@ -53,8 +59,32 @@ void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16
             observer->covariance_q30[AT[i][j]] = i == j ? PRIOR_Q30[i] : 0;
         }
     }
-    observer->mean_q24[0] = ((int32_t)factor_q16 - FRICTION_OBSERVER_ONE) * 256;
+    observer->prior_q24 = ((int32_t)factor_q16 - FRICTION_OBSERVER_ONE) * 256;
+    observer->mean_q24[0] = observer->prior_q24;
+    observer->noise_q24 = observer->least_noise_q24;
     observer->deviation_q16 = root_q16(PRIOR_X_Q30);
+}
+
+/* (O4) over a window of sliding. */
+static void fade(friction_observer_t *observer) {
+    int32_t *p = observer->covariance_q30;
+    observer->mean_q24[0] += (observer->prior_q24 - observer->mean_q24[0]) / FADING_WINDOWS;
+    p[0] += (MOST_Q30[0] - p[0]) / (FADING_WINDOWS / 2);
+    for (uint32_t j = 1; j < FRICTION_OBSERVER_NUMBERS; j++) {
+        p[AT[0][j]] -= p[AT[0][j]] / FADING_WINDOWS;
+    }
+    observer->deviation_q16 = root_q16(p[0]);
+}
+
+/* What of a sample's error is beyond the spread of the four numbers is noise. */
+static void estimate_noise(friction_observer_t *observer, int32_t surprise_q24,
+                           int32_t spread_q24) {
+    const int32_t square_q24 = (int32_t)((int64_t)surprise_q24 * surprise_q24 / ONE_Q24);
+    const int32_t seen_q24 = square_q24 > spread_q24 ? square_q24 - spread_q24 : 0;
+    observer->noise_q24 += (seen_q24 - observer->noise_q24) / NOISE_WINDOWS;
+    if (observer->noise_q24 < observer->least_noise_q24) {
+        observer->noise_q24 = observer->least_noise_q24;
+    }
 }
 
 /* One sample of (O2): `seen` is its left side, `h` what x, e, d and o go with; Q16. */
@@ -74,19 +104,20 @@ static void learn(friction_observer_t *observer, int32_t seen_q16,
         spread_q30 += (int64_t)ph_q30[i] * h_q16[i] / 65536;
         expected_q24 += (int64_t)observer->mean_q24[i] * h_q16[i] / 65536;
     }
-    const int32_t variance_q24 =
-        fixed_saturate(spread_q30 / 64 + observer->noise_q24, &saturations);
-    const ratio_t per_variance = ratio_of(1 << 18, variance_q24 > 0 ? (uint32_t)variance_q24 : 1u);
     const int32_t surprise_q24 =
         fixed_clamp(fixed_saturate((int64_t)seen_q16 * 256 - expected_q24, &saturations),
                     -SURPRISE_Q24, SURPRISE_Q24);
+    const int32_t spread_q24 = fixed_saturate(spread_q30 / 64, &saturations);
+    estimate_noise(observer, surprise_q24, spread_q24);
+    const int32_t variance_q24 = fixed_add(spread_q24, observer->noise_q24, &saturations);
+    const ratio_t per_variance = ratio_of(1 << 18, variance_q24 > 0 ? (uint32_t)variance_q24 : 1u);
     for (uint32_t i = 0; i < FRICTION_OBSERVER_NUMBERS; i++) {
         const int32_t gain_q24 = fixed_scale(ph_q30[i], per_variance, &saturations);
         observer->mean_q24[i] += (int32_t)((int64_t)gain_q24 * surprise_q24 / ONE_Q24);
         for (uint32_t j = i; j < FRICTION_OBSERVER_NUMBERS; j++) {
             p[AT[i][j]] -= (int32_t)((int64_t)gain_q24 * ph_q30[j] / ONE_Q24);
         }
-        p[AT[i][i]] = fixed_clamp(p[AT[i][i]], 0, PRIOR_Q30[i]) + DRIFT_Q30;
+        p[AT[i][i]] = fixed_clamp(p[AT[i][i]], 0, MOST_Q30[i]) + DRIFT_Q30;
     }
     observer->deviation_q16 = root_q16(p[0]);
 }
@@ -100,7 +131,11 @@ static void close_window(friction_observer_t *observer, int32_t load_arc_nm) {
     const int32_t gap_nm = side * (observer->gap_sum_nm / ticks);
     const int32_t innovation_nm = side * (observer->innovation_sum_nm / ticks);
     const bool slid = 2 * side * observer->slid_ticks > ticks;
-    if (!slid || observer->slack || travel_nm < observer->least_travel_nm) {
+    if (!slid || travel_nm < observer->least_travel_nm) {
+        return;
+    }
+    fade(observer);
+    if (observer->slack) {
         return;
     }
     const int32_t h_q16[FRICTION_OBSERVER_NUMBERS] = {

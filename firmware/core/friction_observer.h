@@ -14,6 +14,14 @@
  * not been excited stays at its prior, with its deviation. A Kalman filter of these four numbers,
  * 64 times a second.
  *
+ * e, d and o belong to the rig. The friction changes while it slides: with place, speed, warmth and
+ * wear, or because a clamp slips. So what is known of it fades towards the prior x_0,
+ *   (O4)  dx = -(x - x_0)/tau dt + sigma sqrt(2/tau) dw
+ * sigma being the deviation of the prior and of such changes together. A change of friction moves
+ * all of (O2) at once, which no e, d or o does: it is taken for one within some windows. The
+ * variance of a sample is estimated from the errors of the samples: play, eccentric pulleys and
+ * whatever else (O2) lacks widens the deviation of the friction.
+ *
  * *Sure* is that friction less two standard deviations: what may be compensated without giving the
  * operator energy. Of more friction than the model's only half is assumed, because play at the
  * load and a motor whose own friction is unknown look the same, and pushing the operator is worse
@@ -34,14 +42,16 @@
 
 typedef struct {
     /* constants */
-    ratio_t q16_per_nm; /* 1/B */
-    int32_t noise_q24;  /* variance of a sample, in units of B */
+    ratio_t q16_per_nm;      /* 1/B */
+    int32_t least_noise_q24; /* variance of a sample, in units of B, with nothing but counts */
     uint32_t window_ticks;
     int32_t least_travel_nm; /* in a window, to be a direction */
     /* x, e, d (in windows) and o in Q24; their covariance, upper triangle row by row, in Q30 */
     int32_t mean_q24[FRICTION_OBSERVER_NUMBERS];
     int32_t covariance_q30[FRICTION_OBSERVER_NUMBERS * (FRICTION_OBSERVER_NUMBERS + 1) / 2];
     int32_t deviation_q16; /* of x */
+    int32_t prior_q24;     /* x_0 */
+    int32_t noise_q24;     /* variance of a sample as the samples show it */
     /* the window so far */
     uint32_t ticks;
     int32_t slid_ticks; /* towards 1, less those towards -1 */

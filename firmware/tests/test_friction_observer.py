@@ -20,7 +20,8 @@ ONE = 65536
 TICKS_PER_S = 4000
 STRETCH_NM = 1_500_000  # B
 COUNT_NM = 65_345
-PRIOR = 0.15
+PRIOR = 0.15 * (2 / 3) ** 0.5  # of two factors, each even within 15 %: sqrt(2) 0.15/sqrt(3)
+CHANGES = 0.15  # with what friction changes by in use
 
 
 def observer(stretch_nm: int = STRETCH_NM) -> Any:
@@ -127,19 +128,48 @@ def test_until_the_first_reversal_an_offset_may_be_anything() -> None:
 
 def test_what_was_not_excited_stays_uncertain() -> None:
     one = observer()
-    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * PRIOR), abs=1e-4)
+    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * PRIOR), abs=1e-3)
     for tick in range(4 * TICKS_PER_S):  # moves, but the pair does not slide; slides, but rests
         step(one, 0, 10_000 * tick, 0, 1_000_000)
     for _ in range(4 * TICKS_PER_S):
         step(one, 1, 160_000_000, 0, 1_000_000)
-    for tick in range(4 * TICKS_PER_S):  # slides, but a cable is slack
+    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * PRIOR), abs=1e-3)
+    for tick in range(30 * TICKS_PER_S):  # slides, but a cable is slack: friction may change unseen
         step(one, 1, 160_000_000 + 10_000 * tick, 0, 1_000_000, slack=True)
-    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * PRIOR), abs=1e-4)
+    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * CHANGES), abs=2e-3)
     without_wall, with_wall = observer(), observer()
     teach(without_wall, 0.0, 0.0, 0.0, wall=0.0)
     teach(with_wall, 0.0, 0.0, 0.0)
     # with nothing but friction in the cables, friction and compliance look alike
     assert 1.0 - 2.0 * PRIOR < sure(without_wall) < sure(with_wall) - 0.04
+
+
+@pytest.mark.parametrize("at_s", [1.9, 2.7, 3.6])
+def test_a_friction_that_drops_is_followed_before_it_is_pushed(at_s: float) -> None:
+    """A clamp slips in mid stroke and takes 30 % of the pretension. What is surely friction has
+    to be less than it is again within 1/4 s of sliding: four windows to see it, and what of these
+    are the filter's own time."""
+    one = observer()
+    pushed_s = 0.0
+    for tick, (side, arc_nm, gap, speed) in enumerate(strokes(4.5, 0.0)):
+        x = 0.0 if tick < at_s * TICKS_PER_S else -0.3
+        innovation = -side * x + 5e-4 * speed
+        step(one, side, arc_nm, round(gap * STRETCH_NM), round(innovation * STRETCH_NM))
+        pushed_s += (sure(one) > 1.0 + x) / TICKS_PER_S if tick % 8 == 0 else 0.0
+    assert 8 * pushed_s < 0.25
+    assert 1.0 - 0.3 - 0.2 < sure(one) < 0.7
+
+
+def test_what_the_samples_differ_by_widens_the_deviation() -> None:
+    """The same strokes with a residual that no number of (O2) explains: play at the handle."""
+    calm, disturbed = observer(), observer()
+    for tick, (side, arc_nm, gap, _) in enumerate(strokes(4.0, 2.0)):
+        gap_nm = round(gap * STRETCH_NM)
+        play_nm = round(0.3 * STRETCH_NM * np.sign(np.sin(40.0 * tick / TICKS_PER_S)))
+        step(calm, side, arc_nm, gap_nm, 0)
+        step(disturbed, side, arc_nm, gap_nm, play_nm)
+    assert mean(calm) - sure(calm) < 0.12
+    assert mean(disturbed) - sure(disturbed) > 1.3 * (mean(calm) - sure(calm))
 
 
 def test_a_stiff_pair_says_little_in_counts_of_an_encoder() -> None:
