@@ -41,7 +41,8 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
             settings->ticks_per_s, settings->load_count_nm, windup_nm,
             fixed_add(windup_nm, transmission->path.pretension_stretch_nm / 4, &saturations),
             friction_unm),
-        .observer = friction_observer_of(windup_nm / 2, coarse_nm, settings->ticks_per_s),
+        .observer = friction_observer_of(windup_nm / 2, coarse_nm, settings->ticks_per_s,
+                                         settings->friction_deviation_ppm),
         .passivity = passivity_of(pair->load_pulley_radius_nm, friction_unm),
         .load_motion = load_motion_of(transmission, &sliding, settings->ticks_per_s),
     };

@@ -7,8 +7,7 @@
 #define LEAST_COUNTS 3        /* of the load in a window */
 #define MOST_Q16 (24 << 16)   /* of what a sample says; more is a very stiff pair, or a slip */
 #define SURPRISE_Q24 ONE_Q24  /* an error of a sample counts up to this */
-#define PRIOR_X_Q30 16106127  /* 0.122^2: mu and pretension each wrong by up to 15 %, evenly */
-#define CHANGE_X_Q30 8053064  /* 0.087^2: as much as one of them changes in use */
+#define CHANGE_X_Q30 8053064  /* 0.087^2: friction changes in use by 15 % at most, evenly */
 #define PRIOR_E_Q30 10737418  /* 0.1^2 */
 #define PRIOR_D_Q30 6333186   /* 0.0768^2: 1.2 ms */
 #define PRIOR_O_Q30 42949673  /* 0.2^2, in units of B */
@@ -20,17 +19,13 @@
 #define LEAST_Q16 16384       /* 1/4 */
 #define MOST_FACTOR_Q16 81920 /* 5/4 */
 
-static const int32_t PRIOR_Q30[FRICTION_OBSERVER_NUMBERS] = {PRIOR_X_Q30, PRIOR_E_Q30, PRIOR_D_Q30,
-                                                             PRIOR_O_Q30};
-/* What they grow to when nothing is seen. */
-static const int32_t MOST_Q30[FRICTION_OBSERVER_NUMBERS] = {PRIOR_X_Q30 + CHANGE_X_Q30, PRIOR_E_Q30,
-                                                            PRIOR_D_Q30, PRIOR_O_Q30};
 /* Where row i, column j of the covariance is kept. */
 static const uint8_t AT[FRICTION_OBSERVER_NUMBERS][FRICTION_OBSERVER_NUMBERS] = {
     {0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
 
-friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
-                                         uint32_t ticks_per_s) {
+friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm, uint32_t ticks_per_s,
+                                         uint32_t deviation_ppm) {
+    const int32_t deviation_q16 = (int32_t)((uint64_t)deviation_ppm * 65536u / 1000000u);
     uint32_t saturations = 0; /* not used: without stretch the noise is unbounded anyway */
     const uint32_t stretch = stretch_nm > 0 ? (uint32_t)stretch_nm : 1u;
     const ratio_t q16_per_nm = ratio_of(FRICTION_OBSERVER_ONE, stretch);
@@ -42,6 +37,8 @@ friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
         .least_noise_q24 = NOISE_Q24 + counts_q24,
         .window_ticks = ticks_per_s / WINDOWS_PER_S,
         .least_travel_nm = LEAST_COUNTS * count_nm,
+        .most_q30 = {deviation_q16 * deviation_q16 / 4 + CHANGE_X_Q30, PRIOR_E_Q30, PRIOR_D_Q30,
+                     PRIOR_O_Q30},
     };
     friction_observer_expect(&observer, FRICTION_OBSERVER_ONE);
     return observer;
@@ -56,20 +53,20 @@ void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16
     for (uint32_t i = 0; i < FRICTION_OBSERVER_NUMBERS; i++) {
         observer->mean_q24[i] = 0;
         for (uint32_t j = i; j < FRICTION_OBSERVER_NUMBERS; j++) {
-            observer->covariance_q30[AT[i][j]] = i == j ? PRIOR_Q30[i] : 0;
+            observer->covariance_q30[AT[i][j]] = i == j ? observer->most_q30[i] : 0;
         }
     }
     observer->prior_q24 = ((int32_t)factor_q16 - FRICTION_OBSERVER_ONE) * 256;
     observer->mean_q24[0] = observer->prior_q24;
     observer->noise_q24 = observer->least_noise_q24;
-    observer->deviation_q16 = root_q16(PRIOR_X_Q30);
+    observer->deviation_q16 = root_q16(observer->covariance_q30[0]);
 }
 
 /* (O4) over a window of sliding. */
 static void fade(friction_observer_t *observer) {
     int32_t *p = observer->covariance_q30;
     observer->mean_q24[0] += (observer->prior_q24 - observer->mean_q24[0]) / FADING_WINDOWS;
-    p[0] += (MOST_Q30[0] - p[0]) / (FADING_WINDOWS / 2);
+    p[0] += (observer->most_q30[0] - p[0]) / (FADING_WINDOWS / 2);
     for (uint32_t j = 1; j < FRICTION_OBSERVER_NUMBERS; j++) {
         p[AT[0][j]] -= p[AT[0][j]] / FADING_WINDOWS;
     }
@@ -92,7 +89,7 @@ static void learn(friction_observer_t *observer, int32_t seen_q16,
                   const int32_t h_q16[FRICTION_OBSERVER_NUMBERS]) {
     int32_t *p = observer->covariance_q30;
     int32_t ph_q30[FRICTION_OBSERVER_NUMBERS];
-    int64_t spread_q30 = 0; /* h P h; |h| is below 24, P below 0.05: all sums stay below 2^50 */
+    int64_t spread_q30 = 0; /* h P h; |h| is below 24, P below 0.1: all sums stay below 2^51 */
     int64_t expected_q24 = 0;
     uint32_t saturations = 0;
     for (uint32_t i = 0; i < FRICTION_OBSERVER_NUMBERS; i++) {
@@ -117,7 +114,7 @@ static void learn(friction_observer_t *observer, int32_t seen_q16,
         for (uint32_t j = i; j < FRICTION_OBSERVER_NUMBERS; j++) {
             p[AT[i][j]] -= (int32_t)((int64_t)gain_q24 * ph_q30[j] / ONE_Q24);
         }
-        p[AT[i][i]] = fixed_clamp(p[AT[i][i]], 0, MOST_Q30[i]) + DRIFT_Q30;
+        p[AT[i][i]] = fixed_clamp(p[AT[i][i]], 0, observer->most_q30[i]) + DRIFT_Q30;
     }
     observer->deviation_q16 = root_q16(p[0]);
 }

@@ -46,6 +46,8 @@ typedef struct {
     int32_t least_noise_q24; /* variance of a sample, in units of B, with nothing but counts */
     uint32_t window_ticks;
     int32_t least_travel_nm; /* in a window, to be a direction */
+    int32_t
+        most_q30[FRICTION_OBSERVER_NUMBERS]; /* variances where nothing has been seen for long */
     /* x, e, d (in windows) and o in Q24; their covariance, upper triangle row by row, in Q30 */
     int32_t mean_q24[FRICTION_OBSERVER_NUMBERS];
     int32_t covariance_q30[FRICTION_OBSERVER_NUMBERS * (FRICTION_OBSERVER_NUMBERS + 1) / 2];
@@ -71,9 +73,10 @@ typedef struct {
     int32_t innovation_nm; /* estimator.h */
 } friction_observed_t;
 
-/* Constants and the prior. `stretch_nm`: B. `count_nm`: of an encoder, the coarser one. */
-friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm,
-                                         uint32_t ticks_per_s);
+/* Constants and the prior. `stretch_nm`: B. `count_nm`: of an encoder, the coarser one.
+ * `deviation_ppm`: of the model's friction, relative; at most 500000. */
+friction_observer_t friction_observer_of(int32_t stretch_nm, int32_t count_nm, uint32_t ticks_per_s,
+                                         uint32_t deviation_ppm);
 
 /* Begins anew at another relative friction, one is FRICTION_OBSERVER_ONE. */
 void friction_observer_expect(friction_observer_t *observer, uint32_t factor_q16);

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xB44E8499)
+#define DICTIONARY_HASH UINT32_C(0xABD8F743)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 239
+#define DICTIONARY_COUNT 240
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -191,6 +191,7 @@ typedef struct {
     uint8_t adaptation_enabled;                        /* 0x213B */
     uint32_t adapted_friction_factor_ppm;              /* 0x213C */
     uint32_t adapted_pretension_factor_ppm;            /* 0x213D */
+    uint32_t friction_deviation_ppm;                   /* 0x213E */
     uint16_t command_deadline_ms;                      /* 0x2140 */
     uint32_t bus_voltage_min_mv;                       /* 0x2141 */
     uint32_t bus_voltage_max_mv;                       /* 0x2142 */

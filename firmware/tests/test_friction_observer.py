@@ -20,13 +20,15 @@ ONE = 65536
 TICKS_PER_S = 4000
 STRETCH_NM = 1_500_000  # B
 COUNT_NM = 65_345
-PRIOR = 0.15 * (2 / 3) ** 0.5  # of two factors, each even within 15 %: sqrt(2) 0.15/sqrt(3)
-CHANGES = 0.15  # with what friction changes by in use
+CONFIGURED = 0.15 * (2 / 3) ** 0.5  # two factors, each even within 15 %: sqrt(2) 0.15/sqrt(3)
+CHANGES = 0.15 / 3**0.5  # in use, by as much as one of them
+PRIOR = (CONFIGURED**2 + CHANGES**2) ** 0.5
 
 
-def observer(stretch_nm: int = STRETCH_NM) -> Any:
+def observer(stretch_nm: int = STRETCH_NM, deviation: float = CONFIGURED) -> Any:
     return ffi.new(
-        "friction_observer_t *", lib.friction_observer_of(stretch_nm, COUNT_NM, TICKS_PER_S)
+        "friction_observer_t *",
+        lib.friction_observer_of(stretch_nm, COUNT_NM, TICKS_PER_S, round(1e6 * deviation)),
     )
 
 
@@ -136,7 +138,7 @@ def test_what_was_not_excited_stays_uncertain() -> None:
     assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * PRIOR), abs=1e-3)
     for tick in range(30 * TICKS_PER_S):  # slides, but a cable is slack: friction may change unseen
         step(one, 1, 160_000_000 + 10_000 * tick, 0, 1_000_000, slack=True)
-    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * CHANGES), abs=2e-3)
+    assert (mean(one), sure(one)) == pytest.approx((1.0, 1.0 - 2.0 * PRIOR), abs=2e-3)
     without_wall, with_wall = observer(), observer()
     teach(without_wall, 0.0, 0.0, 0.0, wall=0.0)
     teach(with_wall, 0.0, 0.0, 0.0)
@@ -158,6 +160,15 @@ def test_a_friction_that_drops_is_followed_before_it_is_pushed(at_s: float) -> N
         pushed_s += (sure(one) > 1.0 + x) / TICKS_PER_S if tick % 8 == 0 else 0.0
     assert 8 * pushed_s < 0.25
     assert 1.0 - 0.3 - 0.2 < sure(one) < 0.7
+
+
+def test_a_friction_that_is_known_better_is_compensated_further() -> None:
+    """In free strokes only x - e is seen: what is sure rests on the prior."""
+    usual, calibrated = observer(), observer(deviation=0.03)
+    assert sure(calibrated) == pytest.approx(1.0 - 2.0 * (0.03**2 + CHANGES**2) ** 0.5, abs=1e-3)
+    for one in (usual, calibrated):
+        teach(one, 0.0, 0.0, 0.0, seconds=4.0, wall=0.0)
+    assert sure(usual) + 0.02 < sure(calibrated) < 1.0
 
 
 def test_what_the_samples_differ_by_widens_the_deviation() -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Absent, Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0xB44E8499
+HASH = 0xABD8F743
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -113,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xb44e8499, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xabd8f743, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -225,6 +225,7 @@ TABLE = Table(
         Entry(0x213B, 0, 'adaptation_enabled', 'u8', 'rw', 'config', 0, high=1, persist=True, doc='1: friction and pretension of the model follow slowly what the drive observes'),
         Entry(0x213C, 0, 'adapted_friction_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc="what the adaptation multiplies the model's friction by, and where it goes on after a start; write 1 to begin anew"),
         Entry(0x213D, 0, 'adapted_pretension_factor', 'u32', 'rw', 'calibration', 1000000, low=500000, high=1500000, unit='1', scale=1e-06, pdo='tx', persist=True, doc='the same for its pretension, which shows where strokes take a cable slack'),
+        Entry(0x213E, 0, 'friction_deviation', 'u32', 'rw', 'config', 100000, low=10000, high=300000, unit='1', scale=1e-06, persist=True, doc='standard deviation of the configured friction (mu x wrap x pretension), relative: without a load cell the larger it is the less is compensated'),
         Entry(0x2140, 0, 'command_deadline', 'u16', 'rw', 'config', 500, high=10000, unit='s', scale=0.001, persist=True, doc="without an accepted RPDO, an SDO write to a command or the host's watched heartbeat for so long the bridge is switched off; 0 opts out, shown by bit 14 of the statusword"),
         Entry(0x2141, 0, 'bus_voltage_min', 'u32', 'rw', 'config', 10000, low=6000, high=60000, unit='V', scale=0.001, persist=True, doc="below it the bridge's drivers are not sure to switch"),
         Entry(0x2142, 0, 'bus_voltage_max', 'u32', 'rw', 'config', 36000, low=6000, high=60000, unit='V', scale=0.001, persist=True, doc='what bridge and supply bear; a braking motor feeds back'),

@@ -15,6 +15,7 @@ import numpy as np
 
 from bowden.drive.dictionary import lookup
 from bowden.drive.effect_ways import folded, way_of
+from bowden.drive.friction_deviation import friction_deviation
 from bowden.drive.tables import TABLES, DriveTable, table_entries
 from bowden.errors import BadInput
 from bowden.model import Model
@@ -92,7 +93,7 @@ def reduced_model(model: Model, segments: int = DEFAULT_SEGMENTS) -> ReducedMode
     law = model.document.friction.law
     if law not in LAWS:
         left_out.append(f"friction.law {law}")
-    entries = _entries(folded(_with(model, kept_numbers)), segments)
+    entries = _entries(folded(_with(model, kept_numbers)), segments) | _deviations(model)
     return ReducedModel(
         entries=entries | table_entries(tables),
         folded=tuple(in_numbers),
@@ -106,6 +107,16 @@ def reduced_model(model: Model, segments: int = DEFAULT_SEGMENTS) -> ReducedMode
 def _with(model: Model, effects: list[dict[str, Any]]) -> Model:
     document = model.document.model_copy(update={"effects": tuple(effects)})
     return replace(model, document=document)
+
+
+def _deviations(model: Model) -> dict[str, float]:
+    """Return how well the file knows the friction, within what the drive takes; else nothing."""
+    deviation = friction_deviation(model)
+    if deviation is None:
+        return {}
+    entry = lookup("friction_deviation")
+    scale = entry.scale or 1.0
+    return {entry.name: min(max(deviation, entry.low * scale), entry.high * scale)}
 
 
 def _entries(model: Model, segments: int) -> dict[str, float]:
