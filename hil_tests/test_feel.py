@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hil_tests.render.bounds import bound_nm, crossing_time_s, informed, wave_bound_nm
+from hil_tests.render.calibrated import calibrated
 from hil_tests.render.causes import causes, put_right
 from hil_tests.render.disturbed import DISTURBED
 from hil_tests.render.feel_page import page
@@ -17,7 +18,7 @@ from hil_tests.render.feel_picture import Panel, picture
 from hil_tests.render.feel_table import interval, is_active, pooled_ratios, wilson
 from hil_tests.render.feel_task_page import ABOUT, task_pages
 from hil_tests.render.laws import OURS, law_named
-from hil_tests.render.rigs import draw
+from hil_tests.render.rigs import draw, told_truth
 from hil_tests.render.tasks import TASKS, task_named
 from hil_tests.render.trial import Outcome
 from hil_tests.test_render_tables import outcome
@@ -152,3 +153,15 @@ def test_picture_keeps_extremes_and_stays_in_its_panel() -> None:
     # 4 % above and below the curves, within a panel of 300 with 50 above and 36 below
     assert min(heights) == pytest.approx(50.0 + 214.0 * 0.04 / 1.08, abs=0.2)
     assert max(heights) == pytest.approx(264.0 - 214.0 * 0.04 / 1.08, abs=0.2)
+
+
+def test_a_calibration_without_a_cell_finds_friction_and_stiffness() -> None:
+    """On a rig whose hidden effects touch neither: the friction to 3 %, which the resolution of the
+    ramps allows; the stiffness to 5 %, as the rig's cables are not quite linear."""
+    rig = draw(10)  # its motor is heavier and has an offset of its torque
+    truth, found = told_truth(rig), calibrated(rig).belief
+    assert abs(rig.belief.axial_stiffness_n / truth.axial_stiffness_n - 1.0) > 0.1
+    friction = found.friction * found.pretension_n
+    assert friction == pytest.approx(truth.friction * truth.pretension_n, rel=0.03)
+    assert found.axial_stiffness_n == pytest.approx(truth.axial_stiffness_n, rel=0.05)
+    assert found.friction_deviation < 0.25 * rig.belief.friction_deviation

@@ -25,11 +25,12 @@ from bowden.recording.atomic import replace_whole
 
 from hil_tests.render.bounds import INFORMED, informed
 from hil_tests.render.bounds import bound_nm as bound_of_nm
+from hil_tests.render.calibrated import CALIBRATED, calibrated
 from hil_tests.render.disturbed import DISTURBED
 from hil_tests.render.feel_page import PUBLISHED, page
 from hil_tests.render.feel_table import ACTIVE_ABOVE, REDRIVEN_ABOVE
 from hil_tests.render.feel_task_page import task_pages
-from hil_tests.render.laws import LAWS, NAIVE, OURS, Law, law_named
+from hil_tests.render.laws import LAWS, NAIVE, OURS, WITHOUT_CELL, Law, law_named
 from hil_tests.render.rigs import draw
 from hil_tests.render.tasks import TASKS, Task, task_named
 from hil_tests.render.trial import PLANTS, Outcome, Plant, judge, run
@@ -57,7 +58,9 @@ class Run:
 def measure(
     cases: Sequence[tuple[int, Plant]], laws: Sequence[Law], tasks: Sequence[Task]
 ) -> Iterator[list[Run]]:
-    """Run each task with each law, naive and informed among them; a list for each seed and plant.
+    """Run each task with each law; a list for each seed and plant.
+
+    Naive, informed and calibrated drives are always among them.
 
     The published laws run on the simulated rig only.
     """
@@ -65,12 +68,15 @@ def measure(
         rig = draw(seed)
         found = []
         here = [law for law in laws if plant == "rig" or law.name not in PUBLISHED]
+        known = calibrated(rig, plant)
         for task in tasks:
             bound_nm = bound_of_nm(rig, task)
             for law in (NAIVE, *here):
                 found.append(Run(plant, judge(run(rig, law, task, plant=plant)), bound_nm))
             told = judge(run(informed(rig), law_named(OURS), task, plant=plant))
             found.append(Run(plant, replace(told, law=INFORMED), bound_nm))
+            better = judge(run(known, law_named(WITHOUT_CELL), task, plant=plant))
+            found.append(Run(plant, replace(better, law=CALIBRATED), bound_nm))
         yield found
 
 

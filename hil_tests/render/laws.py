@@ -70,6 +70,7 @@ def entries(rig: RenderRig, law: Law, task: Task) -> dict[str, float]:
         "cable_pretension": belief.pretension_n,
         "friction_dynamic": belief.friction,
         "friction_static": belief.friction,
+        "friction_deviation": belief.friction_deviation,
         "motor_torque_limit": rig.motor_limit_nm,
         "motor_torque_slew": min(rig.motor_limit_nm / FULL_TORQUE_S, MOST_SLEW_NM_PER_S),
         "tunnel_half_width": tunnel.half_width_rad,

@@ -30,12 +30,16 @@ Random = np.random.Generator
 
 @dataclass(frozen=True)
 class Belief:
-    """What the lab has told the drive of its cables and motor; SI units."""
+    """What the lab has told the drive of its cables and motor; SI units.
+
+    `friction_deviation` is how well it knows friction times pretension: relative, one sigma.
+    """
 
     friction: float
     pretension_n: float
     axial_stiffness_n: float
     motor_inertia_kg_m2: float
+    friction_deviation: float = MODEL_ERROR * math.sqrt(2.0 / 3.0)  # two even factors
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,8 @@ class Task:
         When the operator has let go; infinite where never.
     aims_past : bool
         An operator who meets friction aims past the stroke that they want.
+    asked_nm : callable, optional
+        Torque asked of the motor, from time and rig; without it the tunnel asks.
     """
 
     name: str
@@ -62,11 +64,12 @@ class Task:
     conditions: Callable[[Array, RenderRig], Conditions] | None = None
     free_from_s: float = math.inf
     aims_past: bool = False
+    asked_nm: Motion | None = None
 
     @property
     def mode(self) -> int:
         """Mode of operation of the drive."""
-        return TORQUE_MODE if self.kind == "steps" else TUNNEL_MODE
+        return TUNNEL_MODE if self.asked_nm is None else TORQUE_MODE
 
     @property
     def ticks(self) -> int:
@@ -97,11 +100,7 @@ class Task:
 
     def target_nm(self, rig: RenderRig) -> Array | None:
         """Torque asked of the motor in each tick, without friction; None in the tunnel."""
-        if self.kind != "steps":
-            return None
-        level = np.array([0.0, 1.0, 0.5, -0.5, -1.0, 0.0])
-        steps: Array = rig.tunnel.limit_nm * level[(self.time_s() / 0.5).astype(int) % len(level)]
-        return steps
+        return None if self.asked_nm is None else self.asked_nm(self.time_s(), rig)
 
     def wanted_nm(self, rig: RenderRig, load_angle_rad: Array) -> Array:
         """Torque by the cables on the load that is wanted at these angles, one a tick."""
@@ -154,13 +153,19 @@ def _strokes(
     )
 
 
+def _steps_nm(time_s: Array, rig: RenderRig) -> Array:
+    level = np.array([0.0, 1.0, 0.5, -0.5, -1.0, 0.0])
+    steps: Array = rig.tunnel.limit_nm * level[(time_s / 0.5).astype(int) % len(level)]
+    return steps
+
+
 TASKS: Final = (
     _strokes("tunnel-slow", 0.4, 0.25, 1),
     _strokes("tunnel", 0.5, 0.5, 2),
     _strokes("tunnel-fast", 0.4, 1.0, 3),
     _strokes("wall-edge", 0.04, 1.0, 3, middle_rad=0.05),
     _strokes("free", 0.4, 0.5, 2),
-    Task("steps", "steps", 3.0, stay(0.0), scored_from_s=0.5),
+    Task("steps", "steps", 3.0, stay(0.0), scored_from_s=0.5, asked_nm=_steps_nm),
     Task("rest-in-wall", "rest", 2.5, stay(0.2), scored_from_s=1.0),
     Task("rest-in-middle", "rest", 2.5, stay(0.03), scored_from_s=1.0),
 )

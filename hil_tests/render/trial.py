@@ -57,6 +57,9 @@ WATCHED: Final = (
     "compensation_active_law",
     "compensation_flags",
     "motor_innovation_nm",
+    "motor_angle_urad",
+    "load_angle_urad",
+    "motor_torque_unm",
 )
 Array = NDArray[np.float64]
 
