@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from bowden.errors import BadInput
 from bowden.estimation.calibrate import Calibration, calibrate
+from bowden.estimation.parameters import parameters_of
 from bowden.estimation.posterior import Estimate
 from bowden.model import ModelError, format_model, parse_model
+from bowden.model.model_file import PosteriorSection
 from bowden.recording.recording import Recording
 
 from ..rigs import TABLE_1, experiment_2
@@ -163,6 +165,20 @@ def test_a_posterior_is_the_next_prior() -> None:
         assert one.sigma < of(first, path).sigma
         # In turn or together: the same to within what either leaves open.
         assert one.value == pytest.approx(other.value, abs=2 * other.sigma)
+
+
+def test_points_of_the_prior_lie_a_deviation_away_along_its_axes() -> None:
+    joint = PosteriorSection(
+        paths=(PRETENSION, FRICTION), covariance=((0.04, -7.2e-4), (-7.2e-4, 1.6e-5))
+    )
+    parameters = parameters_of(MODEL.with_posterior(joint), [PRETENSION, FRICTION])
+    points = parameters.sigma_points()
+    # Their second moment is the covariance; coordinates are logarithms, straight to 2 % over 2 %.
+    moves = [parameters.values(one) - parameters.values(parameters.start) for one in points]
+    spread = sum(np.outer(one, one) for one in moves) / 2
+    assert len(points) == 4
+    np.testing.assert_allclose(spread, joint.covariance, rtol=0.04)
+    assert parameters_of(MODEL, [PRETENSION, FRICTION], widen=True).sigma_points() == []
 
 
 def test_unknown_paths_and_nothing_to_move_are_refused() -> None:

@@ -149,6 +149,14 @@ class Parameters:
         """Return the derivative of `prior_residual`, shape (k, k)."""
         return np.asarray(self._root * self.slopes(x)[None, :])
 
+    def sigma_points(self) -> list[_Floats]:
+        """Return coordinates a standard deviation either way along each axis of the joint prior.
+
+        Numbers without a prior stay where they are.
+        """
+        moves = np.linalg.pinv(self.prior_jacobian(self.start)).T
+        return [self.start + way * one for one in moves if one.any() for way in (-1.0, 1.0)]
+
     def model_at(self, x: _Floats) -> Model:
         """Return the model at coordinates.
 
