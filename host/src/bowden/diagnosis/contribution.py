@@ -17,7 +17,9 @@ from bowden.estimation.covariance import DOUBTED, Covariance
 _Floats = NDArray[np.float64]
 
 
-def size_in_noise(like: Hypothesis, change: Sequence[_Floats]) -> float:
+def size_in_noise(
+    like: Hypothesis, change: Sequence[_Floats], laws: Sequence[_Floats] | None = None
+) -> float:
     """Return the RMS of a change of the prediction, each over its observation's error.
 
     Of the channel where that is more. The error is the sensor's own and what is doubted of the
@@ -29,13 +31,16 @@ def size_in_noise(like: Hypothesis, change: Sequence[_Floats]) -> float:
         Whose observations and noise count.
     change : sequence of ndarray of shape (n,)
         One a recording.
+    laws : sequence of ndarray of shape (n,), optional
+        Variances that laws add to the errors, as `law_variances` has them.
     """
     sizes = [0.0]
     for channel in (0, 1):
         square, count = 0.0, 0
-        for one, data, own in zip(change, like.problem.data, like.best.noises, strict=True):
+        for k, (one, data) in enumerate(zip(change, like.problem.data, strict=True)):
             rows = data.observations.channel == channel
-            square += float(np.sum(one[rows] ** 2 / _error(own)[rows]))
+            variance = _error(like.best.noises[k]) + (0.0 if laws is None else laws[k])
+            square += float(np.sum(one[rows] ** 2 / variance[rows]))
             count += int(np.count_nonzero(rows))
         if count:
             sizes.append(float(np.sqrt(square / count)))
@@ -93,15 +98,20 @@ def _error(noise: Covariance) -> _Floats:
     return np.asarray(noise.own + (DOUBTED * noise.offset) ** 2)
 
 
-def shares(one: Hypothesis) -> list[float]:
+def shares(one: Hypothesis, *, beside_laws: bool = False) -> list[float]:
     """Return how much each effect does beyond calibration, as `size_in_noise` has it.
 
-    Infinite where the model cannot run without it.
+    Infinite where the model cannot run without it. With `beside_laws` the errors hold what the laws
+    of the other effects may be off by, observation by observation.
     """
-    return [
-        np.inf if change is None else size_in_noise(one, _beyond_calibration(one, change))
-        for change in one.contributions
-    ]
+    found = []
+    for index, change in enumerate(one.contributions):
+        if change is None:
+            found.append(np.inf)
+            continue
+        laws = law_variances(one, besides=index) if beside_laws else None
+        found.append(size_in_noise(one, _beyond_calibration(one, change), laws))
+    return found
 
 
 def strains(one: Hypothesis) -> list[float]:
@@ -120,14 +130,30 @@ def strains(one: Hypothesis) -> list[float]:
     return found
 
 
-def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
-    """Return covariances in which each effect's law may be off by its share of what it does.
+def law_variances(one: Hypothesis, besides: int | None = None) -> list[_Floats]:
+    """Return by how much the laws of a set may be off: a variance of each observation.
 
-    The share is the effect's `form_error`: how much the laws of one name differ, observation by
-    observation; parts and solvers of one law differ by a little, too.
+    Each by its `form_error`, how much the laws of one name differ, of what it does there beyond
+    calibration; parts and solvers of one law differ by a little, too. Of an effect without which
+    the model cannot run nothing is known, and all may be its law's.
+
+    Parameters
+    ----------
+    one : Hypothesis
+    besides : int, optional
+        An effect whose own law does not count.
     """
-    squares = [np.zeros(noise.own.size) for noise in noises]
-    for effect, change in zip(one.effects, one.contributions, strict=True):
-        for k, done in enumerate(_beyond_calibration(one, change) if change else []):
-            squares[k] += (effect.effect.form_error * done) ** 2
-    return [replace(noise, law=np.sqrt(s)) for noise, s in zip(noises, squares, strict=True)]
+    found = [np.zeros(noise.own.size) for noise in one.best.noises]
+    for index, (effect, change) in enumerate(zip(one.effects, one.contributions, strict=True)):
+        if index == besides:
+            continue
+        does = None if change is None else _beyond_calibration(one, change)
+        for k in range(len(found)):
+            found[k] += np.inf if does is None else (effect.effect.form_error * does[k]) ** 2
+    return found
+
+
+def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
+    """Return covariances in which each effect's law may be off, as far as that is known."""
+    known = [np.where(np.isfinite(v), v, 0.0) for v in law_variances(one)]
+    return [replace(noise, law=np.sqrt(v)) for noise, v in zip(noises, known, strict=True)]

@@ -45,7 +45,8 @@ def _with_effect(
 ) -> Hypothesis | None:
     """Fit a screened candidate, the other numbers as it moves them or as they were.
 
-    Whichever is likelier: where the model is jagged, the step predicted for them is wrong.
+    Whichever is likelier: where the model is jagged, the step predicted for them is wrong. None
+    where the effect ends as one that does nothing: that is the parent once more.
     """
     known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
     effects, like = [*known, (screened.candidate, screened.values)], screened.origin.best
@@ -54,7 +55,10 @@ def _with_effect(
         for share in (1.0, 0.0)
     ]
     able = [one for one in starts if one is not None]
-    return min(able, key=lambda one: one.here.cost).fitted(ROUGH) if able else None
+    if not able:
+        return None
+    child = min(able, key=lambda one: one.here.cost).fitted(ROUGH)
+    return None if len(known) in idle(child) else child
 
 
 def without_idle(

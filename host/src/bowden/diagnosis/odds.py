@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LAWS, LawCandidate
 from bowden.diagnosis.predict import UnseenPrediction
+from bowden.model.effects import CATALOGUE, Effect
 
 _Floats = NDArray[np.float64]
 
@@ -57,6 +58,11 @@ def log_prior(one: Hypothesis, candidates: int = 32) -> float:
     ways = math.comb(candidates, count) * math.prod(len(e.effect.variants) for e in listed)
     law = math.log(PRIOR_UNLISTED / LAWS) * (len(one.effects) - count)
     return count * math.log(MORE) - math.log(ways) + law
+
+
+def price(effect: Effect) -> float:
+    """Return the log prior odds against one more effect."""
+    return math.log(len(CATALOGUE) * len(effect.variants) / MORE)
 
 
 def log_tolerances(one: Hypothesis) -> float:

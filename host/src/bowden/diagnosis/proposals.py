@@ -7,19 +7,18 @@ what is proposed here.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.contribution import law_variances, size_in_noise
 from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
-from bowden.diagnosis.odds import MORE
+from bowden.diagnosis.odds import price
 from bowden.diagnosis.relevance import ERROR, is_strained
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.model import Model
-from bowden.model.effects import CATALOGUE
 
 FITTED = 5  # of the screened candidates at each step
 RESHAPED = 3  # shapes of an effect that are simulated from another set
@@ -102,10 +101,13 @@ def proposed(screening: Screening) -> list[ScreenedCandidate]:
     screen, parent = screening.screen, screening.screen.parent
     others = [one for one in screening.here if one.candidate.name not in parent.names]
     fresh = [screen.again(one) for one in others]
-    fresh = [one for one in fresh if one.gain > 0.0 and one.share(parent) > ERROR]
+    laws = law_variances(parent)
+    fresh = [
+        one for one in fresh if one.gain > 0.0 and size_in_noise(parent, one.change, laws) > ERROR
+    ]
     fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
     annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
-    fresh = [one for one in fresh if annealed[one.candidate.key] > penalty(one)]
+    fresh = [one for one in fresh if annealed[one.candidate.key] > price(one.candidate.effect)]
     most = sorted(fresh, key=lambda one: -annealed[one.candidate.key])
     filed = [one for one in screening.filed if one.candidate.name not in parent.names]
     return [*_best_of_each([*most[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]
@@ -117,8 +119,3 @@ def _best_of_each(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandida
     for one in screened:
         found.setdefault(one.candidate.key, one)
     return list(found.values())
-
-
-def penalty(screened: ScreenedCandidate) -> float:
-    """Return the log prior odds against one more effect: a smaller gain can't win."""
-    return math.log(len(CATALOGUE) * len(screened.candidate.effect.variants) / MORE)

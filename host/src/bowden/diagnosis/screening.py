@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import size_in_noise
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.probes import (
     Probe,
@@ -74,10 +73,6 @@ class ScreenedCandidate:
     responses: tuple[tuple[_Floats, ...], ...]
     step: _Floats
     origin: Hypothesis
-
-    def share(self, like: Hypothesis) -> float:
-        """Return what it does at its values, over a single observation's error."""
-        return size_in_noise(like, self.change)
 
     def others_at(self, share: float) -> dict[str, float]:
         """Return the coordinates of the other numbers so far on their way."""

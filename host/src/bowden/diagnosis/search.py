@@ -20,7 +20,7 @@ from bowden.diagnosis.fitting import finish, start_of
 from bowden.diagnosis.growing import Done, grown_from, lowest, refitted_from, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched
-from bowden.diagnosis.odds import Weighed, log_prior, posterior
+from bowden.diagnosis.odds import Weighed, log_prior, posterior, price
 from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
 from bowden.diagnosis.proposals import anew, as_filed, every_shape, proposed, screened_from
 from bowden.diagnosis.relevance import holds, matters
@@ -129,14 +129,24 @@ def search(
         grown = sorted([*finished, *frontier], key=_merit)
         if grown[0] in frontier:
             break
-        rivals = [one for one in grown if holds(one) or not holds(grown[0])]
-        frontier = [one for one in rivals[:PARENTS] if one not in frontier]
+        frontier = [one for one in _parents(grown) if one not in frontier]
     tell("predicting what was held out", 0.85)
     compared = _comparable(material, searched, done, noises)
     names = len({one.name for one in every})
     return Found(
         tuple(posterior(compared, names, seed)), done[base.key], filed, tuple(first.here), in_time
     )
+
+
+def _parents(grown: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return which sets are grown further, of those in order of merit.
+
+    Beside a set that holds only its equals, nearer than what one more effect costs: they stand for
+    each other with any further effect, too.
+    """
+    best = grown[0]
+    equal = _merit(best) + max((price(one.effect) for one in best.effects), default=0.0)
+    return [one for one in grown[:PARENTS] if not holds(best) or _merit(one) <= equal]
 
 
 def _merit(one: Hypothesis) -> float:
@@ -167,6 +177,7 @@ def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
 
 
 COMPARED = 8
+NEAR = 50.0  # nats: by as much are sums over blocks too sure (`odds` averages over them)
 
 
 def _comparable(
@@ -178,7 +189,7 @@ def _comparable(
     """Fit the finalists to the end under one covariance and predict what was held out.
 
     Where the likelihood is jagged a fit may end in a notch, and what a further effect gains may be
-    the way out of it: each starts once more from where the likeliest ended.
+    the way out of it: each that is near starts once more from where the likeliest ended.
     """
     base = done[frozenset()]
     ranked = sorted((one for one in done.values() if matters(one)), key=_merit)[:COMPARED]
@@ -188,9 +199,11 @@ def _comparable(
     likeliest = min(finished, key=_merit)
 
     def restarted(one: Hypothesis) -> Hypothesis:
+        if one is likeliest or _merit(one) > _merit(likeliest) + NEAR:
+            return one
         again = refitted_from(material, searched, one, likeliest)
         return min(one, finish(material, again, noises), key=_merit)
 
-    found = [one if one is likeliest else restarted(one) for one in finished]
+    found = [restarted(one) for one in finished]
     done.update((one.key, one) for one in found)
     return [(one, predict_unseen(one)) for one in found if matters(one)]
