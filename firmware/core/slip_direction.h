@@ -32,9 +32,9 @@
  * The *back-off* counts changes of direction that neither the load, by moving back or a stroke, nor
  * a new set point has called for: each doubles the dead band, and the next needs half more than
  * what the last one left at standstill; until the operator makes a stroke, moves the load back,
- * however slowly, or the set point changes. A stroke while the passivity observer is owed energy is
- * the drive's own and counts for nothing. So however wrong the model is, the law comes to
- * standstill.
+ * however slowly, or the set point changes. A stroke while the passivity observer has counted
+ * energy that the drive has given is the drive's own and counts for nothing. So however wrong the
+ * model is, the law comes to standstill.
  *
  * Friction that builds up late does not hold the motor while the direction changes: the load is
  * thrown, and given energy by it. Twice such a change makes all later ones slower.

@@ -60,7 +60,7 @@ def crossing_time_s(rig: RenderRig, held_nm: float) -> float:
 
 
 def turn_over_bound_nm(rig: RenderRig, task: Task) -> float:
-    """Return the RMS error of a release while friction turns over; 0 where nobody lets go.
+    """Return the RMS error of a release while friction turns over; 0 without a release.
 
     A drive that starts its motor at the release is assumed; friction lies as the way into the wall
     has left it. Of the friction 2 F that is to be turned over, the load's end feels sqrt(x/x_b)

@@ -106,7 +106,7 @@ def _variable(v: Variable, obj: Object) -> Iterator[str]:
     if v.node_id_added and v.role != "communication":
         yield "only communication parameters add the node id"
     if v.has_range and v.access in {"const", "ro"}:
-        yield "a range limits writes, but nobody can write it"
+        yield "a range limits writes, but it cannot be written"
     if v.enumeration is not None:
         yield from _meanings(v, v.enumeration)
     if v.absent is not None and (v.type.is_text or v.enumeration is not None):

@@ -56,7 +56,7 @@ DEFECTS = {
     "range on read-only": (
         "name: bus_voltage, type: i32, access: ro, role: state,",
         "name: bus_voltage, type: i32, access: ro, role: state, range: [0, 9],",
-        "nobody can write it",
+        "it cannot be written",
     ),
     "unmappable entry in a TPDO": (
         "map: [sample_counter_low, load_angle, load_torque]",

@@ -51,8 +51,8 @@ static uint32_t whole_image(uint32_t slot) {
     return words > 0 && word_at(slot, HEAD_WORDS + words) == check ? words : 0;
 }
 
-/* A slot is free when nobody has begun it or one behind it in its sector. So in a sector the slots
- * are begun in order since it was erased, also when an erase was cut short. */
+/* A slot is free when neither it nor one behind it in its sector was begun. So in a sector the
+ * slots are begun in order since it was erased, also when an erase was cut short. */
 static bool is_free(uint32_t slot) {
     bool blank = true;
     for (uint32_t at = slot; at % STORE_SLOTS != 0 || at == slot; at++) {
@@ -72,7 +72,7 @@ static uint32_t free_slot_after(uint32_t slot) {
     return ALL_SLOTS;
 }
 
-/* Has somebody begun a slot who was to be told when it fails? */
+/* Was a slot begun on a request whose failure has to be reported? */
 static bool is_asked_for(uint32_t slot) {
     const uint32_t header = word_at(slot, 0);
     return header != FLASH_BLANK && (header & MARK_BITS) != MARK_LOG;

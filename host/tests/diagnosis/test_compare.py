@@ -135,7 +135,7 @@ def test_the_rig_continues_from_where_it_was_left() -> None:
 
 
 def test_what_the_cables_hold_from_earlier_is_no_gap_once_strokes_have_erased_it() -> None:
-    """A stroke of the rig before the recording is known to nobody who has only the recording."""
+    """A stroke of the rig before the recording is not in the recording."""
     whole = experiment_2(MODEL)
     held = whole.select(slice(3000, None))
     figures = compare(MODEL, [held]).figures

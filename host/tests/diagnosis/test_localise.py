@@ -94,7 +94,7 @@ def test_shares_of_a_kind_add_up() -> None:
     places = localise([red_noise(6)], [RUN]).places
     for kind in ("load angle", "motor torque", "time since reversal", "load speed", "load moving"):
         of_kind = [one for one in places if one.condition.startswith(kind)]
-        rest = [one for one in places if one.condition == "load at rest"]
+        rest = [one for one in places if one.condition == "load at standstill"]
         parts = of_kind + (rest if kind == "load speed" else [])
         assert sum(one.share_of_gap for one in parts) == pytest.approx(1.0), kind
         assert sum(one.share_of_time for one in parts) == pytest.approx(1.0), kind

@@ -1,4 +1,4 @@
-"""The shipped example on recordings that nobody here made: half of the runs, those not fitted."""
+"""The shipped example on recordings of another laboratory: half of the runs, those not fitted."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_the_surgical_tool_is_as_well_predicted_as_the_example_says() -> None:
     assert comparison.figures.gap == pytest.approx(8.4e-3, abs=0.05e-3)
     # One constant is right for all runs: what is left of it is below a tenth of the gap.
     assert abs(comparison.figures.bias) < 0.1 * comparison.figures.gap
-    # At rest the bearing holds any torque within its friction, 22.6 mN m either way: evenly spread,
-    # 13 mN m RMS. Moving, the sensors' 0.5 mN m are left.
+    # At standstill the bearing holds any torque within its friction, 22.6 mN m either way: evenly
+    # spread, 13 mN m RMS. Moving, the sensors' 0.5 mN m are left.
     assert 0.5e-3 < comparison.figures.noise_floor < 13e-3
-    assert "rest" in comparison.where[0].condition
+    assert "standstill" in comparison.where[0].condition

@@ -57,7 +57,7 @@ def test_a_second_host_cannot_take_a_running_drive_and_does_not_stop_it(
     assert not bus.bench.actuators.bridge_enabled
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="needs a folder that nobody can write to")
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a folder without write permission")
 def test_a_folder_that_cannot_be_written_is_named_before_anything_moves(rig: MakeRig) -> None:
     drive, bus = rig()
     path = Path("/sys/run.blf")

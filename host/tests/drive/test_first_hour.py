@@ -21,7 +21,7 @@ def test_the_first_hour_prints_what_the_page_shows() -> None:
     assert {"monday.yaml", "tunnel.blf", "tunnel.parquet", "report.html"} <= made
     assert tunnel.metadata["tunnel_half_width_rad"] == "0.08"
     assert tunnel.metadata["frames_lost"] == "0"
-    assert idle.metadata["notes"] == "nobody touches it"
+    assert idle.metadata["notes"] == "handle left alone"
     assert "moved" in touch.metadata["trigger"]
     # Numbers may change with the firmware; where words differ: make transcripts PAGES=first-hour
     assert shape(now) == shape(PAGE)

@@ -98,7 +98,7 @@ def test_a_refused_table_is_named_with_its_cause_and_all_is_as_before(rig: MakeR
 
 
 def test_a_table_that_no_longer_fits_is_named_with_its_cause(rig: MakeRig) -> None:
-    """Somebody writes the pretension by another program."""
+    """Another program writes the pretension."""
     drive, _ = rig()
     write(drive, difference(drive, table_entries((LOSS,))))
     drive.write("cable_pretension", 7.0)

@@ -219,14 +219,14 @@ def test_how_soon_a_motor_stops_ringing_is_within_the_noise() -> None:
     assert np.sqrt(np.mean((rings / noise.sigma["motor_angle_rad"])[where] ** 2)) < 1.0
 
 
-def test_what_a_law_that_is_one_of_several_does_is_open_by_its_leeway() -> None:
+def test_what_a_law_that_is_one_of_several_does_is_open_by_its_share() -> None:
     """Bristles may act otherwise by a third of what they do, where they do it."""
     bristles = MODEL.with_effect("presliding_compliance", {"slip_m": 3e-4})
     both = bristles.with_effect("load_cell_offset", {"offset_nm": 0.02})
     recording = measured("sine")
     strict = local_noise(both, MODE, recording, seed=2, draws=4)
-    plain, leeway = MODEL.with_effect("load_cell_offset", {"offset_nm": 0.02}), 0.3
-    lenient = local_noise(both, MODE, recording, seed=2, draws=4, or_else=[(plain, leeway)])
+    plain, share = MODEL.with_effect("load_cell_offset", {"offset_nm": 0.02}), 0.3
+    lenient = local_noise(both, MODE, recording, seed=2, draws=4, or_else=[(plain, share)])
     for name in ("load_torque_nm", "motor_angle_rad"):
         assert np.all(strict.parts[name]["open"] == 0.0)
         does = np.abs(
@@ -235,5 +235,5 @@ def test_what_a_law_that_is_one_of_several_does_is_open_by_its_leeway() -> None:
         )
         # Smoothed over 20 ms, so the mean square is that of the effect.
         found = float(np.mean(lenient.parts[name]["open"] ** 2)) ** 0.5
-        assert found == pytest.approx(leeway * float(np.mean(does**2)) ** 0.5, rel=0.02)
+        assert found == pytest.approx(share * float(np.mean(does**2)) ** 0.5, rel=0.02)
         assert np.all(lenient.sigma[name] >= strict.sigma[name])

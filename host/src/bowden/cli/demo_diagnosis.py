@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """examples:
   bowden demo-diagnosis
-  bowden demo-diagnosis --hide cable.extra_wrap_rad=-2       fewer bends than believed
+  bowden demo-diagnosis --hide cable.extra_wrap_rad=-2       fewer bends than in the model
   bowden demo-diagnosis --hide cable.viscous_s_per_m=0.2     named, and a table of the drive
   bowden demo-diagnosis --part learned                       only the law that no catalogue has
 """
@@ -225,7 +225,7 @@ def close_the_loop(
         say("the tunnel without compensation, then with the lab's model")
         none = rendered(CompensationLaw.NONE, lab, "")
         before = tuple(rendered(law, lab, "lab") for law in LAWS)
-        drive.nmt("PRE-OPERATIONAL")  # nobody listens to samples meanwhile
+        drive.nmt("PRE-OPERATIONAL")  # samples are not recorded meanwhile
         diagnosis = _diagnose(lab, none, directory, seed, names)
         say("the same tunnel again, with the extended model")
         after = tuple(rendered(law, diagnosis.model, "diagnosed") for law in LAWS)

@@ -73,7 +73,7 @@ class DriveBench:
             run = render(
                 self.drive, tunnel, self.duration_s, path, f"round {number}", overwrite=True
             )
-        self.drive.nmt("PRE-OPERATIONAL")  # nobody listens to samples meanwhile
+        self.drive.nmt("PRE-OPERATIONAL")  # samples are not recorded meanwhile
         return run
 
     def diagnose(self, model: Model, run: LawRun) -> Diagnosis:

@@ -15,7 +15,7 @@ from bowden.signals.motion import Motion
 
 _Floats = NDArray[np.float64]
 
-REST_SHARE = 0.02  # of the fastest speed: below it the pair counts as at rest
+REST_SHARE = 0.02  # of the fastest speed: below it the pair counts as at standstill
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,12 @@ def split_by_motion(residual: _Floats, motion: Motion) -> tuple[Condition, ...]:
 def motion_bands(motion: Motion) -> list[tuple[str, NDArray[np.bool_]]]:
     """Return conditions of speed and direction in words, each with the samples that meet it.
 
-    At rest, and thirds of what is faster in each direction: every sample meets exactly one.
+    Standstill, and thirds of what is faster in each direction: every sample meets exactly one.
     """
     name, speed = motion.end, np.abs(motion.velocity_rad_s)
     rest = float(REST_SHARE * speed.max(initial=0.0))
     moving = speed > rest
-    parts: list[tuple[str, NDArray[np.bool_]]] = [(f"{name} at rest", ~moving)]
+    parts: list[tuple[str, NDArray[np.bool_]]] = [(f"{name} at standstill", ~moving)]
     if moving.any():
         edges = [
             rest,

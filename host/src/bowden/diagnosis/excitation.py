@@ -23,7 +23,7 @@ _Floats = NDArray[np.float64]
 
 TURN_RAD = 0.02  # a turn of less is trembling
 TURN_SHARE = 0.1  # of the range, where that is less: a locked load only winds up the cables
-REST_MM_S = 0.5  # at the cable; slower is at rest
+REST_MM_S = 0.5  # at the cable; slower is standstill
 PAUSE_S = 0.2
 SLOW_MM_S = 20.0
 TEMPERATURE = "conduit_temperature_c"

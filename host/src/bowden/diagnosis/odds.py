@@ -60,7 +60,7 @@ def log_prior(one: Hypothesis, candidates: int = 32) -> float:
     return count * math.log(MORE) - math.log(ways) + law
 
 
-def price(effect: Effect) -> float:
+def penalty(effect: Effect) -> float:
     """Return the log prior odds against one more effect."""
     return math.log(len(CATALOGUE) * len(effect.variants) / MORE)
 

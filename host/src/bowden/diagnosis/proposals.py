@@ -15,7 +15,7 @@ from bowden.diagnosis.contribution import law_variances, size_in_noise
 from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
-from bowden.diagnosis.odds import price
+from bowden.diagnosis.odds import penalty
 from bowden.diagnosis.relevance import ERROR, is_strained
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.model import Model
@@ -107,7 +107,7 @@ def proposed(screening: Screening) -> list[ScreenedCandidate]:
     ]
     fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
     annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
-    fresh = [one for one in fresh if annealed[one.candidate.key] > price(one.candidate.effect)]
+    fresh = [one for one in fresh if annealed[one.candidate.key] > penalty(one.candidate.effect)]
     most = sorted(fresh, key=lambda one: -annealed[one.candidate.key])
     filed = [one for one in screening.filed if one.candidate.name not in parent.names]
     return [*_best_of_each([*most[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]

@@ -20,7 +20,7 @@ from bowden.diagnosis.fitting import finish, start_of
 from bowden.diagnosis.growing import Done, grown_from, lowest, refitted_from, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched
-from bowden.diagnosis.odds import Weighed, log_prior, posterior, price
+from bowden.diagnosis.odds import Weighed, log_prior, penalty, posterior
 from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
 from bowden.diagnosis.proposals import anew, as_filed, every_shape, proposed, screened_from
 from bowden.diagnosis.relevance import holds, matters
@@ -145,7 +145,7 @@ def _parents(grown: Sequence[Hypothesis]) -> list[Hypothesis]:
     each other with any further effect, too.
     """
     best = grown[0]
-    equal = _merit(best) + max((price(one.effect) for one in best.effects), default=0.0)
+    equal = _merit(best) + max((penalty(one.effect) for one in best.effects), default=0.0)
     return [one for one in grown[:PARENTS] if not holds(best) or _merit(one) <= equal]
 
 

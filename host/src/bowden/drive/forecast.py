@@ -68,10 +68,10 @@ def forecast(full: Model, in_drive: Model) -> Forecast:
     )
     ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
     truth = simulate(full, Mode.TORQUE_POSITION, inputs).load_torque_nm
-    believed = simulate(in_drive, Mode.TORQUE_POSITION, inputs).load_torque_nm
+    expected = simulate(in_drive, Mode.TORQUE_POSITION, inputs).load_torque_nm
     second = time_s >= 1.0 / _FREQUENCY_HZ  # the first cycle starts from virgin cables
     friction_nm = _rms((truth + _WALL_NM * phase * ratio)[second])
-    error_nm = _rms((believed - truth)[second])
+    error_nm = _rms((expected - truth)[second])
     share = min(math.hypot(error_nm / friction_nm, _LEFT), 1.0) if friction_nm > 0 else 1.0
     return Forecast(
         stroke=f"a stroke of 40 deg at {_FREQUENCY_HZ:g} Hz",

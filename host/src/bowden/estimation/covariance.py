@@ -3,7 +3,8 @@
 Paths that explain the given channels' readings as well as the best estimate are drawn once and
 pushed through the model; their spread, block by block, is the covariance of what the inputs do.
 What the model's mesh leaves open is measured against a finer one and counts as error, and so do
-numbers that nobody knows; what samples that were left out do is corrected, and doubted by half.
+numbers that are not identifiable. What samples that were left out do is corrected, and half of the
+correction counts as error.
 """
 
 from __future__ import annotations

@@ -231,8 +231,8 @@ def _within_counts(
     nodes = runs.nodes()
     step = np.diff(time_s[nodes]) / usual
     # At a turn friction changes its sign and the acceleration jumps.
-    lively, kind = runs.liveliness(nodes, count), runs.kinds(nodes, count)
-    smooth = path_through_boxes(step, count[nodes], EDGE_NOISE, lively, kind)
+    relative, kind = runs.relative_intensity(nodes, count), runs.kinds(nodes, count)
+    smooth = path_through_boxes(step, count[nodes], EDGE_NOISE, relative, kind)
     noise = float(np.sqrt(smooth.noise**2 - EDGE_NOISE**2))
     before = np.clip(np.searchsorted(nodes, np.arange(count.size), "right") - 1, 0, nodes.size - 2)
     share = (time_s - time_s[nodes[before]]) / (step[before] * usual)

@@ -186,7 +186,7 @@ class Runs:
             depth *= 2
         return np.unique(np.concatenate(parts))
 
-    def liveliness(self, nodes: _Index, count: _Floats) -> _Floats:
+    def relative_intensity(self, nodes: _Index, count: _Floats) -> _Floats:
         """Return how strongly each step between nodes may bend, and turn at a corner.
 
         Where counts turn or rest, how long a motion takes for a count changes no faster than time

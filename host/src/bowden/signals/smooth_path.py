@@ -68,7 +68,7 @@ class SmoothPath:
         Posterior mean of x and its derivatives.
     variance : ndarray of shape (m,)
         Of the position, whatever the intensities are.
-    liveliness : ndarray of shape (m - 1, 2)
+    relative_intensity : ndarray of shape (m - 1, 2)
         Intensities of each step against the usual ones of its kind.
     usual : ndarray of shape (m - 1, 2)
         Intensities about which those of each step's kind are distributed.
@@ -79,7 +79,7 @@ class SmoothPath:
     nodes: wiener.Nodes
     states: _Floats
     variance: _Floats
-    liveliness: _Floats
+    relative_intensity: _Floats
     usual: _Floats
     noise: float
 
@@ -128,13 +128,13 @@ class SmoothPath:
         while True:
             states, felt = wiener_draws.draw(nodes, order, generator)
             yield replace(self, nodes=nodes, states=states)
-            spread = FREEDOM * self.usual + _pooled(felt / self.liveliness)
-            intensity = self.liveliness * spread / generator.chisquare(freedom)
+            spread = FREEDOM * self.usual + _pooled(felt / self.relative_intensity)
+            intensity = self.relative_intensity * spread / generator.chisquare(freedom)
             nodes = nodes._replace(intensity=intensity)
 
 
 def path_through_boxes(
-    step: _Floats, middle: _Floats, least_noise: float, liveliness: _Floats, kind: _Index
+    step: _Floats, middle: _Floats, least_noise: float, relative_intensity: _Floats, kind: _Index
 ) -> SmoothPath:
     """Find the path whose nodes lie in boxes of width 1.
 
@@ -145,7 +145,7 @@ def path_through_boxes(
         Of each node's box.
     least_noise : float
         Least standard deviation of what blurs the boxes' edges, > 0; it is found from the data.
-    liveliness : ndarray of shape (m - 1, 2)
+    relative_intensity : ndarray of shape (m - 1, 2)
         Intensities of each step against the usual ones of its kind.
     kind : ndarray of int, shape (m - 1,)
         Steps of one kind share usual intensities: 0 in turns and rests, of each stroke another.
@@ -156,7 +156,7 @@ def path_through_boxes(
     """
     precision = np.full(middle.size, 12.0)  # of a uniform error of one count
     nodes = wiener.Nodes(step, np.empty(0), precision, precision * middle)
-    return _fitted(nodes, ANGLE_ORDER, liveliness, kind, (middle, least_noise))
+    return _fitted(nodes, ANGLE_ORDER, relative_intensity, kind, (middle, least_noise))
 
 
 def path_through_noise(step: _Floats, values: _Floats, order: int) -> SmoothPath:
@@ -173,7 +173,7 @@ def path_through_noise(step: _Floats, values: _Floats, order: int) -> SmoothPath
 def _fitted(
     nodes: wiener.Nodes,
     order: int,
-    liveliness: _Floats,
+    relative_intensity: _Floats,
     kind: _Index,
     boxes: tuple[_Floats, float] | None = None,
 ) -> SmoothPath:
@@ -184,7 +184,7 @@ def _fitted(
     usual = np.tile(first, (int(kind.max()) + 2, 1))
     if boxes:
         usual[0] = TURNS_FIRST
-    nodes = nodes._replace(intensity=liveliness * usual[kind])
+    nodes = nodes._replace(intensity=relative_intensity * usual[kind])
     noise = boxes[1] if boxes else 0.0
     before = np.full(nodes.precision.size, np.inf)
     for _ in range(ROUNDS):
@@ -195,12 +195,12 @@ def _fitted(
         before = position
         if boxes:
             noise = _match_boxes(*boxes, noise, position, found.variance, *nodes[2:])
-        felt, determined = _pooled(found.felt / liveliness), _pooled(found.known)
+        felt, determined = _pooled(found.felt / relative_intensity), _pooled(found.known)
         usual = _usual(usual, felt, determined, kind)
-        spread = liveliness * (FREEDOM * usual[kind] + felt)
+        spread = relative_intensity * (FREEDOM * usual[kind] + felt)
         nodes = nodes._replace(intensity=spread / (FREEDOM + determined))
     found = wiener.smooth(nodes, order)
-    path = SmoothPath(nodes, found.states, found.variance, liveliness, usual[kind], noise)
+    path = SmoothPath(nodes, found.states, found.variance, relative_intensity, usual[kind], noise)
     return path.with_open_intensities()
 
 

@@ -1,4 +1,4 @@
-"""What was held out is foretold with all that the fit leaves open: against the closed form."""
+"""What was held out is predicted with all that the fit leaves open: against the closed form."""
 
 from __future__ import annotations
 
@@ -75,9 +75,9 @@ def test_held_out_data_count_as_a_forecast_with_its_own_covariance(
     best = covariance @ near.T @ problem.measured[:fitted]
     left = problem.measured[fitted:] - far @ best
     spread = np.eye(judged) + far @ covariance @ far.T
-    foretold = 0.5 * left @ np.linalg.solve(spread, left)
+    predicted = 0.5 * left @ np.linalg.solve(spread, left)
     # Searches end where a step promises less than 0.02, or a thousandth of what is left.
-    assert found.judged == pytest.approx(foretold, abs=0.05 + 2e-3 * (found.cost + foretold))
+    assert found.judged == pytest.approx(predicted, abs=0.05 + 2e-3 * (found.cost + predicted))
     assert found.at == pytest.approx(best, abs=0.2 * np.sqrt(np.diag(covariance)).max())
 
 

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bowden.diagnosis.rules.own_noise import AT_FLOOR
+from bowden.diagnosis.rules.noise_scale import AT_FLOOR
 from bowden.diagnosis.rules.prepare import prepare
 from bowden.diagnosis.rules.problem import BY_CHANCE, WeighedRecordings, about_zero
 from bowden.model import Inputs, Mode, parse_model, simulate

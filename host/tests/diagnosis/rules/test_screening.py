@@ -1,4 +1,4 @@
-"""The first look: a strength that only shows near the true one is found all the same."""
+"""Screening: a strength that only shows near the true one is found all the same."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from bowden.diagnosis.rules.free_parameters import free_parameters
 from bowden.diagnosis.rules.hypothesis import FittedEffects
 from bowden.diagnosis.rules.prepare import prepare
 from bowden.diagnosis.rules.problem import WeighedRecordings
-from bowden.diagnosis.rules.trials import first_looks, fit_from_usual
+from bowden.diagnosis.rules.trials import fit_from_usual, screen_all
 from bowden.model import Mode, parse_model
 
 from ...rigs import TABLE_1, wiggle
@@ -22,7 +22,7 @@ NAMES = ("time_delay", "bearing_friction", "load_cell_offset", "motor_torque_off
 
 
 def test_a_bearing_beside_a_late_cell_is_found_from_its_usual_strength() -> None:
-    """Calibration has bent to the bearing, so that a first look sees little of it."""
+    """Calibration has bent to the bearing, so that the screening sees little of it."""
     model = parse_model(TABLE_1)
     late, dry = {"load_cell_delay_s": 0.03}, {"load_torque_nm": 0.25}
     recording = wiggle(model.with_effect("time_delay", late).with_effect("bearing_friction", dry))
@@ -37,9 +37,9 @@ def test_a_bearing_beside_a_late_cell_is_found_from_its_usual_strength() -> None
         )
         bent = np.array([np.log(4 / 3), 0.0, 0.03])
         parent = FittedEffects((cell,), fit, solve(fit, bent))
-        looks = first_looks(parent, candidates(NAMES), pool)
+        screened = screen_all(parent, candidates(NAMES), pool)
         found = fit_from_usual(parent, candidates(NAMES), pool)
-    assert cell.key not in {look[0].candidate.key for look in looks}
+    assert cell.key not in {outcome[0].candidate.key for outcome in screened}
     assert all(len(one.effects) == 2 for one in found)
     best = min(found, key=lambda one: one.fitted.cost)
     assert best.effects[1].key == ("bearing_friction", "load")

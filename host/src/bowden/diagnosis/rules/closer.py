@@ -2,7 +2,7 @@
 
 Fits keep a sample each 8 ms and the turning points: what a rotor's ringing does in between is lost
 to them, and a selection that explains those samples may leave much of the others. Then one more
-effect is looked for in closer ones. Called by `diagnose`, after `select` and `leeway`.
+effect is looked for in closer ones. Called by `diagnose`, after `select` and `form_error`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.rules.decide import HeldOutResidual
 from bowden.diagnosis.rules.figures import rest_of
 from bowden.diagnosis.rules.hypothesis import MOST_EFFECTS
-from bowden.diagnosis.rules.own_noise import AT_FLOOR
+from bowden.diagnosis.rules.noise_scale import AT_FLOOR
 from bowden.diagnosis.rules.prepare import prepare
 from bowden.diagnosis.rules.problem import WeighedRecording, WeighedRecordings
 from bowden.diagnosis.rules.select import Selection, look_closer

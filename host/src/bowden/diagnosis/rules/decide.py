@@ -28,7 +28,7 @@ _Floats = NDArray[np.float64]
 TIE = 3.0  # of score: odds of 20 to 1
 MOST_TIED = 3
 SIGNIFICANT = 4.0  # standard errors by which what chance leaves must be exceeded
-MERE_NOISE = 1.1  # of it
+AT_NOISE_FLOOR = 1.1  # of the floor
 LOOK_ALIKE = 0.98  # cosine between what two effects do to the data, calibration taken out
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
 
@@ -79,12 +79,13 @@ class HeldOutResidual:
     def is_noise_after(self, laws: int) -> bool:
         """Whether so many laws explain what they should.
 
-        As many as are ever tried together bend to nearly anything: they have to leave mere noise.
+        As many as are ever tried together bend to nearly anything: their residual has to be within
+        the noise floor.
         """
-        return self.is_noise and (laws < MOST_EFFECTS or self.after <= MERE_NOISE)
+        return self.is_noise and (laws < MOST_EFFECTS or self.after <= AT_NOISE_FLOOR)
 
     @property
-    def astray(self) -> float:
+    def lack_of_fit(self) -> float:
         """How far the chosen laws are from the rig's, as a share of what they explain, 0..1."""
         left = math.sqrt(max(self.after**2 - self._floor**2, 0.0))
         return min(1.0, left / self._explained) if self._explained else 0.0
@@ -99,8 +100,10 @@ class HeldOutResidual:
         return math.sqrt(max(self.before**2 - self.after**2, 0.0))
 
 
-def heard(selection: Selection, rest: HeldOutResidual) -> tuple[Selection, HeldOutResidual]:
-    """Return the selection without effects that the held-out samples speak against, and the rest.
+def without_rejected(
+    selection: Selection, rest: HeldOutResidual
+) -> tuple[Selection, HeldOutResidual]:
+    """Drop selected effects that lower the held-out log-likelihood; return the rest, too.
 
     Fits see a part of the samples; what they gain there must not be lost in all of those held back.
 
@@ -132,7 +135,7 @@ def decide(selection: Selection, rest: HeldOutResidual) -> RuleDecision:
     tie = tied(selection)
     names = {frozenset(one.names) for one in tie}
     verdict: Verdict = "ambiguous" if len(names) > 1 else "named"
-    return RuleDecision(verdict, _named(selection, tie, rest.astray), reported)
+    return RuleDecision(verdict, _named(selection, tie, rest.lack_of_fit), reported)
 
 
 def tied(selection: Selection) -> list[FittedEffects]:
@@ -150,14 +153,14 @@ def tied(selection: Selection) -> list[FittedEffects]:
 
 
 def _named(
-    selection: Selection, tie: Sequence[FittedEffects], astray: float
+    selection: Selection, tie: Sequence[FittedEffects], lack_of_fit: float
 ) -> tuple[NamedEffect, ...]:
     sure = confidences(selection)
     found: dict[str, NamedEffect] = {}
     place = {one.key: rank for rank, one in enumerate(selection.needed)}
     for hypothesis in tie:
         said = selection.reported if hypothesis is selection.chosen else hypothesis
-        values = intervals(said, astray)
+        values = intervals(said, lack_of_fit)
         effects = enumerate(hypothesis.effects)
         for index, one in sorted(effects, key=lambda each: place.get(each[1].key, -1)):
             found.setdefault(
@@ -199,14 +202,14 @@ def standard_errors(fitted: Fitted) -> _Floats:
     return np.sqrt(np.maximum(np.diag(np.linalg.pinv(matrix.T @ matrix)), 0.0))
 
 
-def intervals(hypothesis: FittedEffects, astray: float) -> list[dict[str, Value]]:
+def intervals(hypothesis: FittedEffects, lack_of_fit: float) -> list[dict[str, Value]]:
     """Return each effect's parameters with their 95 % intervals, effect by effect.
 
     Parameters
     ----------
     hypothesis : FittedEffects
-    astray : float
-        `HeldOutResidual.astray`: numbers of a law that the rig does not quite follow are
+    lack_of_fit : float
+        `HeldOutResidual.lack_of_fit`: numbers of a law that the rig does not quite follow are
         not known better.
     """
     fit, at = hypothesis.fit, hypothesis.fitted.joint.at
@@ -237,7 +240,7 @@ def intervals(hypothesis: FittedEffects, astray: float) -> list[dict[str, Value]
                     for sign in (-1.0, 1.0)
                 ]
             if parameter.period is None and math.isfinite(value):
-                wide = 1.96 * math.hypot(astray, candidate.effect.known_to) * abs(value)
+                wide = 1.96 * math.hypot(lack_of_fit, candidate.effect.known_to) * abs(value)
                 low = value - math.hypot(value - min(ends), wide)
                 high = value + math.hypot(max(ends) - value, wide)
                 ends = [max(low, parameter.low), min(high, parameter.high)]
@@ -279,12 +282,12 @@ def look_alikes(selection: Selection) -> tuple[tuple[str, str], ...]:
     the weighted data, with what calibration can do taken out, is near zero; pairs that the fits
     left tied are among them.
     """
-    base = selection.looked_from
+    base = selection.screened_from
     seen: dict[str, list[_Floats]] = {}
-    for look in selection.looks:
-        rest = _without(base.jacobian, look.secants / look.factor)
+    for outcome in selection.screened:
+        rest = _without(base.jacobian, outcome.secants / outcome.factor)
         if float(np.linalg.norm(rest, axis=0).max()) > VISIBLE:
-            seen.setdefault(look.candidate.name, []).append(np.linalg.qr(rest)[0])
+            seen.setdefault(outcome.candidate.name, []).append(np.linalg.qr(rest)[0])
     names = list(seen)
     pairs = {
         (one, other)
@@ -303,14 +306,16 @@ def look_alikes(selection: Selection) -> tuple[tuple[str, str], ...]:
 
 def invisible(selection: Selection) -> tuple[str, ...]:
     """Return the effects that would not show in these recordings at their usual size."""
-    base = selection.looked_from
+    base = selection.screened_from
     shown = {
-        look.candidate.name
-        for look in selection.looks
-        if float(np.linalg.norm(_without(base.jacobian, look.secants / look.factor), axis=0).max())
+        outcome.candidate.name
+        for outcome in selection.screened
+        if float(
+            np.linalg.norm(_without(base.jacobian, outcome.secants / outcome.factor), axis=0).max()
+        )
         > VISIBLE
     }
-    return tuple(sorted({look.candidate.name for look in selection.looks} - shown))
+    return tuple(sorted({outcome.candidate.name for outcome in selection.screened} - shown))
 
 
 def _without(jacobian: _Floats, columns: _Floats) -> _Floats:

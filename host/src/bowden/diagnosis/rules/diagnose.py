@@ -24,15 +24,15 @@ from bowden.diagnosis.rules.closer import closely
 from bowden.diagnosis.rules.decide import (
     calibration,
     decide,
-    heard,
     invisible,
     look_alikes,
+    without_rejected,
 )
 from bowden.diagnosis.rules.figures import gap_in, rest_of, series_of
 from bowden.diagnosis.rules.fit import HypothesisFit, solve, solve_widely
+from bowden.diagnosis.rules.form_error import with_form_error
 from bowden.diagnosis.rules.free_parameters import free_parameters
 from bowden.diagnosis.rules.hypothesis import FittedEffects
-from bowden.diagnosis.rules.leeway import leniently
 from bowden.diagnosis.rules.prepare import prepare
 from bowden.diagnosis.rules.problem import WeighedRecording, WeighedRecordings
 from bowden.diagnosis.rules.select import Progress, Selection, select, silent
@@ -99,15 +99,17 @@ def diagnose_by_rules(
             ready = prepare(final, mode, recordings, seed, pool, step_s=0.0)
         except ModelError:  # it runs what was measured, but not every path beside it
             ready = prepare(about, mode, recordings, seed, pool, step_s=0.0)
-        selection, rest = heard(selection, rest_of(selection, WeighedRecordings(mode, ready), pool))
-        selection, rest = leniently(selection, rest, mode, recordings, seed=seed, pool=pool)
+        selection, rest = without_rejected(
+            selection, rest_of(selection, WeighedRecordings(mode, ready), pool)
+        )
+        selection, rest = with_form_error(selection, rest, mode, recordings, seed=seed, pool=pool)
         selection, rest = closely(selection, rest, mode, recordings, every, seed=seed, pool=pool)
         series = series_of(selection, mode, ready, pool)
     gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
     decision = decide(selection, rest)
     hidden = invisible(selection)
     verdict = decision.verdict
-    if verdict == "complete" and len({x.candidate.name for x in selection.looks}) <= len(hidden):
+    if verdict == "complete" and len({x.candidate.name for x in selection.screened}) <= len(hidden):
         verdict = "insufficient_excitation"
     where = _where(selection, mode, ready, series, seed)
     advice = _advice(selection, mode, series)
@@ -209,8 +211,8 @@ def _ranking(selection: Selection) -> tuple[Ranked, ...]:
         if key not in seen:
             seen.add(key)
             found.append(Ranked(*key, one.score - base.score, gap(one)))
-    for look in selection.looks:
-        if look.candidate.key not in seen:
-            seen.add(look.candidate.key)
-            found.append(Ranked(*look.candidate.key, 0.0, base_gap))
+    for outcome in selection.screened:
+        if outcome.candidate.key not in seen:
+            seen.add(outcome.candidate.key)
+            found.append(Ranked(*outcome.candidate.key, 0.0, base_gap))
     return tuple(found)

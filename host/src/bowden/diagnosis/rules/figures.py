@@ -73,7 +73,7 @@ def rest_of(
     """Return what the models leave on held-out data, in the channel where the chosen leaves more.
 
     Each sample counts by what it is worth. The numbers have moved on within what the fitted data
-    leave open: a sample may be known far better than they foretell it.
+    leave open: a sample may be known far better than they predict it.
     """
     reported = selection.reported
     models = (selection.base.fitted.joint_model, reported.fitted.joint_model)

@@ -24,7 +24,7 @@ STEP = 0.02  # of a parameter's scale: far above the simulator's roughness, far 
 ENOUGH = 0.02  # of chi-square / 2: a step that promises less decides nothing
 ROUGHLY = 1e-3  # of what is left: such a step decides nothing between rivals far from the optimum
 ROUNDS = 12
-FEW = 4  # rounds in which what judges is foretold; the next fit goes on from there
+FEW = 4  # rounds in which what judges is predicted; the next fit goes on from there
 ALONG = (-2.5, -1.2, 1.2, 2.5)  # tolerances, of the starts along a valley
 
 _Found = TypeVar("_Found")
@@ -92,7 +92,7 @@ class Fitted:
     joint_model : Model
         There.
     judged : float
-        What that costs: half the chi-square of what was not fitted, foretold with all that the
+        What that costs: half the chi-square of what was not fitted, predicted with all that the
         fitted leave open. For a linear model it is exactly that of the forecast under its own
         covariance (Gelman et al., Bayesian Data Analysis, section 14.3).
     every : ndarray of shape (n,)
@@ -202,7 +202,7 @@ class HypothesisFit:
     def fitted_at(self, found: Point, rounds: int, joint_at: _Floats | None = None) -> Fitted:
         """Gather what is known at a point.
 
-        What judges is foretold, in so many rounds: the numbers move on within what the fitted
+        What judges is predicted, in so many rounds: the numbers move on within what the fitted
         samples leave open; from `joint_at` where that is the better start.
         """
         begin = found

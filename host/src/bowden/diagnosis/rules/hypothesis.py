@@ -13,7 +13,7 @@ from bowden.diagnosis.rules.problem import WeighedRecordings
 from bowden.model.effects.effect import EXACT
 
 MOST_EFFECTS = 3
-WORTH = 4.0  # of score, beyond the price: odds of 50 to 1
+WORTH = 4.0  # of score, beyond the penalty: odds of 50 to 1
 
 
 @dataclass(frozen=True)
@@ -52,20 +52,20 @@ class FittedEffects:
         return self.fit.problem.rest(self.fitted.joint_model)
 
     @property
-    def leeway(self) -> float:
+    def form_error(self) -> float:
         """Share of what the effects do that a rig which has them may leave; of many, the least."""
         most = EXACT if len(self.effects) == MOST_EFFECTS else 1.0
         return min(most, max((one.effect.form_error for one in self.effects), default=0.0))
 
     @property
     def score(self) -> float:
-        """Logarithm of how well the recordings speak for it, less the price of its numbers.
+        """Log-likelihood of the recordings under it, less the penalty for its parameters.
 
-        What was fitted counts as it was fitted, at the price of half a logarithm of the number of
-        independent samples a number (Schwarz 1978); what was held out counts as it was foretold.
+        Fitted samples count as fitted, with a penalty per parameter of half the logarithm of the
+        number of independent samples (Schwarz 1978); held-out samples count as predicted.
         """
-        price = 0.5 * math.log(max(self.fit.problem.fitted_samples, 2.0))
-        return -(self.fitted.cost + self.fitted.judged + price * self.numbers)
+        penalty = 0.5 * math.log(max(self.fit.problem.fitted_samples, 2.0))
+        return -(self.fitted.cost + self.fitted.judged + penalty * self.numbers)
 
 
 def again(one: FittedEffects, problem: WeighedRecordings) -> FittedEffects:

@@ -132,7 +132,7 @@ def _blocks(recording: Recording) -> _Flags:
     """Flag two of three blocks of half-cycles: what is fitted.
 
     Of the three ways to take them, the one that holds back least that is nowhere else: what was
-    never fitted cannot be foretold, by the right model either.
+    never fitted cannot be predicted, by the right model either.
     """
     time_s = recording.time_s
     motion = Motion.of(recording)

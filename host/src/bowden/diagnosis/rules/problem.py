@@ -24,7 +24,8 @@ _Flags = NDArray[np.bool_]
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 BY_CHANCE = 1.35  # of the noise: what a model that lacks nothing may leave
-HEARD = 200.0  # effective samples of a channel while the model is wrong: beliefs are a handful
+#: Lower bound on a channel's effective samples: keeps the priors from outweighing the data.
+LEAST_SAMPLES = 200.0
 ECCENTRICITY = {"motor_angle_rad": "e_rad", "load_angle_rad": "load_e_rad"}
 WHITE = 0.5  # effective samples a sample that white noise is given at least: the sum ends by chance
 
@@ -242,8 +243,8 @@ class WeighedRecordings:
         independent samples. Where it is not, the slow rest makes the share small, what it leaves
         typically counts as noise of every sample (or the most precise ones would lead each search
         into the nearest corner), and a rest above that makes each sigma larger, so that every
-        judgement becomes careful; but not so careful that the data weigh less than what is
-        believed beforehand, or no model would be led to where it belongs. It is read off the
+        judgement becomes careful; but not so careful that the data weigh less than the
+        priors, or no fit would leave its start. It is read off the
         samples that are fitted: what only the others hold must not make these weightless.
         """
         parts = []
@@ -262,7 +263,7 @@ class WeighedRecordings:
                 w = np.sqrt(share) * z
                 common = float(effective_samples(w) / w.size) / WHITE
                 if np.sum(share * (left / sigma) ** 2) > BY_CHANCE**2 * np.sum(share):
-                    common = max(common, HEARD / float(np.sum(share)))
+                    common = max(common, LEAST_SAMPLES / float(np.sum(share)))
                 channels[name] = replace(
                     channel,
                     typical=typical,

@@ -1,4 +1,4 @@
-"""A first look at what each candidate would gain.
+"""Screening: what each candidate would gain.
 
 `screen` simulates a candidate at a finite strength, from a few starting shapes, and asks how much
 of the weighted residual that change would take away together with the numbers that move already: a
@@ -24,7 +24,7 @@ from bowden.model.effects.effect import Parameter
 _Floats = NDArray[np.float64]
 
 OVERSHOOT = 3.0  # how far beyond its first guess a strength may be taken on one secant
-FACTORS = (0.3, 1.0, 3.0)  # of the usual strength: first looks at an effect that has no shape
+FACTORS = (0.3, 1.0, 3.0)  # of the usual strength: screened of an effect that has no shape
 UNLIKE = 0.85  # cosine: below it, what two strengths of an effect do differs in kind
 EVERY = np.geomspace(0.1, 10.0, 25)  # of the usual strength, for those
 
@@ -104,20 +104,20 @@ def _screen_strengths(
     What most effects do grows with their strength. A mass rings on its cables at a frequency of
     its own instead, and no strength but those near the true one promises anything.
     """
-    looks = [_screen_shape(fit, base, candidate, shape, factor) for factor in FACTORS]
-    if not any(_unlike(one, other) for one, other in itertools.pairwise(looks)):
-        return looks
-    looks = [_screen_as_it_is(fit, base, candidate, shape, float(factor)) for factor in EVERY]
-    gains = [-math.inf, *(-math.inf if one is None else one.gain for one in looks), -math.inf]
+    screened = [_screen_shape(fit, base, candidate, shape, factor) for factor in FACTORS]
+    if not any(_unlike(one, other) for one, other in itertools.pairwise(screened)):
+        return screened
+    screened = [_screen_as_it_is(fit, base, candidate, shape, float(factor)) for factor in EVERY]
+    gains = [-math.inf, *(-math.inf if one is None else one.gain for one in screened), -math.inf]
     return [
         replace(one, rings=True)
-        for place, one in enumerate(looks, 1)
+        for place, one in enumerate(screened, 1)
         if one is not None and gains[place] >= max(gains[place - 1], gains[place + 1])
     ]
 
 
 def _unlike(one: Screened | None, other: Screened | None) -> bool:
-    """Whether two looks at an effect that are there saw it do different things."""
+    """Whether two screenings of an effect succeeded and differ in kind."""
     if one is None or other is None:
         return False
     across = np.linalg.norm(one.secants, axis=0) * np.linalg.norm(other.secants, axis=0)
@@ -125,7 +125,7 @@ def _unlike(one: Screened | None, other: Screened | None) -> bool:
     return bool(np.any(along < UNLIKE * across))
 
 
-def look_again(fit: HypothesisFit, base: Fitted, look: Screened, reweighed: _Floats) -> Screened:
+def rescreen(fit: HypothesisFit, base: Fitted, outcome: Screened, reweighed: _Floats) -> Screened:
     """Return what a candidate promises on top of other effects, without simulating it again.
 
     What it does to the simulation is taken to be what it did without them: good enough to choose
@@ -137,19 +137,19 @@ def look_again(fit: HypothesisFit, base: Fitted, look: Screened, reweighed: _Flo
         Of the model with the other effects.
     base : Fitted
         Its optimum.
-    look : Screened
+    outcome : Screened
         From the model without them.
     reweighed : ndarray of shape (n,)
-        The weights of the samples over those of that look.
+        The weights of the samples over those of that screening.
     """
-    probes = _probes(look.candidate, look.shape, look.factor)
-    usual = np.zeros((base.residual.size, look.secants.shape[1]))
-    usual[: reweighed.size] = under_other_weights(look.secants, reweighed)[: reweighed.size]
+    probes = _probes(outcome.candidate, outcome.shape, outcome.factor)
+    usual = np.zeros((base.residual.size, outcome.secants.shape[1]))
+    usual[: reweighed.size] = under_other_weights(outcome.secants, reweighed)[: reweighed.size]
     step, amounts, gain = _amounts(fit, base, probes, usual)
     if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
-        return replace(look, gain=0.0, step=step, secants=usual)
-    values = _start(look.candidate, look.shape, amounts)
-    return replace(look, values=values, gain=gain, step=step, secants=usual)
+        return replace(outcome, gain=0.0, step=step, secants=usual)
+    values = _start(outcome.candidate, outcome.shape, amounts)
+    return replace(outcome, values=values, gain=gain, step=step, secants=usual)
 
 
 def under_other_weights(columns: _Floats, reweighed: _Floats) -> _Floats:

@@ -1,8 +1,9 @@
 """Forward selection: which effects, one after the other, the recordings ask for.
 
 Calibrate; screen every candidate on top of what is there; fit the promising ones together with all
-that moves, each of the best under the noise that it leaves itself; take the best if it is worth its
-price; again, until nothing is. Hypotheses in order of their score out; `decide` words the verdict.
+that moves, each of the best under its re-estimated noise scale; take the best if its score exceeds
+its penalty; repeat until none does. Hypotheses in order of their score out; `decide`
+words the verdict.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from bowden.diagnosis.rules.hypothesis import (
     again,
     plainest,
 )
-from bowden.diagnosis.rules.own_noise import (
+from bowden.diagnosis.rules.noise_scale import (
     ALIKE,
     AT_FLOOR,
     WITHIN,
@@ -35,15 +36,15 @@ from bowden.diagnosis.rules.own_noise import (
 )
 from bowden.diagnosis.rules.problem import WeighedRecordings
 from bowden.diagnosis.rules.screening import Screened, under_other_weights
-from bowden.diagnosis.rules.trials import first_looks, fit_all, fit_from_usual, looks_on_top
+from bowden.diagnosis.rules.trials import fit_all, fit_from_usual, screen_again, screen_all
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
 
 STRAINED = 3.0  # tolerances
-FAR = 3.0  # of its own noise: so much is missing, however much noise a better model allows
+FAR = 3.0  # of its noise floor: so much is missing, however much noise a better model allows
 MATTERS = 1.0  # RMS noise of a channel that an effect has to move it by, to be worth a name
-FAVOURITES = 3  # hypotheses that are fitted from everywhere; with more effects, fewer
+MOST_REFITTED = 3  # hypotheses that are fitted from everywhere; with more effects, fewer
 CLOSER = 0.7  # of the rest: a second effect that leaves more of it makes a third hopeless
 ABREAST = 3  # hypotheses that are carried on where one effect alone does not reach the floor
 
@@ -58,16 +59,16 @@ class Selection:
         The calibrated model without effects.
     chosen : FittedEffects
     reported : FittedEffects
-        The same, as its numbers are given: see `leeway`.
+        The same, as its numbers are given: see `form_error`.
     needed : tuple of Candidate
         Its effects; that which it can least do without first.
     rivals : list of FittedEffects
         Every fitted hypothesis with as many effects as the chosen one (or one, when none was
         chosen), under the final noise model, best first.
-    looks : list of Screened
-        First look at every candidate on top of the calibrated model, best first.
-    looked_from : Fitted
-        The calibrated model of that first look; both under the final noise model.
+    screened : list of Screened
+        Screening of every candidate on top of the calibrated model, best first.
+    screened_from : Fitted
+        The calibrated model of that screening; both under the final noise model.
     problem : WeighedRecordings
         With the final noise model.
     """
@@ -77,8 +78,8 @@ class Selection:
     reported: FittedEffects
     needed: tuple[Candidate, ...]
     rivals: list[FittedEffects]
-    looks: list[Screened]
-    looked_from: Fitted
+    screened: list[Screened]
+    screened_from: Fitted
     problem: WeighedRecordings
 
 
@@ -86,7 +87,7 @@ Progress = Callable[[str, float], None]
 
 
 def silent(_stage: str, _share: float) -> None:
-    """Tell nobody of the progress."""
+    """Default progress callback: does nothing."""
 
 
 def select(
@@ -116,17 +117,17 @@ def select(
     course, frontier, left = _Course.at(base, base), [base], math.inf
     first = base
     progress("looking at every effect", 0.1)
-    looks = first_looks(base, candidates, pool)
+    screened = screen_all(base, candidates, pool)
     for count in range(1, MOST_EFFECTS + 1):
         progress(f"fitting effect {count}", 0.1 + 0.8 * count / (MOST_EFFECTS + 1))
         tried = []
         for place, parent in enumerate(frontier):
-            seen = looks
+            seen = screened
             if parent.effects and place == 0 and parent.rest > FAR:
                 # What it promises depends on what is there, and on how calibration has bent to it.
-                seen = first_looks(parent, candidates, pool)
+                seen = screen_all(parent, candidates, pool)
             elif parent.effects:
-                seen = looks_on_top(parent, base, looks)
+                seen = screen_again(parent, base, screened)
             tried += fit_all(parent, seen, pool)
         if not tried:
             break
@@ -146,7 +147,7 @@ def select(
         anywhere = fit_from_usual(first, candidates, pool)
         went = _gone_on(course, anywhere, 2, pool) if anywhere else None
         course = went[0] if went else course
-    return course.selection(looks)
+    return course.selection(screened)
 
 
 def look_closer(
@@ -169,12 +170,12 @@ def look_closer(
     """
     base, parent = again(selection.base, problem), again(selection.chosen, problem)
     course = _Course.at(base, parent)
-    looks = first_looks(parent, candidates, pool)
-    tried = fit_all(parent, looks, pool, few=True)
+    screened = screen_all(parent, candidates, pool)
+    tried = fit_all(parent, screened, pool, few=True)
     if tried:
         course.go_on(tried, len(parent.effects) + 1, pool)
     found = course.selection([])
-    return replace(found, looks=selection.looks, looked_from=selection.looked_from)
+    return replace(found, screened=selection.screened, screened_from=selection.screened_from)
 
 
 @dataclass
@@ -199,8 +200,8 @@ class _Course:
     ) -> tuple[list[FittedEffects], bool]:
         """Weigh hypotheses of so many effects; return them best first, and whether one is taken."""
         tried = distinct(tried)
-        favourites = max(FAVOURITES - count + 1, 1)
-        self.problem, tried, nearest = under_their_noise(self.problem, tried, favourites, pool)
+        refitted = max(MOST_REFITTED - count + 1, 1)
+        self.problem, tried, nearest = under_their_noise(self.problem, tried, refitted, pool)
         self.chosen = again(self.chosen, self.problem)
         # A new one: who kept the course as it was keeps what it knew.
         self.known = self.known | {one.key: one for one in [*tried, self.chosen]}
@@ -242,8 +243,8 @@ class _Course:
             _cures(one, chosen, self.lacking) or _matters(one, self.known)
         )
 
-    def selection(self, looks: Sequence[Sequence[Screened]]) -> Selection:
-        """Return what was chosen, with the first looks as sharp as the noise at the end allows."""
+    def selection(self, screened: Sequence[Sequence[Screened]]) -> Selection:
+        """Return what was chosen, with the screening as sharp as the noise at the end allows."""
         chosen, rivals, base = self.chosen, self.rivals, self.base
         if chosen.effects and _matters(chosen, self.known):  # one that moves nothing is no rival
             near = chosen.score - WITHIN
@@ -255,10 +256,12 @@ class _Course:
         chosen = plainest(chosen, rivals)
         sharper = self.problem.weights() / base.fit.problem.weights()
         first = [
-            replace(look[0], secants=under_other_weights(look[0].secants, sharper))
-            for look in looks
+            replace(outcome[0], secants=under_other_weights(outcome[0].secants, sharper))
+            for outcome in screened
         ]
-        looked_from = replace(base.fitted, matrix=under_other_weights(base.fitted.matrix, sharper))
+        screened_from = replace(
+            base.fitted, matrix=under_other_weights(base.fitted.matrix, sharper)
+        )
         needed = _most_needed_first(chosen, self.known)
         return Selection(
             again(base, self.problem),
@@ -267,7 +270,7 @@ class _Course:
             needed,
             rivals,
             first,
-            looked_from,
+            screened_from,
             self.problem,
         )
 
@@ -278,7 +281,7 @@ def _gone_on(
     """Go on from a course; None where that loses its way and leaves more than there was."""
     found = replace(course)
     best, better = found.go_on(tried, count, pool)
-    # Each under its own noise: one effect less left less.
+    # Each under its re-estimated noise scale: the residual RMS rose although an effect was added.
     lost = found.chosen.rest > ALIKE * max(course.chosen.rest, AT_FLOOR)
     return None if lost else (found, best, better)
 
@@ -310,7 +313,7 @@ def _matters(one: FittedEffects, known: Mapping[frozenset[tuple[str, str]], Fitt
         without = rest.fitted.model if rest else model.without_effect(place)
         enough = MATTERS
         if rest and rest.effects:
-            enough = max(enough, rest.leeway * problem.distance(without, base.fitted.model))
+            enough = max(enough, rest.form_error * problem.distance(without, base.fitted.model))
         if problem.distance(model, without) < enough:
             return False
     return True

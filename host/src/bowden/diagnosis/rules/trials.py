@@ -1,4 +1,4 @@
-"""What is tried on top of a hypothesis: a first look at all candidates, fits of the promising.
+"""What is tried on top of a hypothesis: screening of all candidates, fits of the promising.
 
 A calibrated model, perhaps with effects, and candidates in; hypotheses with one effect more out,
 for `select` to choose from.
@@ -16,19 +16,19 @@ from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.rules.fit import HypothesisFit, solve
 from bowden.diagnosis.rules.hypothesis import FittedEffects
 from bowden.diagnosis.rules.problem import WeighedRecordings
-from bowden.diagnosis.rules.screening import Screened, look_again, screen
+from bowden.diagnosis.rules.screening import Screened, rescreen, screen
 from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
 
-FITTED = 8  # candidates that are fitted after the first look
-CLOSE = 0.3  # of the best first-look gain: others this near are fitted too
+FITTED = 8  # candidates that are fitted after the screening
+CLOSE = 0.3  # of the best gain of the screening: others this near are fitted too
 MOST_FITTED = 14
 STARTS = 2  # shapes of each
 FITTED_ON_TOP = 6  # candidates that are fitted on top of other effects, from one shape
 
 
-def first_looks(
+def screen_all(
     base: FittedEffects, candidates: Sequence[Candidate], pool: ThreadPoolExecutor
 ) -> list[list[Screened]]:
     """Screen every candidate that is not there already, best first."""
@@ -36,44 +36,44 @@ def first_looks(
     return _in_order(pool.map(lambda one: screen(base.fit, base.fitted, one), others))
 
 
-def looks_on_top(
-    parent: FittedEffects, base: FittedEffects, looks: Sequence[Sequence[Screened]]
+def screen_again(
+    parent: FittedEffects, base: FittedEffects, screened: Sequence[Sequence[Screened]]
 ) -> list[list[Screened]]:
     """Look at what the parent does not hold, on top of it, best first."""
     reweighed = parent.fit.problem.weights() / base.fit.problem.weights()
     return _in_order(
-        [look_again(parent.fit, parent.fitted, one, reweighed) for one in look]
-        for look in looks
-        if look[0].candidate.key not in parent.key
+        [rescreen(parent.fit, parent.fitted, one, reweighed) for one in outcome]
+        for outcome in screened
+        if outcome[0].candidate.key not in parent.key
     )
 
 
-def _in_order(looks: Iterable[list[Screened]]) -> list[list[Screened]]:
+def _in_order(screened: Iterable[list[Screened]]) -> list[list[Screened]]:
     """Put the best shape of each first, and the best candidate."""
-    found = [sorted(look, key=lambda one: -one.gain) for look in looks if look]
-    return sorted(found, key=lambda look: -look[0].gain)
+    found = [sorted(outcome, key=lambda one: -one.gain) for outcome in screened if outcome]
+    return sorted(found, key=lambda outcome: -outcome[0].gain)
 
 
 def fit_all(
     parent: FittedEffects,
-    looks: Sequence[Sequence[Screened]],
+    screened: Sequence[Sequence[Screened]],
     pool: ThreadPoolExecutor,
     *,
     few: bool = False,
 ) -> list[FittedEffects]:
     """Fit the promising ones; few of them on top of other effects."""
-    if not looks:
+    if not screened:
         return []
-    close = sum(look[0].gain > CLOSE * looks[0][0].gain for look in looks)
+    close = sum(outcome[0].gain > CLOSE * screened[0][0].gain for outcome in screened)
     count, shapes = min(max(FITTED, close), MOST_FITTED), STARTS
     few = few or bool(parent.effects)
     if few:
         count, shapes = FITTED_ON_TOP, 1
-    starts = [one for look in looks[:count] for one in look[:shapes] if one.gain > 0.0]
+    starts = [one for outcome in screened[:count] for one in outcome[:shapes] if one.gain > 0.0]
     if not few:
-        starts += [one for look in looks for one in look[:shapes] if one.rings]
-        # A first look is a straight line; what has one number is fitted to be sure.
-        starts += [look[0] for look in looks[count:] if look[0].has_one_number]
+        starts += [one for outcome in screened for one in outcome[:shapes] if one.rings]
+        # Screening is linear; what has one number is fitted to be sure.
+        starts += [outcome[0] for outcome in screened[count:] if outcome[0].has_one_number]
     problems = [_problem_of(parent, one) for one in starts]  # here: it uses the pool itself
     fitted = pool.map(lambda one, under: _fit_one(parent, one, under), starts, problems)
     return [one for one in fitted if one is not None]
@@ -84,8 +84,8 @@ def fit_from_usual(
 ) -> list[FittedEffects]:
     """Fit every other candidate on top at its usual strength, calibration as the file says.
 
-    For where no first look gets anywhere: a calibration that has bent to what is missing makes its
-    cause look worthless, and the effect of friction beside it is no straight line.
+    For where no candidate gains in the screening: a calibration that has bent to what is missing
+    makes its cause look useless, and the effect of friction beside it is no straight line.
     """
     calibration = np.zeros(len(parent.fit.parameters))
     calibrated = len(parent.fitted.at) - parent.numbers
@@ -99,24 +99,24 @@ def fit_from_usual(
     return [one for one in pool.map(fitted, others) if one is not None]
 
 
-def _problem_of(parent: FittedEffects, look: Screened) -> WeighedRecordings:
-    """Return what a candidate is fitted under: where it rings, under its own noise at once."""
+def _problem_of(parent: FittedEffects, outcome: Screened) -> WeighedRecordings:
+    """Return what a candidate is fitted under: re-estimated at once where underdamped."""
     problem = parent.fit.problem
-    if not look.rings or parent.effects:
+    if not outcome.rings or parent.effects:
         return problem
     try:
-        model = look.candidate.added_to(parent.fitted.model, look.values)
+        model = outcome.candidate.added_to(parent.fitted.model, outcome.values)
         return problem.with_noise_of(model)
     except ModelError:
         return problem
 
 
 def _fit_one(
-    parent: FittedEffects, look: Screened, problem: WeighedRecordings
+    parent: FittedEffects, outcome: Screened, problem: WeighedRecordings
 ) -> FittedEffects | None:
-    start = parent.fitted.at + look.step
+    start = parent.fitted.at + outcome.step
     known = parent.fitted.matrix if problem is parent.fit.problem else None
-    return _fitted_on_top(parent, look.candidate, look.values, start, problem, known)
+    return _fitted_on_top(parent, outcome.candidate, outcome.values, start, problem, known)
 
 
 def _fitted_on_top(  # noqa: PLR0917

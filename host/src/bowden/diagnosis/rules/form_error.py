@@ -1,11 +1,11 @@
-"""A law that is one of several in use, judged with what that leaves open as part of the noise.
+"""Model-form error: fit and judge a law with what its form leaves open as part of the noise.
 
-Dahl's bristle or a stiff spring, friction that ages in motion or only at rest: a name stands for
-laws that differ by a third of what they do, and a few samples that are known to half a millinewton
-metre would refuse all but one of them, or pull its numbers to where it fits those. So where the
-chosen law leaves more than the noise, it is fitted and judged once more, each sample's noise
-widened by `Effect.form_error` of what the effect does there (`propagate`). The reported noise floor
-stays that of the data.
+Dahl's bristle or a stiff spring, friction that ages in motion or only at standstill: a name stands
+for laws that differ by a third of what they do, and a few samples that are known to half a
+millinewton metre would refuse all but one of them, or pull its numbers to where it fits
+those. So where the chosen law leaves more than the noise, it is fitted and judged once more, each
+sample's noise widened by `Effect.form_error` of what the effect does there (`propagate`). The
+reported noise floor stays that of the data.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from bowden.recording.recording import Recording
 ROUNDS = 2  # what an effect does depends on the numbers that are fitted
 
 
-def leniently(
+def with_form_error(
     selection: Selection,
     rest: HeldOutResidual,
     mode: Mode,
@@ -52,7 +52,7 @@ def leniently(
     seed : int
     pool : ThreadPoolExecutor
     """
-    if rest.is_noise or selection.chosen.leeway <= EXACT:
+    if rest.is_noise or selection.chosen.form_error <= EXACT:
         return selection, rest
     try:
         found, left = _judged_again(selection, mode, recordings, seed, pool)

@@ -1,8 +1,8 @@
-"""Hypotheses under the noise that they leave themselves: of all models the best knows it best.
+"""Re-estimate the noise scale for each hypothesis.
 
-Under the noise of a model that is far from the truth the data hardly weigh, and no model gets where
-it belongs. `select` asks here after each round of fits; hypotheses and a problem in, the same
-hypotheses under a nearer problem out.
+Under the noise scale of a model that is far from the truth the data hardly weigh, and fits stay far
+from it. `select` calls this after each round of fits: hypotheses and a problem in, the same
+hypotheses under a problem nearer to the truth out.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from bowden.diagnosis.rules.problem import WeighedRecordings
 AT_FLOOR = 1.2  # of the noise: a rest up to here is no reason to look for a further effect
 WITHIN = 50.0  # of cost: hypotheses that are fitted again under a better noise model
 MOST_ROUNDS = 6
-ALIKE = 1.5  # times the least rest: under noise of their own, these are told apart no further
-NEARER = 0.9  # of the rest: less than that is worth another round
+ALIKE = 1.5  # times the least rest: under re-estimated noise scales, these are not compared further
+NEARER = 0.9  # of the rest: a smaller rest justifies another round
 
 
 def under_their_noise(
     problem: WeighedRecordings,
     tried: Sequence[FittedEffects],
-    favourites: int,
+    refitted: int,
     pool: ThreadPoolExecutor,
 ) -> tuple[WeighedRecordings, list[FittedEffects], FittedEffects]:
     """Judge by the noise that the best leaves.
 
-    Each of the favourites is fitted under its own, until one leaves noise. Where none does, those
-    that ring are asked: under the noise of models that do not they look bad.
+    Each of the best is fitted under its own, until one leaves noise. Where none does, those
+    that are underdamped are fitted: under the noise of models that are not, they look bad.
 
     Parameters
     ----------
     problem : WeighedRecordings
         That most were fitted under.
     tried : sequence of FittedEffects
-    favourites : int
+    refitted : int
         How many are fitted under noise of their own.
     pool : ThreadPoolExecutor
 
@@ -50,7 +50,7 @@ def under_their_noise(
     rings = [one for one in tried if one.fit.problem is not problem and one.rest < AT_FLOOR]
     alike = [one if one.fit.problem is problem else weighed(one, problem) for one in tried]
     order = sorted(alike, key=lambda one: one.fitted.cost + one.fitted.judged)
-    for place, one in enumerate(order[:favourites]):
+    for place, one in enumerate(order[:refitted]):
         order[place] = _under_its_own(again(one, problem), pool)
         if order[place].rest < AT_FLOOR:
             break
