@@ -220,7 +220,7 @@ LAW_KEYS: dict[str, tuple[str, ...]] = {
 }
 """What a friction law may have beside ``mu_d``; the first of each is needed."""
 
-BRISTLE_LAWS = ("dahl", "lugre", "bouc_wen")
+BRISTLE_LAWS = tuple(law for law in LAW_KEYS if law not in ("coulomb", "stiction"))
 
 
 class Friction(Part):
