@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 from bowden.drive.capture import record
@@ -66,6 +68,44 @@ def test_every_frame_dropped_on_purpose_is_reported(
     assert capture.decoded.losses.total == len(bus.dropped)
     # The running count, too, up to the samples that are not yet closed.
     assert told[-1].lost == pytest.approx(len(bus.dropped), abs=0.02 * len(bus.dropped) + 5)
+
+
+def test_frames_that_come_twice_or_late_are_reported_and_change_nothing(
+    rig: MakeRig, tmp_path: Path
+) -> None:
+    drive, bus = rig()
+    receive = bus.recv
+    waiting: deque[can.Message] = deque()
+    disturbed: dict[str, list[int]] = {"repeated": [], "delayed": []}
+
+    def recv(timeout: float | None = None) -> can.Message | None:
+        """Give every 200th TPDO1 frame again, and every 201st only after the next sample's."""
+        if waiting:
+            return waiting.popleft()
+        frame = receive(timeout)
+        if frame is None or frame.arbitration_id != 0x190:
+            return frame
+        counter = int.from_bytes(frame.data[:2], "little")
+        if counter % 200 == 0:
+            waiting.append(frame)
+            disturbed["repeated"].append(counter)
+        elif counter % 200 == 1:
+            while (other := receive(0.01)) is not None and other.arbitration_id != 0x190:
+                waiting.append(other)
+            assert other is not None
+            waiting.extend((other, frame))
+            disturbed["delayed"].append(counter)
+            return waiting.popleft()
+        return frame
+
+    bus.recv = recv  # type: ignore[method-assign]
+    capture = record(drive, tmp_path / "run.blf", 2.0, run=TUNNEL)
+    assert (capture.side.cut, capture.decoded.frames_lost) == (None, 0)
+    assert capture.decoded.duration_s == pytest.approx(2.0, abs=0.05)
+    order = capture.decoded.losses.order
+    assert order.repeated["TPDO1"].tolist() == disturbed["repeated"]
+    assert order.delayed["TPDO1"].tolist() == disturbed["delayed"]
+    assert len(disturbed["delayed"]) >= 9
 
 
 def test_only_listening_does_not_touch_the_bridge(rig: MakeRig, tmp_path: Path) -> None:

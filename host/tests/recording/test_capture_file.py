@@ -14,8 +14,11 @@ import pytest
 from bowden.errors import BadInput
 from bowden.recording.capture_file import read_capture
 from bowden.recording.capture_writer import CaptureWriter
+from bowden.recording.decode import decode
 from bowden.recording.read import read_recording
 from bowden.recording.side_file import PdoField, PdoLayout, SideFile, side_path
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 # Written down by hand from the wire facts: sample_counter u16, statusword u16, device time u32 us;
 # counter low byte u8, angle i32 urad, torque i24 uNm.
@@ -132,6 +135,86 @@ def test_a_sample_that_lacks_a_pdo_is_a_gap_and_is_reported(tmp_path: Path) -> N
     side = json.loads(side_path(tmp_path / "run.blf").read_text())
     assert side["samples"] == 300
     assert side["lost"]["TPDO2"] == {"count": 1, "samples": ["100"]}
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    start=st.integers(65_000, 65_600),
+    start_us=st.sampled_from([0, (1 << 32) - 65_550_000]),
+    longest=st.integers(1, 60),
+    seed=st.integers(0, 1 << 32),
+)
+def test_frames_dropped_repeated_and_delayed_are_reported_exactly(
+    start: int, start_us: int, longest: int, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    samples = range(start, start + 400)
+    sent = list(frames_of(samples, start_us=start_us % (1 << 32)))
+    # In units of frames, 3 a sample. The low byte tells 127 samples, for a frame and the TPDO1
+    # beside it together, so that each may be 60 late.
+    places: list[tuple[float, int]] = []
+    for place in range(len(sent)):
+        fate = random.choice(["once", "dropped", "repeated", "delayed"], p=[0.85, 0.05, 0.05, 0.05])
+        later = place + random.uniform(0, 3 * longest)
+        is_kept = place < 3 or place >= len(sent) - 3  # the account needs its two ends
+        if is_kept or fate in ("once", "repeated"):
+            places.append((place, place))
+        if not is_kept and fate in ("repeated", "delayed"):
+            places.append((later, place))
+    arrived = [place for _, place in sorted(places)]
+    expected: dict[str, dict[str, list[int]]] = {"lost": {}, "repeated": {}, "delayed": {}}
+    seen: set[int] = set()
+    newest = 0
+    for place in arrived:
+        sample, pdo = samples[place // 3], f"TPDO{place % 3 + 1}"
+        kind = "repeated" if place in seen else "delayed" if place // 3 < newest else None
+        if kind is not None:
+            expected[kind].setdefault(pdo, []).append(sample)
+        seen.add(place)
+        newest = max(newest, place // 3)
+    for place in set(range(len(sent))) - seen:
+        expected["lost"].setdefault(f"TPDO{place % 3 + 1}", []).append(samples[place // 3])
+
+    frames = [
+        message(sent[place].arbitration_id, bytes(sent[place].data), 1.7e9 + at * 1e-3 / 3)
+        for at, place in sorted(places)
+    ]
+    decoded = decode(frames, side_file(), "run.blf")
+
+    of_kind = {
+        "lost": decoded.losses.lost,
+        "repeated": decoded.losses.order.repeated,
+        "delayed": decoded.losses.order.delayed,
+    }
+    # Numbers count on from the first frame's 16-bit counter.
+    turns = start // 65536 * 65536
+    found = {
+        kind: {pdo: (numbers + turns).tolist() for pdo, numbers in by_pdo.items() if numbers.size}
+        for kind, by_pdo in of_kind.items()
+    }
+    assert found == {
+        kind: {pdo: sorted(numbers) for pdo, numbers in by_pdo.items()}
+        for kind, by_pdo in expected.items()
+    }
+    # Each sample has its own values, whenever its frames came.
+    whole = [n for k, n in enumerate(samples) if {3 * k, 3 * k + 1, 3 * k + 2} <= seen]
+    assert (decoded.number + turns).tolist() == whole
+    assert decoded.channels["motor_angle_rad"].tolist() == [raw_angle(n, 1) / 1e6 for n in whole]
+    assert np.allclose(decoded.time_s, (np.array(whole) - whole[0]) * 1e-3, atol=1e-9)
+
+
+def test_what_came_twice_or_late_stands_in_side_file_and_metadata(tmp_path: Path) -> None:
+    frames = list(frames_of(range(50)))
+    frames.insert(20, frames[10])  # TPDO2 of sample 3, again
+    frames.insert(60, frames.pop(33))  # TPDO3 of sample 10 (one frame has come before), late
+    recording = read_capture(capture(tmp_path / "run.blf", frames))
+    assert recording.time_s.size == 50
+    side = json.loads(side_path(tmp_path / "run.blf").read_text())
+    assert side["repeated"] == {"TPDO2": {"count": 1, "samples": ["3"]}}
+    assert side["delayed"] == {"TPDO3": {"count": 1, "samples": ["10"]}}
+    told = {key: recording.metadata.get(key) for key in ("repeated_tpdo2", "delayed_tpdo3")}
+    assert told == {"repeated_tpdo2": "3", "delayed_tpdo3": "10"}
+    assert recording.metadata["frames_lost"] == "0"
 
 
 def test_frames_of_others_short_frames_and_repeats_change_nothing(tmp_path: Path) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from bowden.cli.output import console
 from bowden.drive.capture import Capture
+from bowden.recording.side_file import Lost
 
 _RANGES_SHOWN = 5
 
@@ -23,6 +25,8 @@ def summary(capture: Capture, path: Path) -> dict[str, object]:
         "channels": list(decoded.channels),
         "frames_lost": decoded.frames_lost,
         "lost": {name: lost.model_dump() for name, lost in (side.lost or {}).items()},
+        "repeated": {name: frames.model_dump() for name, frames in side.repeated.items()},
+        "delayed": {name: frames.model_dump() for name, frames in side.delayed.items()},
         "error_frames": side.error_frames,
         "clock": side.clock.model_dump() if side.clock else None,
         "trigger": side.trigger,
@@ -45,7 +49,11 @@ def show_summary(capture: Capture, path: Path) -> None:
     lost = decoded.frames_lost
     out.print(
         f"{path}: {side.samples} samples, {decoded.duration_s:.3f} s, "
-        + ("no frame lost" if not lost else f"[bold red]{lost} frames lost[/]: {_where(capture)}"),
+        + (
+            "no frame lost"
+            if not lost
+            else f"[bold red]{lost} frames lost[/]: {_where(side.lost or {})}"
+        ),
         soft_wrap=True,
     )
     details = [
@@ -54,6 +62,8 @@ def show_summary(capture: Capture, path: Path) -> None:
         f"[bold yellow]warning[/]: {side.error_frames} error frames on the bus"
         if side.error_frames
         else "",
+        f"came twice: {_where(side.repeated)}" if side.repeated else "",
+        f"came late, after a later sample's: {_where(side.delayed)}" if side.delayed else "",
         f"trigger: {side.trigger}" if side.trigger else "",
         *(f"mark at {mark.time_s:.3f} s: {mark.text}" for mark in decoded.marks),
         *(f"emergency: {text}" for text in side.emergencies),
@@ -62,11 +72,11 @@ def show_summary(capture: Capture, path: Path) -> None:
         out.print(f"  {line}", soft_wrap=True)
 
 
-def _where(capture: Capture) -> str:
+def _where(frames: Mapping[str, Lost]) -> str:
     """Return of which samples; all of them are in the side file."""
     told = []
-    for name, lost in (capture.side.lost or {}).items():
-        if lost.count:
-            more = " ..." if len(lost.samples) > _RANGES_SHOWN else ""
-            told.append(f"{name} of sample {', '.join(lost.samples[:_RANGES_SHOWN])}{more}")
+    for name, of_pdo in frames.items():
+        if of_pdo.count:
+            more = " ..." if len(of_pdo.samples) > _RANGES_SHOWN else ""
+            told.append(f"{name} of sample {', '.join(of_pdo.samples[:_RANGES_SHOWN])}{more}")
     return "; ".join(told)

@@ -15,6 +15,7 @@ from bowden.drive.entry import Layout
 from bowden.drive.faults import describe_emergency
 from bowden.drive.power import is_fault, power_state
 from bowden.errors import DriveFailed
+from bowden.recording.clock import elapsed_us
 
 _EMERGENCY_FOLLOWS_S = 0.05
 _ANGLES = ("load_angle", "motor_angle")
@@ -78,7 +79,9 @@ class Follower:
         self._angles.update((name, now[name]) for name in _ANGLES if name in now)
         if frame.arbitration_id == self._first:
             if self.last is not None:
-                step_us = (now["device_time"] - self.last["device_time"]) % (1 << 32)
+                step_us = elapsed_us(self.last["device_time"], now["device_time"])
+                if step_us <= 0:  # it came twice, or was overtaken
+                    return now
                 self.elapsed_us += step_us
                 self.samples += (now["sample_counter"] - self.last["sample_counter"]) % (1 << 16)
             else:

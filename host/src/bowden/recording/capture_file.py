@@ -12,6 +12,7 @@ from bowden.errors import BadInput
 from bowden.recording.blf import read_frames, truncation
 from bowden.recording.clock import clock_finding
 from bowden.recording.decode import Decoded, decode
+from bowden.recording.losses import ranges
 from bowden.recording.recording import Recording
 from bowden.recording.side_file import SideFile, read_side_file
 
@@ -56,10 +57,10 @@ def _metadata(decoded: Decoded, side: SideFile) -> dict[str, str]:
         "node_id": str(side.node_id),
         "dictionary_hash": side.dictionary_hash,
         "frames_lost": str(decoded.frames_lost),
-        **_losses("lost", decoded),
+        **_samples_of_frames("", decoded),
     }
     for node_id, other in decoded.others.items():
-        told |= _losses(f"lost_node{node_id}", other)
+        told |= _samples_of_frames(f"_node{node_id}", other)
     if decoded.clock:
         told["clock_drift_ppm"] = f"{decoded.clock.drift_ppm:.3g}"
     optional = {
@@ -82,7 +83,17 @@ def _sampling(side: SideFile) -> str | None:
     return "synchronous: every drive samples in the control tick in which it receives a SYNC"
 
 
-def _losses(prefix: str, decoded: Decoded) -> dict[str, str]:
-    """Return the lost samples of each PDO that lost any."""
-    ranges = {pdo: decoded.losses.ranges(pdo) for pdo in decoded.losses.lost}
-    return {f"{prefix}_{pdo.lower()}": " ".join(lost) for pdo, lost in ranges.items() if lost}
+def _samples_of_frames(drive: str, decoded: Decoded) -> dict[str, str]:
+    """Return the samples whose frames were lost, came twice or came late, by kind and PDO."""
+    losses = decoded.losses
+    kinds = (
+        ("lost", losses.lost),
+        ("repeated", losses.order.repeated),
+        ("delayed", losses.order.delayed),
+    )
+    return {
+        f"{kind}{drive}_{pdo.lower()}": " ".join(ranges(numbers))
+        for kind, by_pdo in kinds
+        for pdo, numbers in by_pdo.items()
+        if numbers.size
+    }

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from threading import Lock
@@ -18,11 +19,14 @@ from types import TracebackType
 from typing import Any
 
 import can
+import numpy as np
+from numpy.typing import NDArray
 
 from bowden.errors import BadInput
 from bowden.recording.blf import read_frames
 from bowden.recording.clock import clock_finding
 from bowden.recording.decode import Decoded, decode
+from bowden.recording.losses import LossReport, ranges
 from bowden.recording.side_file import (
     Clock,
     Lost,
@@ -250,21 +254,34 @@ def account(side: SideFile, decoded: Decoded | None) -> SideFile:
     """Return the side file with the account of a capture's samples."""
     if decoded is None:
         return side.model_copy(update={"samples": 0})
-    named = {"": decoded.losses}
-    named |= {f"node {node_id} ": other.losses for node_id, other in decoded.others.items()}
     finding = clock_finding(decoded.clock, decoded.duration_s) if decoded.clock else None
     return side.model_copy(
         update={
             "samples": decoded.losses.expected,
-            "lost": {
-                f"{prefix}{pdo}": Lost(count=int(numbers.size), samples=losses.ranges(pdo))
-                for prefix, losses in named.items()
-                for pdo, numbers in losses.lost.items()
-            },
+            "lost": _by_pdo(decoded, lambda losses: losses.lost, all_pdos=True),
+            "repeated": _by_pdo(decoded, lambda losses: losses.order.repeated),
+            "delayed": _by_pdo(decoded, lambda losses: losses.order.delayed),
             "findings": [*filter(None, [finding]), *decoded.findings],
             "clock": Clock(**dataclasses.asdict(decoded.clock)) if decoded.clock else None,
         }
     )
+
+
+def _by_pdo(
+    decoded: Decoded,
+    which: Callable[[LossReport], dict[str, NDArray[np.int64]]],
+    *,
+    all_pdos: bool = False,
+) -> dict[str, Lost]:
+    """Return the samples of each PDO of each drive, those of further drives with their node."""
+    named = {"": decoded.losses}
+    named |= {f"node {node_id} ": other.losses for node_id, other in decoded.others.items()}
+    return {
+        f"{prefix}{pdo}": Lost(count=int(numbers.size), samples=ranges(numbers))
+        for prefix, losses in named.items()
+        for pdo, numbers in which(losses).items()
+        if numbers.size or all_pdos
+    }
 
 
 def lock_file(handle: Any, path: Path) -> None:  # noqa: ANN401  (any open file)

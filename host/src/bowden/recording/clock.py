@@ -7,11 +7,16 @@ the bus's and the host's delays. The fit says where that time lies on the host's
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+Numbers = TypeVar("Numbers", int, NDArray[np.int64])
+
 _WRAP_US = 1 << 32
+#: A frame may come so much later than one that was sent after it; a longer step back is a wrap.
+_OVERTAKEN_WITHIN_US = 60_000_000
 #: Two crystals of at most 100 ppm each (the board's and the host's), all tolerances included.
 CRYSTALS_PPM = 200.0
 #: How far the line's end may be off for jitter of the bus and the host, in RMS residuals.
@@ -45,11 +50,20 @@ class ClockFit:
         return (host_time_s - self.host_start_s) / (1.0 + 1e-6 * self.drift_ppm)
 
 
+def elapsed_us(since_us: Numbers, until_us: Numbers) -> Numbers:
+    """Return the device time from one frame to another, us; negative where the other is older.
+
+    Right for up to 70 minutes onward and one minute back, after which the 32 bits have wrapped.
+    """
+    ahead_us = until_us - since_us + _OVERTAKEN_WITHIN_US
+    return ahead_us % _WRAP_US - _OVERTAKEN_WITHIN_US
+
+
 def unwrap_s(device_time_us: NDArray[np.int64]) -> NDArray[np.float64]:
     """Turn 32-bit microseconds (which wrap after 71 minutes) into seconds from the first one."""
     if not device_time_us.size:
         return np.empty(0)
-    steps = np.diff(device_time_us) % _WRAP_US
+    steps = elapsed_us(device_time_us[:-1], device_time_us[1:])
     # One division, no sum of rounded steps: 0.123 comes out as 0.123.
     return np.concatenate(([0], np.cumsum(steps))) / 1e6
 

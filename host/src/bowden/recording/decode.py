@@ -18,8 +18,11 @@ from bowden.recording.align import SourceSeries, align, foreign_series
 from bowden.recording.clock import ClockFit, clock_finding, device_seconds, fit_clock, unwrap_s
 from bowden.recording.collect import FrameId, Frames, collect
 from bowden.recording.losses import (
+    Arrivals,
     LossReport,
+    find_disorder,
     find_losses,
+    is_overtaken,
     number_by_low_byte,
     number_samples,
 )
@@ -51,7 +54,7 @@ class Decoded:
     channels : dict of str to ndarray of shape (n,)
         Values in the units that the names carry.
     losses : LossReport
-        Exact account of the frames that are not there.
+        Exact account of the frames that are not there, or came twice or late.
     clock : ClockFit or None
         The drive's clock against the host's.
     marks : tuple of Mark
@@ -134,16 +137,22 @@ def _decode_drive(
     period_us = round(drive.sample_period_s * 1e6)
     device_time_us = raw[first][_DEVICE_TIME]
     numbers = {first: number_samples(raw[first][_COUNTER], device_time_us, period_us)}
+    placing = ~is_overtaken(numbers[first])
+    placed_at = Arrivals(anchor.position[placing], anchor.time_s[placing])
     for layout in drive.pdos:
         if layout.name != first:
             numbers[layout.name] = number_by_low_byte(
                 raw[layout.name][_LOW_BYTE],
                 pdos[layout.name].arrivals,
-                numbers[first],
-                anchor,
+                numbers[first][placing],
+                placed_at,
                 drive.sample_period_s,
             )
-    losses = find_losses(numbers, drive.counter_before, drive.counter_after)
+    positions = {name: frames.arrivals.position for name, frames in pdos.items()}
+    losses = replace(
+        find_losses(numbers, drive.counter_before, drive.counter_after),
+        order=find_disorder(numbers, positions),
+    )
     device_time_s = unwrap_s(device_time_us)
     clock = fit_clock(device_time_s, anchor.time_s)
     number, at = _complete(numbers)

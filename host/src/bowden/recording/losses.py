@@ -1,4 +1,4 @@
-"""Which samples of which PDO were lost, exact to the frame.
+"""Which samples of which PDO were lost, came twice or came late, exact to the frame.
 
 Pure functions over arrays; nothing is read or sent. Each sample of the drive is several PDOs:
 TPDO1 carries a 16-bit sample counter and the device time, the others its low byte. `decode` turns
@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.recording.clock import elapsed_us
+
 _COUNTER = 1 << 16
 _LOW_BYTE = 1 << 8
-_DEVICE_TIME_US = 1 << 32
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,22 @@ class Arrivals:
 
 
 @dataclass(frozen=True)
+class OrderReport:
+    """Frames that came, but not once and in the order in which the drive has sent them.
+
+    Parameters
+    ----------
+    repeated : dict of str to ndarray of int64
+        For each PDO the number of the sample of each further frame of it, ascending.
+    delayed : dict of str to ndarray of int64
+        For each PDO the samples whose frame came after a frame of a later sample, ascending.
+    """
+
+    repeated: dict[str, NDArray[np.int64]]
+    delayed: dict[str, NDArray[np.int64]]
+
+
+@dataclass(frozen=True)
 class LossReport:
     """What arrived and what did not.
 
@@ -45,11 +62,14 @@ class LossReport:
         goes on past 65535 here).
     lost : dict of str to ndarray of int64
         For each PDO the numbers of the samples whose frame is not there, ascending.
+    order : OrderReport
+        Frames that came twice or late; their samples are whole.
     """
 
     first: int
     last: int
     lost: dict[str, NDArray[np.int64]]
+    order: OrderReport = OrderReport({}, {})
 
     @property
     def expected(self) -> int:
@@ -63,11 +83,15 @@ class LossReport:
 
     def ranges(self, pdo: str) -> list[str]:
         """Return the lost samples of one PDO as ``"12"`` or ``"15-40"``."""
-        numbers = self.lost[pdo]
-        if not numbers.size:
-            return []
-        runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-        return [str(run[0]) if run.size == 1 else f"{run[0]}-{run[-1]}" for run in runs]
+        return ranges(self.lost[pdo])
+
+
+def ranges(numbers: NDArray[np.int64]) -> list[str]:
+    """Return ascending sample numbers as ``"12"`` or ``"15-40"``."""
+    if not numbers.size:
+        return []
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return [str(run[0]) if run.size == 1 else f"{run[0]}-{run[-1]}" for run in runs]
 
 
 def number_samples(
@@ -76,7 +100,7 @@ def number_samples(
     """Give each TPDO1 frame its full sample number.
 
     The counter is exact modulo 65536; the device time tells how often it went round, so that a
-    hole may last up to the 71 minutes after which the device time wraps.
+    hole may last 70 minutes. A frame that was overtaken by later ones gets its own number, too.
 
     Parameters
     ----------
@@ -90,7 +114,7 @@ def number_samples(
     if not counter.size:
         return np.empty(0, dtype=np.int64)
     step = np.diff(counter) % _COUNTER
-    elapsed = (np.diff(device_time_us) % _DEVICE_TIME_US) / period_us
+    elapsed = elapsed_us(device_time_us[:-1], device_time_us[1:]) / period_us
     step += _COUNTER * np.rint((elapsed - step) / _COUNTER).astype(np.int64)
     return int(counter[0]) + np.concatenate(([0], np.cumsum(step)))
 
@@ -105,8 +129,8 @@ def number_by_low_byte(
     """Give frames that carry only the counter's low byte their full sample number.
 
     A frame lies between two TPDO1 frames (the anchors) in order of arrival, so its number lies
-    between theirs. Where a hole makes that more than 256 samples, the receive time decides; it has
-    to be right to 128 samples there.
+    between theirs, or near them: both together may be late by up to 127 samples. Where a hole makes
+    that more than 256 samples, the receive time decides; it has to be right to 128 samples there.
 
     Parameters
     ----------
@@ -115,7 +139,7 @@ def number_by_low_byte(
     arrivals : Arrivals of n frames
         When they came.
     anchor_number : ndarray of shape (m,), m >= 1
-        Full numbers of the TPDO1 frames.
+        Full numbers of the TPDO1 frames, without those that `is_overtaken`; ascending.
     anchors : Arrivals of m frames
         When those came.
     period_s : float, s
@@ -134,6 +158,37 @@ def number_by_low_byte(
     nearest = np.rint(np.clip(guess, lowest, highest)).astype(np.int64)
     half = _LOW_BYTE // 2
     return nearest + (low_byte - nearest + half) % _LOW_BYTE - half
+
+
+def is_overtaken(number: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which frames, in order of arrival, came after one of a later sample."""
+    return np.asarray(number < np.maximum.accumulate(number))
+
+
+def find_disorder(
+    numbers: Mapping[str, NDArray[np.int64]], positions: Mapping[str, NDArray[np.int64]]
+) -> OrderReport:
+    """Find the frames of one drive that came twice or late.
+
+    Parameters
+    ----------
+    numbers : mapping of str to ndarray of int64
+        PDO name to the sample numbers that arrived, in order of arrival.
+    positions : mapping of str to ndarray of int64
+        Their places in the order of arrival of all frames of the capture.
+    """
+    every, place = (np.concatenate(list(one.values())) for one in (numbers, positions))
+    arrived = np.argsort(place)
+    is_late = np.empty(every.size, dtype=bool)
+    is_late[arrived] = is_overtaken(every[arrived])
+    repeated, delayed, start = {}, {}, 0
+    for pdo, there in numbers.items():
+        is_first = np.zeros(there.size, dtype=bool)
+        is_first[np.unique(there, return_index=True)[1]] = True
+        repeated[pdo] = np.sort(there[~is_first])
+        delayed[pdo] = np.sort(there[is_first & is_late[start : start + there.size]])
+        start += there.size
+    return OrderReport(repeated, delayed)
 
 
 def find_losses(

@@ -51,7 +51,7 @@ class Clock(_Part):
 
 
 class Lost(_Part):
-    """Frames of one PDO that never came: how many, and of which samples."""
+    """Frames of one PDO that never came, came again or came late: how many, of which samples."""
 
     count: int
     samples: list[str]
@@ -108,7 +108,8 @@ class OtherDrive(_Part):
 class SideFile(_Part):
     """Everything that the side file holds.
 
-    `sync_counter` is a drive's sample counter before the first SYNC; None: it samples by its own
+    `lost` names each PDO, `repeated` and `delayed` those with such a frame. `sync_counter` is a
+    drive's sample counter before the first SYNC; None: it samples by its own
     timer.
     """
 
@@ -126,6 +127,8 @@ class SideFile(_Part):
     sync_counter: int | None = None
     samples: int | None = None
     lost: dict[str, Lost] | None = None
+    repeated: dict[str, Lost] = Field(default_factory=dict)
+    delayed: dict[str, Lost] = Field(default_factory=dict)
     clock: Clock | None = None
     cut: str | None = None
     trigger: str | None = None
