@@ -32,7 +32,7 @@ _FROM_NODE = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)
 _RECEIVE_BUFFER_BYTES = 4 << 20
 _SO_RCVBUFFORCE = 33  # Linux; beyond the system's limit, for root only
 _READER_POLL_S = 0.1
-_BATCH_S = 5e-3
+_BATCH_S = 10e-3
 _SHORTEST_WAIT_S = 1e-3  # waiting has to let time pass, also where time comes in steps
 
 # Both report through exceptions here; without a handler Python would print their log lines too.
@@ -110,6 +110,7 @@ class Connection:
         self._tap: Callable[[can.Message], None] | None = None
         #: Each gets every frame that `receive` handles, in the caller's thread.
         self.observers: list[Callable[[can.Message], None]] = []
+        self._nobody_waits = False
         self._tap_lock = threading.Lock()
         self._frames: queue.SimpleQueue[can.Message | BaseException] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -177,11 +178,14 @@ class Connection:
             The adapter failed.
         """
         frame = self._next(self._beat(timeout_s))
-        if frame is None:
-            return None
+        if frame is not None:
+            self._handle(frame)
+        return frame
+
+    def _handle(self, frame: can.Message) -> None:
         if frame.is_error_frame:
             self._errors += 1
-            return frame
+            return
         service, node_id = frame.arbitration_id & 0x780, frame.arbitration_id & 0x7F
         if service in _FROM_NODE and node_id:
             self._heard[node_id] = self.clock()
@@ -189,7 +193,6 @@ class Connection:
             observe(frame)
         if not frame.is_remote_frame:
             self.network.notify(frame.arbitration_id, frame.data, frame.timestamp)
-        return frame
 
     def wait_for(self, happened: Callable[[], bool], timeout_s: float) -> bool:
         """Handle frames until `happened()`; return whether it did within `timeout_s`."""
@@ -216,14 +219,19 @@ class Connection:
             The adapter failed.
         """
         end = self.clock() + duration_s
-        while (left := end - self.clock()) > 0:
-            if not self._threaded:
-                self.receive(max(left, _SHORTEST_WAIT_S))
-                continue
-            self._beat(0.0)
-            time.sleep(min(left, _BATCH_S))
-            for _ in range(self._frames.qsize()):
-                self.receive(0.0)
+        self._nobody_waits = True
+        try:
+            while (left := end - self.clock()) > 0:
+                if not self._threaded:
+                    self.receive(max(left, _SHORTEST_WAIT_S))
+                    continue
+                self._beat(0.0)
+                time.sleep(min(left, _BATCH_S))
+                for _ in range(self._frames.qsize()):
+                    if (frame := self._next(0.0)) is not None:
+                        self._handle(frame)
+        finally:
+            self._nobody_waits = False
 
     def silence_s(self, node_id: int) -> float:
         """Return how long nothing has come from a node; infinite when it was never heard."""
@@ -284,12 +292,19 @@ class Connection:
         return frame
 
     def _read(self) -> None:
-        """Body of the reading thread."""
+        """Body of the reading thread.
+
+        It wakes up for each frame where an answer is waited for or a recorder listens, whose times
+        some adapters take only now; else once for all that have come meanwhile.
+        """
         try:
             while not self._stop.is_set():
-                frame = self._recv(_READER_POLL_S)
+                in_batches = self._nobody_waits and self._tap is None
+                frame = self._recv(0.0 if in_batches else _READER_POLL_S)
                 if frame is not None:
                     self._frames.put(frame)
+                elif in_batches:
+                    time.sleep(_BATCH_S)
         except Exception as error:  # noqa: BLE001  (whatever it is, `receive` raises it)
             self._frames.put(error)
 

@@ -46,6 +46,10 @@ class Follower:
         self.drive = drive
         self._clock = drive.connection.clock
         self._pdos = {layout.cob_id: layout for layout in layouts}
+        self._angles_in = {
+            layout.cob_id: [one.name for one in layout.entries if one.name in _ANGLES]
+            for layout in layouts
+        }
         self._first = layouts[0].cob_id
         self._boots = drive.boots
         self._emergencies = len(drive.emergencies)
@@ -76,7 +80,8 @@ class Follower:
         if layout is None or len(frame.data) != layout.size:
             return None
         now = layout.decode(bytes(frame.data))
-        self._angles.update((name, now[name]) for name in _ANGLES if name in now)
+        for name in self._angles_in[frame.arbitration_id]:
+            self._angles[name] = now[name]
         if frame.arbitration_id == self._first:
             if self.last is not None:
                 step_us = elapsed_us(self.last["device_time"], now["device_time"])
