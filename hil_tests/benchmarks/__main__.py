@@ -19,6 +19,8 @@ from hil_tests.benchmarks import (
     model_speed,
     newton_tendon,
     paced_day,
+    paced_pages,
+    paced_recording,
     render,
 )
 from hil_tests.benchmarks.measurement import Figure, machine
@@ -30,6 +32,8 @@ SUBJECTS: dict[str, Callable[[], list[Figure]]] = {
     "bench": bench_speed.figures,
     "lab_day": lab_day.figures,
     "paced_day": paced_day.figures,
+    "paced_recording": paced_recording.figures,
+    "paced_pages": paced_pages.figures,
     "board": board.figures,
     "render": render.figures,
 }

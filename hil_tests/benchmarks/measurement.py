@@ -6,6 +6,7 @@ one run in which the contestants take turns, so that a busy machine slows all of
 
 from __future__ import annotations
 
+import os
 import platform
 import statistics
 import time
@@ -61,6 +62,11 @@ def medians_s(contestants: Mapping[str, Callable[[], object]], rounds: int) -> d
 def scaling_exponent(sizes: list[int], times_s: list[float]) -> float:
     """Return p of ``time ~ size^p``, by least squares in logarithms."""
     return float(np.polyfit(np.log(sizes), np.log(times_s), 1)[0])
+
+
+def load() -> str:
+    """Describe how busy this machine is now."""
+    return f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
 
 
 def machine() -> str:

@@ -10,7 +10,6 @@ process answers once a millisecond, so a round trip takes longer than that of a 
 
 from __future__ import annotations
 
-import os
 import statistics
 import tempfile
 import time
@@ -32,7 +31,7 @@ from bowden.recording.blf import read_frames
 from bowden.recording.clock import clock_finding
 from bowden.recording.read import read_recording
 
-from hil_tests.benchmarks.measurement import Figure
+from hil_tests.benchmarks.measurement import Figure, load
 
 NODES: Final = (16, 17)
 DURATION_S: Final = 30.0
@@ -100,17 +99,17 @@ def configuration(drive: Drive, clock_s: Callable[[], float]) -> list[Figure]:
     drive.connection.observers.remove(count)
     trip_s = statistics.median(trips)
     context = (
-        f"{len(wanted)} entries, 8 of them tables, {len(changes)} changed and read back; {_load()}"
+        f"{len(wanted)} entries, 8 of them tables, {len(changes)} changed and read back; {load()}"
     )
     return [
-        Figure("host.paced.round_trip", trip_s, "s", f"one SDO read, median; {_load()}"),
+        Figure("host.paced.round_trip", trip_s, "s", f"one SDO read, median; {load()}"),
         Figure("host.paced.configure_time", took_s, "s", context, "2"),
         Figure("host.paced.configure_transfers", float(sent), "1", context),
         Figure(
             "host.paced.configure_trips",
             took_s / trip_s / sent,
             "1",
-            f"its time in round trips, for each of its transfers; {_load()}",
+            f"its time in round trips, for each of its transfers; {load()}",
         ),
     ]
 
@@ -146,7 +145,7 @@ def clock(capture: Capture) -> list[Figure]:
     duration_s = float(read_recording(capture.path).time_s[-1])
     if fit is None:
         raise RuntimeError(f"{capture.path}: no clock in it")
-    context = f"{duration_s:.0f} s of one drive at 1 kHz; {_load()}"
+    context = f"{duration_s:.0f} s of one drive at 1 kHz; {load()}"
     finding = clock_finding(fit, duration_s)
     return [
         Figure("host.paced.clock_drift", fit.drift_ppm, "ppm", context, "200 either way"),
@@ -166,7 +165,7 @@ def synchronous(capture: Capture) -> list[Figure]:
     sent = arrivals_s(capture.path, _SYNC)
     pairs = min(first.size, second.size)
     apart_s = np.abs(first[:pairs] - second[:pairs])
-    context = f"{sent.size} SYNCs at 1 kHz, two drives; {_load()}"
+    context = f"{sent.size} SYNCs at 1 kHz, two drives; {load()}"
     unpaired = abs(first.size - sent.size) + abs(second.size - sent.size)
     rows = [
         ("sync_samples_unpaired", float(unpaired), "1", "0"),
@@ -184,7 +183,3 @@ def synchronous(capture: Capture) -> list[Figure]:
 def arrivals_s(path: Path, cob_id: int) -> np.ndarray:
     """Return when the frames of a COB-ID came, by the host's clock, s."""
     return np.array([f.timestamp for f in read_frames(path) if f.arbitration_id == cob_id])
-
-
-def _load() -> str:
-    return f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"

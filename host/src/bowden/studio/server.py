@@ -1,7 +1,7 @@
 """The page over HTTP: static files, reports of the folder, and one WebSocket for everything live.
 
 Only `Access` decides who gets an answer. The first page controls the drive; a second one can watch
-and stop it. Thirty times a second each page gets the new samples and the state.
+and stop it. Forty times a second each page gets the new samples and the state.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from bowden.studio.access import COOKIE, Access
 from bowden.studio.bench import StudioBench
 from bowden.studio.orders import Alive, StopDrive, read_order
 
-PICTURES_PER_S = 30.0
+PICTURES_PER_S = 40.0
 _STATE_EVERY = 3  # pictures
 _REFUSED = "open the address that `bowden studio` has printed; it works once, in one browser"
 PAGE = ("index.html", "plot.js", "studio.js", "studio.css")
