@@ -156,7 +156,8 @@ class _Session:
         ]
         if sync:
             require_ours(drives, self.ours)
-        self.senders = [_sender(one, run) for one in self.followers] if run is not None else []
+        every = [_sender(one, run) for one in self.followers] if run is not None else []
+        self.senders = [sender for sender in every if sender is not None]
         for drive in self.ours:
             drive.nmt("PRE-OPERATIONAL")
         counters = self._counters()
@@ -234,13 +235,13 @@ class _Session:
         return {drive.node_id: drive.read_raw("sample_counter") for drive in self.ours}
 
 
-def _sender(follower: Follower, run: Run) -> Callable[[float], None]:
-    """Return what commands the drive's torque while it is recorded."""
+def _sender(follower: Follower, run: Run) -> Callable[[float], None] | None:
+    """Return what commands the drive's torque while it is recorded; None where nothing does."""
     if run.follow is not None:
         return following_sender(follower.drive, run.follow, follower)
     if run.profile is not None:
         return profile_sender(follower.drive, run.profile)
-    return lambda _elapsed_s: None
+    return None
 
 
 @contextmanager

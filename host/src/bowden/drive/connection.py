@@ -116,7 +116,8 @@ class Connection:
         self._stop = threading.Event()
         self._reader = threading.Thread(target=self._read, name="bowden bus", daemon=True)
         self._threaded = threaded
-        enlarge_receive_buffer(bus)
+        #: The kernel (or a server) takes each frame's time, whenever it is read.
+        self._is_socket = enlarge_receive_buffer(bus)
         if threaded:
             self._reader.start()
 
@@ -208,10 +209,16 @@ class Connection:
         """Handle frames for a while."""
         self.wait_for(lambda: False, duration_s)
 
-    def handle_for(self, duration_s: float) -> None:
+    def handle_for(self, duration_s: float, is_done: Callable[[], bool] | None = None) -> None:
         """Handle frames for a while, those of some milliseconds at a time.
 
         At 3000 frames/s, waking up for each costs more than handling it.
+
+        Parameters
+        ----------
+        duration_s : float, s
+        is_done : callable, optional
+            Asked after each frame; ends it early. What has come by then is handled later.
 
         Raises
         ------
@@ -224,12 +231,16 @@ class Connection:
             while (left := end - self.clock()) > 0:
                 if not self._threaded:
                     self.receive(max(left, _SHORTEST_WAIT_S))
+                    if is_done is not None and is_done():
+                        return
                     continue
                 self._beat(0.0)
                 time.sleep(min(left, _BATCH_S))
                 for _ in range(self._frames.qsize()):
                     if (frame := self._next(0.0)) is not None:
                         self._handle(frame)
+                    if is_done is not None and is_done():
+                        return
         finally:
             self._nobody_waits = False
 
@@ -294,12 +305,12 @@ class Connection:
     def _read(self) -> None:
         """Body of the reading thread.
 
-        It wakes up for each frame where an answer is waited for or a recorder listens, whose times
-        some adapters take only now; else once for all that have come meanwhile.
+        It wakes up for each frame where an answer is waited for, or where a recorder listens to an
+        adapter that takes a frame's time only now; else once for all that have come meanwhile.
         """
         try:
             while not self._stop.is_set():
-                in_batches = self._nobody_waits and self._tap is None
+                in_batches = self._nobody_waits and (self._tap is None or self._is_socket)
                 frame = self._recv(0.0 if in_batches else _READER_POLL_S)
                 if frame is not None:
                     self._frames.put(frame)
@@ -309,8 +320,8 @@ class Connection:
             self._frames.put(error)
 
 
-def enlarge_receive_buffer(bus: can.BusABC) -> None:
-    """Let the kernel hold a second of frames, where the bus is a socket."""
+def enlarge_receive_buffer(bus: can.BusABC) -> bool:
+    """Let the kernel hold a second of frames, where the bus is a socket; return whether it is."""
     try:
         with socket.socket(fileno=os.dup(bus.fileno())) as handle:
             try:
@@ -318,4 +329,5 @@ def enlarge_receive_buffer(bus: can.BusABC) -> None:
             except OSError:
                 handle.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
     except (OSError, NotImplementedError, AttributeError):
-        return  # no socket: the adapter's driver has buffers of its own
+        return False  # no socket: the adapter's driver has buffers of its own
+    return True

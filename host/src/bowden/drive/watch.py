@@ -6,14 +6,18 @@ capture) and sends nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
+
+import can
 
 from bowden.drive.follow import Follower
 from bowden.errors import BadInput
 
 _PROGRESS_S = 0.1
+_STEP_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ class Watch:
     requests : callable, optional
         Polled as often for requests: marks, an end.
     during : sequence of callable
-        Called after each frame, once the recording has begun, with its time in s.
+        Called after every frame, once the recording has begun, with its time in s.
     """
 
     def __init__(
@@ -132,10 +136,15 @@ class Watch:
             A drive failed, restarted, vanished or sends no samples.
         """
         self._begin()
-        while not self._step(is_powered, waiting=True):
-            for follower in self._followers:
-                if moved := follower.moved(motion_rad):
-                    return moved
+
+        def moved() -> str | None:
+            every = (follower.moved(motion_rad) for follower in self._followers)
+            return next(filter(None, every), None)
+
+        with self._counting():
+            while not self._step(is_powered, lambda: moved() is not None, waiting=True):
+                if found := moved():
+                    return found
         return None
 
     def run(self, span: Span, is_powered: bool) -> str | None:
@@ -156,12 +165,17 @@ class Watch:
         self._begin()
         end_us = float("inf") if span.duration_s is None else span.duration_s * 1e6
         ended = None
-        while ended is None and self._first.elapsed_us < end_us:
-            if self._step(is_powered):
-                ended = "stopped by the user"
-            elif span.stop_on_fault:
-                faults = (follower.new_fault() for follower in self._followers)
-                ended = next((f"fault: {fault}" for fault in faults if fault), None)
+
+        def is_over() -> bool:
+            return self._first.elapsed_us >= end_us
+
+        with self._counting():
+            while ended is None and not is_over():
+                if self._step(is_powered, is_over):
+                    ended = "stopped by the user"
+                elif span.stop_on_fault:
+                    faults = (follower.new_fault() for follower in self._followers)
+                    ended = next((f"fault: {fault}" for fault in faults if fault), None)
         self._tell(waiting=False)
         return ended
 
@@ -170,12 +184,27 @@ class Watch:
         for follower in self._followers:
             follower.begin()
 
-    def _step(self, is_powered: bool, waiting: bool = False) -> bool:
-        """Handle the next frame and what is due; return whether an end was requested."""
-        frame = self._connection.receive(_PROGRESS_S)
-        for follower in self._followers:
-            if frame is not None:
+    @contextmanager
+    def _counting(self) -> Iterator[None]:
+        """Let the followers count every frame that is handled."""
+
+        def count(frame: can.Message) -> None:
+            for follower in self._followers:
                 follower.count(frame)
+
+        self._connection.observers.append(count)
+        try:
+            yield
+        finally:
+            self._connection.observers.remove(count)
+
+    def _step(self, is_powered: bool, is_done: Callable[[], bool], waiting: bool = False) -> bool:
+        """Handle frames for a moment and what is due; return whether an end was requested."""
+        if self._during:
+            self._connection.receive(_PROGRESS_S)
+        else:
+            self._connection.handle_for(_STEP_S, is_done)
+        for follower in self._followers:
             follower.check(is_powered)
         if not waiting and self._first.last is not None:
             for act in self._during:
