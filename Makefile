@@ -15,7 +15,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
 
 .DEFAULT_GOAL := help
 .PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels transcripts bench bench-faults bench-diagnosis bench-feel bench-calibration bench-data-gate lock clean
-.PHONY: setup setup-firmware setup-baselines native
+.PHONY: setup setup-firmware setup-baselines setup-browser native
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,7 +26,7 @@ demo: native $(if $(filter emulated,$(TARGET)),firmware) ## the main job on the 
 demo-diagnosis: native $(if $(filter emulated,$(TARGET)),firmware) ## the loop closed: find what the model lacks, apply it, render the tunnel better
 	$(BIN)/bowden demo-diagnosis --output build/demo-diagnosis --target $(TARGET)
 
-test: lint firmware native ## lint, prove the firmware integer-only, run every test
+test: lint firmware native setup-browser ## lint, prove the firmware integer-only, run every test
 	$(BIN)/pytest $(PYTEST_FLAGS)
 	$(BIN)/pytest $(PYTEST_FLAGS) hil_tests/test_bench.py hil_tests/test_drive.py hil_tests/test_storage.py hil_tests/test_table_write.py hil_tests/test_compensation.py --target=emulated --require-target
 
@@ -131,5 +131,8 @@ $(VENV)/.baselines: $(VENV)/.ready requirements-baselines.lock
 
 setup-firmware: setup
 	$(call need,command -v arm-none-eabi-gcc,gcc-arm-none-eabi)
+
+setup-browser:
+	$(call need,{ command -v chromium || command -v chromium-browser; },chromium)
 
 comma := ,

@@ -22,7 +22,7 @@ from hil_tests.targets.hardware import Guard, HardwareWire
 
 ROOT = Path(__file__).resolve().parents[1]
 PORT = 43918  # not python-can's default: another rig may run on this machine
-PATIENCE_S = 900.0  # only ends a test that hangs
+HANGS_S = 900.0  # only ends a test that hangs
 
 
 class Loopback(can.BusABC):
@@ -113,7 +113,7 @@ def _run_tests(*arguments: str) -> str:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=HANGS_S,
         check=False,
     )
     return done.stdout + done.stderr

@@ -25,7 +25,7 @@ from hil_tests.targets import emulated
 COMMAND = [sys.executable, "-m", "bowden_rig"]
 PORT = 44000 + os.getpid() % 16000  # of its own: other rigs may run on this machine
 BUS = ["--bus-kwargs", f"port={PORT}"]
-PATIENCE_S = 900.0  # only ends a test that hangs
+HANGS_S = 900.0  # only ends a test that hangs
 
 
 class EchoingBus(can.BusABC):
@@ -224,12 +224,12 @@ def test_process_serves_a_host_and_ends_cleanly_on_a_signal(number: signal.Signa
             assert process.stderr.readline().startswith("rig: ready")
             bus.send(frame(0x610, struct.pack("<BHBI", 0x40, 0x1000, 0, 0)))
             bus.set_filters([{"can_id": 0x590, "can_mask": 0x7FF}])
-            answer = bus.recv(PATIENCE_S)
+            answer = bus.recv(HANGS_S)
             assert answer is not None
             assert bytes(answer.data) == bytes.fromhex("4300100092010200")
             process.send_signal(number)
             said = process.stderr.read()
-            assert process.wait(PATIENCE_S) == 0
+            assert process.wait(HANGS_S) == 0
             assert said.startswith("rig: stopped after ")
             assert said.count("\n") == 1
         finally:
@@ -254,6 +254,6 @@ def test_process_dies_with_the_one_that_started_it() -> None:
         try:
             assert not select.select([rig], [], [], 0)[0]
             parent.kill()
-            assert select.select([rig], [], [], PATIENCE_S)[0]
+            assert select.select([rig], [], [], HANGS_S)[0]
         finally:
             os.close(rig)

@@ -60,6 +60,10 @@ def run_of(model: Model) -> Recording:
 
 @pytest.fixture(scope="module")
 def named() -> Diagnosis:
+    return named_diagnosis()
+
+
+def named_diagnosis() -> Diagnosis:
     """A gap made by gravity, as `diagnose` would report it."""
     extended = MODEL.with_effect("gravity_imbalance", {"amplitude_nm": 0.03, "phase_rad": 0.8})
     recording = run_of(extended)

@@ -8,22 +8,62 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 import pytest
 from bowden.diagnosis.compare import compare
 from bowden.model import Mode, table_1
+from bowden.model.experiments import run_experiment
 from bowden.recording.recording import Recording
 from bowden.report.comparison import comparison_report
+from bowden.report.diagnosis import diagnosis_report
+from bowden.report.experiment import experiment_report
 from bowden.report.svg import data_of, describe, draw
 from bowden.report.svg_elements import DARK
 from bowden.signals.prediction import simulate_recording
+from playwright.sync_api import Browser, sync_playwright
+
+from .test_diagnosis_report import named_diagnosis
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+HANGS_MS = 600_000  # only ends a test that hangs
 LIGHT_PAPER, DARK_PAPER = "#ffffff", "#16191d"
+
+#: Width of the content, the least height of a drawing's words, each word's contrast (WCAG 2.2).
+MEASURE = """() => {
+    const shown = e => e.getClientRects().length > 0 && e.textContent.trim() !== '';
+    const rgb = text => text.match(/[\\d.]+/g).map(Number);
+    const luminance = c => [0.2126, 0.7152, 0.0722].reduce((sum, weight, i) => {
+        const x = c[i] / 255;
+        return sum + weight * (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+    }, 0);
+    const paper = e => {
+        for (; e; e = e.parentElement) {
+            const c = rgb(getComputedStyle(e).backgroundColor);
+            if (c.length < 4 || c[3] === 1) return c;
+        }
+        return matchMedia('(prefers-color-scheme: dark)').matches ? [0, 0, 0] : [255, 255, 255];
+    };
+    const drawn = [...document.querySelectorAll('.plot text')].filter(shown);
+    const written = [...document.querySelectorAll('body *')].filter(e => shown(e)
+        && !e.closest('script, style') && [...e.childNodes].some(
+            n => n.nodeType === 3 && n.textContent.trim() !== ''));
+    return {
+        content_px: document.documentElement.scrollWidth,
+        drawn_px: Math.min(...drawn.map(e => e.getBoundingClientRect().height)),
+        contrasts: written.map(e => {
+            const style = getComputedStyle(e);
+            const ink = luminance(rgb(e.closest('svg') ? style.fill : style.color));
+            const under = luminance(paper(e));
+            const [high, low] = ink > under ? [ink, under] : [under, ink];
+            return [(high + 0.05) / (low + 0.05), e.textContent.trim().slice(0, 60)];
+        }),
+    };
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -102,40 +142,46 @@ def test_a_drawing_puts_values_where_its_ticks_say() -> None:
     assert data_of(plot) == [{"name": "line", "x": [0.0, 10.0], "y": [0.0, 5.0]}]
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine (apt install chromium)")
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        program = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"], timeout=HANGS_MS
+        )
+        yield program
+        program.close()
+
+
+@pytest.fixture(scope="module")
+def reports(page: Path) -> dict[str, str]:
+    """A report of each kind."""
+    return {
+        "comparison": page.read_text(encoding="utf-8"),
+        "diagnosis": diagnosis_report(named_diagnosis()),
+        "experiment": experiment_report(run_experiment("1a")),
+    }
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine (apt install chromium)")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [390, 1000, 1600])
-def test_nothing_is_wider_than_the_screen(page: Path, width: int, tmp_path: Path) -> None:
-    """Measured in a frame of that width: headless windows are never narrower than 500 pixels."""
-    probe = (
-        "<script>onload=()=>{const d=document.documentElement,"
-        "small=[...document.querySelectorAll('.plot text')].filter(e=>e.getClientRects().length)"
-        ".map(e=>e.getBoundingClientRect().height);"
-        "parent.document.title=JSON.stringify([d.scrollWidth,innerWidth,Math.min(...small)])}</script>"
+@pytest.mark.parametrize("kind", ["comparison", "diagnosis", "experiment"])
+def test_a_report_fits_the_screen_and_its_words_stand_out(
+    reports: dict[str, str], browser: Browser, kind: str, width: int, scheme: Any
+) -> None:
+    context = browser.new_context(
+        viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
     )
-    html = page.read_text(encoding="utf-8").replace("</body>", f"{probe}</body>")
-    escaped = html.replace("&", "&amp;").replace('"', "&quot;")
-    frame = tmp_path / "frame.html"
-    frame.write_text(
-        f'<html><body style="margin:0"><iframe srcdoc="{escaped}" '
-        f'style="border:0;width:{width}px;height:4000px"></iframe></body></html>',
-        encoding="utf-8",
-    )
-    assert CHROMIUM is not None
-    done = subprocess.run(
-        [
-            *(CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic"),
-            *("--no-first-run", "--disable-background-networking", "--disable-component-update"),
-            *("--disable-sync", f"--user-data-dir={tmp_path / 'profile'}"),
-            *("--virtual-time-budget=5000", "--window-size=1700,1200", "--dump-dom"),
-            frame.as_uri(),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    title = re.search(r"<title>(\[.*?\])</title>", done.stdout)
-    assert title is not None, done.stderr[-2000:]
-    content_px, frame_px, text_px = json.loads(title.group(1))
-    assert frame_px == width
-    assert content_px <= width
-    assert text_px >= 10.0  # readable without zooming
+    context.set_default_timeout(HANGS_MS)
+    opened = context.new_page()
+    problems: list[str] = []
+    opened.on("pageerror", lambda error: problems.append(str(error)))
+    opened.set_content(reports[kind])
+    measured = opened.evaluate(MEASURE)
+    context.close()
+    assert problems == []
+    assert measured["content_px"] <= width
+    assert measured["drawn_px"] >= 10.0  # readable without zooming
+    assert len(measured["contrasts"]) > 30
+    worst, text = min(measured["contrasts"])
+    assert worst >= 4.5, text  # WCAG 2.2, 1.4.3

@@ -58,7 +58,7 @@ def studio(tmp_path: Path) -> Iterator[Studio]:
             yield Studio(bus, bench, access, tmp_path)
         finally:
             server.should_exit = True
-            serving.join(20)
+            serving.join()
             bench.end()
             listening.close()
     bus.advance(0.01)

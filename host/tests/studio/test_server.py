@@ -19,9 +19,11 @@ from websockets.sync.client import ClientConnection, connect
 
 from .conftest import Studio
 
+HANGS_S = 600.0  # only ends a test that hangs
+
 
 def get(studio: Studio, path: str, **headers: str) -> http.client.HTTPResponse:
-    connection = http.client.HTTPConnection(studio.access.netloc, timeout=30)
+    connection = http.client.HTTPConnection(studio.access.netloc, timeout=HANGS_S)
     given = {name.replace("_", "-"): value for name, value in headers.items()}
     connection.request("GET", path, headers=given)
     response = connection.getresponse()
@@ -40,7 +42,7 @@ def page(studio: Studio) -> Iterator[ClientConnection]:
         f"ws://{studio.access.netloc}/live",
         origin=studio.access.origin,
         additional_headers={"Cookie": cookie(studio)},
-        open_timeout=30,
+        open_timeout=HANGS_S,
     ) as socket:
         yield socket
 
@@ -49,7 +51,7 @@ def until(socket: ClientConnection, key: str, wanted: object = None) -> dict:
     """Read messages until the state says so; a page that reads is alive."""
     while True:
         socket.send(json.dumps({"do": "alive"}))
-        message = json.loads(socket.recv(timeout=60))
+        message = json.loads(socket.recv(timeout=HANGS_S))
         if key == "refused" and "refused" in message:
             return message
         now = message.get("now")
@@ -88,7 +90,7 @@ def test_another_origin_and_another_host_name_get_nothing(studio: Studio) -> Non
             pytest.raises((InvalidStatus, ConnectionClosed)),
             connect(live, origin=origin, additional_headers={"Cookie": told}) as socket,
         ):
-            socket.recv(timeout=30)
+            socket.recv(timeout=HANGS_S)
 
 
 def test_only_the_page_and_reports_of_the_folder_are_given(studio: Studio) -> None:
@@ -162,7 +164,7 @@ def test_a_page_that_hangs_stops_the_motor(studio: Studio) -> None:
         until(socket, "is_ours", True)
         hung_s = studio.bus.time_s
         while studio.motor_is_on and studio.bus.time_s < hung_s + 10:
-            socket.recv(timeout=30)  # it reads, but sends nothing
+            socket.recv(timeout=HANGS_S)  # it reads, but sends nothing
         assert studio.bus.time_s - hung_s < 1.5
 
 

@@ -20,7 +20,7 @@ from can.broadcastmanager import CyclicSendTaskABC
 from bowden_rig.bench import TICKS_PER_S, Bench
 from bowden_rig.frame_loss import Loss
 
-PATIENCE_S: Final = 10.0  # of virtual time, for recv(None)
+LONGEST_WAIT_S: Final = 10.0  # of virtual time, for recv(None)
 
 
 class VirtualBus(can.BusABC):
@@ -70,7 +70,7 @@ class VirtualBus(can.BusABC):
 
         Raises can.CanTimeoutError when no timeout is given and ten seconds of silence pass.
         """
-        wait_s = PATIENCE_S if timeout is None else timeout
+        wait_s = LONGEST_WAIT_S if timeout is None else timeout
         with self._pumping:
             end = self.bench.ticks + round(wait_s * TICKS_PER_S)
             while not self._is_shutdown:
@@ -82,7 +82,7 @@ class VirtualBus(can.BusABC):
                     break
                 self._pump()
         if timeout is None and not self._is_shutdown:
-            raise can.CanTimeoutError(f"no frame in {PATIENCE_S:g} s of virtual time")
+            raise can.CanTimeoutError(f"no frame in {LONGEST_WAIT_S:g} s of virtual time")
         return None
 
     def advance(self, duration_s: float) -> None:
