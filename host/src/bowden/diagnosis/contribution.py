@@ -1,4 +1,4 @@
-"""What the effects of a fitted hypothesis do to its prediction, and what calibration could instead.
+"""How much the effects of a fitted hypothesis do, in errors of an observation and in tolerances.
 
 `relevance` decides by it, `fitting` doubts each law by its share of it.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.estimation.covariance import DOUBTED, Covariance
+from bowden.estimation.covariance import Covariance
 
 _Floats = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def size_in_noise(
         square, count = 0.0, 0
         for k, (one, data) in enumerate(zip(change, like.problem.data, strict=True)):
             rows = data.observations.channel == channel
-            variance = _error(like.best.noises[k]) + (0.0 if laws is None else laws[k])
+            variance = like.best.noises[k].single + (0.0 if laws is None else laws[k])
             square += float(np.sum(one[rows] ** 2 / variance[rows]))
             count += int(np.count_nonzero(rows))
         if count:
@@ -59,43 +59,14 @@ def coordinates_without(one: Hypothesis, gone: Collection[int]) -> dict[str, flo
         Which of its effects.
     """
     found = one.coordinates()
+    each = one.problem.parameters.each
     for index in gone:
-        change = one.contributions[index]
-        if change is not None:
-            kept, step = _calibrated_for(one, change)
-            for i, more in zip(kept, step, strict=True):
-                if i < one.problem.size:
-                    found[one.problem.parameters.each[i].path] += float(more)
+        effect = one.contributions[index]
+        if effect is not None:
+            for i, more in zip(one.calibrated, effect.step, strict=True):
+                if i < len(each):
+                    found[each[i].path] += float(more)
     return found
-
-
-def _beyond_calibration(one: Hypothesis, change: Sequence[_Floats]) -> list[_Floats]:
-    """Return what is left of a change of the prediction when the calibrated numbers follow."""
-    kept, step = _calibrated_for(one, change)
-    return [c + s[:, kept] @ step for c, s in zip(change, one.slopes, strict=True)]
-
-
-def _calibrated_for(one: Hypothesis, change: Sequence[_Floats]) -> tuple[list[int], _Floats]:
-    """Return which numbers are calibrated, and the step of theirs that does nearest the same."""
-    effects = tuple(f"effects[{one.own + k}]" for k in range(len(one.effects)))
-    paths = [number.path for number in one.problem.parameters.each]
-    kept = [i for i, path in enumerate(paths) if not path.startswith(effects)]
-    kept += range(len(paths), one.problem.unit.size)
-    if not kept:
-        return kept, np.zeros(0)
-    errors = [np.sqrt(_error(noise)) for noise in one.best.noises]
-    rows = [s[:, kept] / e[:, None] for s, e in zip(one.slopes, errors, strict=True)]
-    prior = one.problem.prior(one.best.x)[1][:, kept]
-    target = [-c / e for c, e in zip(change, errors, strict=True)]
-    step, *_ = np.linalg.lstsq(
-        np.concatenate([*rows, prior]), np.concatenate([*target, np.zeros(len(prior))]), rcond=None
-    )
-    return kept, step
-
-
-def _error(noise: Covariance) -> _Floats:
-    """Variance of a single observation: the sensor's own and what is doubted of the simulation."""
-    return np.asarray(noise.own + (DOUBTED * noise.offset) ** 2)
 
 
 def shares(one: Hypothesis, *, beside_laws: bool = False) -> list[float]:
@@ -105,12 +76,9 @@ def shares(one: Hypothesis, *, beside_laws: bool = False) -> list[float]:
     of the other effects may be off by, observation by observation.
     """
     found = []
-    for index, change in enumerate(one.contributions):
-        if change is None:
-            found.append(np.inf)
-            continue
+    for index, effect in enumerate(one.contributions):
         laws = law_variances(one, besides=index) if beside_laws else None
-        found.append(size_in_noise(one, _beyond_calibration(one, change), laws))
+        found.append(np.inf if effect is None else size_in_noise(one, effect.beyond, laws))
     return found
 
 
@@ -120,14 +88,10 @@ def strains(one: Hypothesis) -> list[float]:
     A tolerance is one observation's error, too: of the number that it is stated for. Infinite where
     the model cannot run without the effect.
     """
-    found = []
-    for change in one.contributions:
-        if change is None:
-            found.append(np.inf)
-            continue
-        kept, step = _calibrated_for(one, change)
-        found.append(float(np.linalg.norm(one.problem.prior(one.best.x)[1][:, kept] @ step)))
-    return found
+    return [
+        np.inf if effect is None else float(np.linalg.norm(one.calibrated_prior @ effect.step))
+        for effect in one.contributions
+    ]
 
 
 def law_variances(one: Hypothesis, besides: int | None = None) -> list[_Floats]:
@@ -144,12 +108,12 @@ def law_variances(one: Hypothesis, besides: int | None = None) -> list[_Floats]:
         An effect whose own law does not count.
     """
     found = [np.zeros(noise.own.size) for noise in one.best.noises]
-    for index, (effect, change) in enumerate(zip(one.effects, one.contributions, strict=True)):
+    for index, (candidate, effect) in enumerate(zip(one.effects, one.contributions, strict=True)):
         if index == besides:
             continue
-        does = None if change is None else _beyond_calibration(one, change)
         for k in range(len(found)):
-            found[k] += np.inf if does is None else (effect.effect.form_error * does[k]) ** 2
+            part = np.inf if effect is None else candidate.effect.form_error * effect.beyond[k]
+            found[k] += part**2
     return found
 
 

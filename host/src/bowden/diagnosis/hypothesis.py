@@ -20,6 +20,25 @@ _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Contribution:
+    """What one effect does at the optimum, and what calibration could do instead.
+
+    Parameters
+    ----------
+    change : tuple of ndarray of shape (n,)
+        Of each recording's prediction: with the effect less without, other numbers as they are.
+    step : ndarray of shape (c,)
+        Of the calibrated numbers' coordinates, that does nearest the same within their priors.
+    beyond : tuple of ndarray of shape (n,)
+        What is left of the change when they take that step.
+    """
+
+    change: tuple[_Floats, ...]
+    step: _Floats
+    beyond: tuple[_Floats, ...]
+
+
+@dataclass(frozen=True)
 class Hypothesis:
     """The model with some effects, fitted.
 
@@ -81,14 +100,18 @@ class Hypothesis:
         return {one.path: float(x) for one, x in zip(each, self.best.x, strict=False)}
 
     @cached_property
-    def contributions(self) -> tuple[tuple[_Floats, ...] | None, ...]:
-        """What each effect does to each recording's prediction at the optimum.
+    def calibrated(self) -> list[int]:
+        """Which numbers of the point are none of an effect: of the model, and nuisances."""
+        effects = tuple(f"effects[{self.own + k}]" for k in range(len(self.effects)))
+        paths = [number.path for number in self.problem.parameters.each]
+        kept = [i for i, path in enumerate(paths) if not path.startswith(effects)]
+        return [*kept, *range(len(paths), self.problem.unit.size)]
 
-        With that effect switched off and all other numbers as they are; None where the model
-        cannot run without it.
-        """
+    @cached_property
+    def contributions(self) -> tuple[Contribution | None, ...]:
+        """What each effect does; None where the model cannot run without it."""
         with_it = self._predictions(self.model)
-        found: list[tuple[_Floats, ...] | None] = []
+        found: list[Contribution | None] = []
         for index, effect in enumerate(self.effects):
             place = f"effects[{self.own + index}]"
             off = {f"{place}.{p.name}": off_value(p) for p in effect.strengths}
@@ -97,8 +120,34 @@ class Hypothesis:
             except ModelError:
                 found.append(None)
                 continue
-            found.append(tuple(a - b for a, b in zip(with_it, without, strict=True)))
+            change = tuple(a - b for a, b in zip(with_it, without, strict=True))
+            step = self._calibrated_for(change)
+            kept = [slopes[:, self.calibrated] for slopes in self.slopes]
+            beyond = tuple(c + s @ step for c, s in zip(change, kept, strict=True))
+            found.append(Contribution(change, step, beyond))
         return tuple(found)
+
+    @cached_property
+    def calibrated_prior(self) -> _Floats:
+        """Root of the priors' precision of the calibrated numbers, shape (r, c)."""
+        return self.problem.prior(self.best.x)[1][:, self.calibrated]
+
+    def _calibrated_for(self, change: tuple[_Floats, ...]) -> _Floats:
+        """Return the step of the calibrated numbers that does nearest the same as a change."""
+        if not self.calibrated:
+            return np.zeros(0)
+        errors = [np.sqrt(noise.single) for noise in self.best.noises]
+        rows = [
+            s[:, self.calibrated] / e[:, None] for s, e in zip(self.slopes, errors, strict=True)
+        ]
+        target = [-c / e for c, e in zip(change, errors, strict=True)]
+        prior = self.calibrated_prior
+        step, *_ = np.linalg.lstsq(
+            np.concatenate([*rows, prior]),
+            np.concatenate([*target, np.zeros(len(prior))]),
+            rcond=None,
+        )
+        return np.asarray(step)
 
     def _predictions(self, model: Model) -> list[_Floats]:
         return [

@@ -48,21 +48,21 @@ class Weighed:
     beyond: float = 0.0
 
 
-def log_prior(one: Hypothesis, candidates: int = 32) -> float:
-    """Return the logarithm of the prior of a set of effects: fewer are likelier, each alike.
+def log_prior(one: Hypothesis, candidates: int = len(CATALOGUE)) -> float:
+    """Return the logarithm of the prior of a set of effects, each alike, in whatever order.
 
     A learned law is what the catalogue hasn't: one of many.
     """
-    listed = [effect for effect in one.effects if not isinstance(effect, LawCandidate)]
-    count = len(listed)
-    ways = math.comb(candidates, count) * math.prod(len(e.effect.variants) for e in listed)
-    law = math.log(PRIOR_UNLISTED / LAWS) * (len(one.effects) - count)
-    return count * math.log(MORE) - math.log(ways) + law
+    listed = [e.effect for e in one.effects if not isinstance(e, LawCandidate)]
+    laws = len(one.effects) - len(listed)
+    penalties = sum(penalty(effect, candidates - k) for k, effect in enumerate(listed))
+    orders = math.lgamma(len(listed) + 1)
+    return orders - penalties + laws * math.log(PRIOR_UNLISTED / LAWS)
 
 
-def penalty(effect: Effect) -> float:
-    """Return the log prior odds against one more effect."""
-    return math.log(len(CATALOGUE) * len(effect.variants) / MORE)
+def penalty(effect: Effect, candidates: int = len(CATALOGUE)) -> float:
+    """Return the log prior odds against one more effect, among so many that it may be."""
+    return math.log(candidates * len(effect.variants) / MORE)
 
 
 def log_tolerances(one: Hypothesis) -> float:

@@ -190,10 +190,13 @@ class Covariance:
     sigma: _Floats
     law: _Floats | None = None
 
+    @property
+    def single(self) -> _Floats:
+        """Variance of a single observation: the sensor's, and what is doubted of the simulation."""
+        return np.asarray(self.own + (DOUBTED * self.offset) ** 2)
 
-USUAL_SHARE = (
-    0.75  # of the observations, the least noisy: what a channel's usual noise is read from
-)
+
+USUAL_SHARE = 0.75  # of the observations, the least noisy: a channel's usual noise is theirs
 
 
 def covariance(
