@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bowden.diagnosis.compare import compare
-from bowden.model import Mode, ModelError, parse_model
+from bowden.errors import BadInput
+from bowden.model import Mode, parse_model, table_1
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import simulate_recording
 
@@ -146,10 +147,21 @@ def test_what_the_cables_hold_from_earlier_is_no_gap_once_strokes_have_erased_it
     assert compare(MODEL, [gained]).figures.gap > 0.05
 
 
+def test_the_model_runs_along_the_path_behind_the_counts() -> None:
+    """Between two counts nothing stands still: stiction would break away at each of them."""
+    true = experiment_2(table_1())
+    turn_rad = 2 * np.pi / 10_000
+    counted = turn_rad * np.round(true.load_angle_rad / turn_rad)
+    recording = true.with_channels(load_angle_rad=counted)
+    as_read = simulate_recording(table_1(), Mode.TORQUE_POSITION, recording).load_torque_nm
+    as_read_gap = float(np.std(recording.load_torque_nm - as_read))
+    assert compare(table_1(), [recording]).figures.gap < 0.3 * as_read_gap
+
+
 def test_one_sample_is_refused() -> None:
     recording = experiment_2(MODEL)
     short = recording.select(slice(1))
-    with pytest.raises(ModelError):
+    with pytest.raises(BadInput, match="found 1 sample; accepted: at least 2"):
         compare(MODEL, [recording, short])
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.budget import Compared, GapStep, gap_budget, shared_means
 from bowden.diagnosis.conditions import Condition, split_by_motion
-from bowden.estimation.fit import channel_floor
+from bowden.estimation.fit import path_and_floor
 from bowden.model import Mode, Model, Trajectory
 from bowden.recording.recording import Recording
 from bowden.signals.motion import LOCKED_SHARE, Motion
@@ -244,7 +244,8 @@ def _moving(recording: Recording) -> _Floats:
 def _compare_one(
     model: Model, recording: Recording, mode: Mode, number: int
 ) -> RecordingComparison:
-    trajectory = simulate_recording(model, mode, recording)
+    path, noise_floor = path_and_floor(model, recording, mode, number)
+    trajectory = simulate_recording(model, mode, path)
     quantity, other = PREDICTED[mode]
     if other.endswith(
         "_rad"
@@ -255,7 +256,6 @@ def _compare_one(
     measured: _Floats = getattr(recording, quantity)
     residual = measured - getattr(trajectory, quantity)
     motion = Motion.of(recording)
-    noise_floor = channel_floor(model, recording, mode, getattr(trajectory, quantity), number)
     return RecordingComparison(
         recording=recording,
         trajectory=trajectory,

@@ -25,7 +25,7 @@ from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.model.model_file import Numerics
 from bowden.recording.recording import Recording
-from bowden.signals.prediction import PREDICTED, simulate_recording
+from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
 
@@ -159,13 +159,13 @@ def require_mode(recording: Recording, mode: Mode, doing: str) -> None:
         recording.require(mode.predicted, purpose)
 
 
-def channel_floor(
-    model: Model, recording: Recording, mode: Mode, simulated: _Floats, number: int = 0
-) -> float:
-    """Return the noise floor of the mode's first predicted channel, in its unit.
+def path_and_floor(
+    model: Model, recording: Recording, mode: Mode, number: int = 0
+) -> tuple[Recording, float]:
+    """Return the best estimate of the given channels, and the noise floor of what is predicted.
 
-    RMS over the recording of what noise, counts and the simulator's own error leave of a model
-    that is right.
+    The floor is that of the mode's first predicted channel, in its unit: RMS over the recording of
+    what noise, counts and the simulator's own error leave of a model that is right.
 
     Parameters
     ----------
@@ -173,9 +173,6 @@ def channel_floor(
     recording : Recording
         As it was read.
     mode : Mode
-    simulated : ndarray of shape (n,)
-        What the model makes of the readings. Counts that are taken as they were read add what it
-        makes of their best estimate instead.
     number : int
         The recording's place among others.
 
@@ -186,8 +183,7 @@ def channel_floor(
     """
     data = Data.of(recording, number, model, mode)
     sigma = covariance(data, model).sigma[data.observations.channel == 0]
-    best = simulate_recording(model, mode, data.estimates.recording)
-    return float(np.hypot(_rms(sigma), _rms(simulated - getattr(best, PREDICTED[mode][0]))))
+    return data.estimates.recording, _rms(sigma)
 
 
 def as_fitted(model: Model, mode: Mode) -> Model:

@@ -80,9 +80,11 @@ def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observati
     Raises
     ------
     BadInput
-        Nothing that the mode predicts changes.
+        A single sample, or nothing that the mode predicts changes.
     """
     time_s = recording.time_s
+    if time_s.size < 2:
+        raise BadInput(recording.source, "1 sample", "at least 2")
     pieces = []
     for number, name in enumerate(PREDICTED[mode]):
         if name not in recording.channels:
