@@ -10,7 +10,8 @@
  * stiff (0.05 % at 20 segments of Table I); the start keeps the stretch T0 L/EA, not the tension,
  * because that is what the tensions of a moving pair follow from.
  *
- * Everything exponential and every division is done here, once; cable.h steps with multiplications.
+ * Everything exponential and every division is done here, once, a piece at a time; cable.h steps
+ * with multiplications.
  */
 #ifndef BOWDEN_CORE_CABLE_PATH_H
 #define BOWDEN_CORE_CABLE_PATH_H
@@ -58,6 +59,33 @@ typedef struct {
     cable_front_t front[2][2][CABLE_SEGMENTS_MAX + 1]; /* [side][direction][k] */
 } cable_path_t;
 
+/* What one segment contributes. */
+typedef struct {
+    ratio_t half_compliance; /* tanh(a/2)/a dx/EA, nm per uN */
+    uint32_t wrap_q24;       /* mu_d dx/R: capstan exponent when it slips */
+    uint32_t stiction_q24;   /* (mu_s - mu_d) l_s/R: what breakaway takes on top */
+} cable_segment_t;
+
+/* Stages of the computation, each a walk from an end to the other: all segments, the sliders'
+ * start, then the fronts of each side and direction. */
+enum {
+    CABLE_BUILD_SEGMENTS,
+    CABLE_BUILD_SLIDERS,
+    CABLE_BUILD_FRONTS,
+    CABLE_BUILD_DONE = CABLE_BUILD_FRONTS + 4,
+};
+
+/* How far the computation of a path has come. About 700 bytes. */
+typedef struct {
+    uint8_t stage;                               /* CABLE_BUILD_SEGMENTS .. CABLE_BUILD_DONE */
+    uint8_t next;                                /* segment or node of the stage */
+    cable_segment_t segment[CABLE_SEGMENTS_MAX]; /* from the motor */
+    ratio_t mesh_compliance;                     /* of the nodes, at equal tension */
+    ratio_t whole_compliance;                    /* L/EA */
+    ratio_t tension, compliance;                 /* where the walk is, to its end */
+    uint32_t wrap_q24;
+} cable_build_t;
+
 /* Why settings cannot run. */
 typedef enum {
     CABLE_FINE,
@@ -70,14 +98,20 @@ typedef enum {
     CABLE_BAD_STICTION_LENGTH, /* at this segment the breakaway exponent passes the limit */
 } cable_defect_t;
 
-/* Checks the settings; the first defect, and the segment it is in (0 when it is in none). */
+/* Checks the settings; the first defect, and the segment it is in (0 when it is in none). Some 50
+ * instructions a segment. */
 cable_defect_t cable_check(const cable_settings_t *settings, uint8_t *segment);
 
 /* The wrap exponent, sum of mu dx/R, at most CABLE_WRAP_MAX_Q24. Any settings. */
 uint32_t cable_wrap_q24(const cable_settings_t *cable);
 
-/* Computes the constants from settings that cable_check() found fine; else *path is not changed and
- * the result is false. Slow, for the configuration only: some thousand instructions a segment. */
-bool cable_configure(cable_path_t *path, const cable_settings_t *settings);
+/* Starts to compute the constants from settings that cable_check() found fine; they stay the same
+ * until it is done. Meanwhile *path is of no use. */
+void cable_build_start(cable_path_t *path, cable_build_t *build, const cable_settings_t *settings);
+
+/* Computes the next of CABLE_BUILD_STEPS_MAX pieces, each at most 2000 instructions; true: done. */
+bool cable_build_step(cable_path_t *path, cable_build_t *build, const cable_settings_t *settings);
+
+#define CABLE_BUILD_STEPS_MAX (6u * CABLE_SEGMENTS_MAX + 4u)
 
 #endif

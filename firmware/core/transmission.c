@@ -1,14 +1,25 @@
 /* transmission.c: see transmission.h. */
 #include "transmission.h"
 
-bool transmission_configure(transmission_t *transmission, const transmission_settings_t *settings) {
+bool transmission_build_start(transmission_t *transmission,
+                              const transmission_settings_t *settings) {
     transmission->settings = *settings;
     const ratio_t motor_radius_m = ratio_of(settings->motor_pulley_radius_nm, 1000000000);
     transmission->motor_torque_per_force = motor_radius_m;
     transmission->force_per_motor_torque = ratio_reciprocal(motor_radius_m);
     transmission->load_torque_per_force = ratio_of(settings->load_pulley_radius_nm, 1000000000);
     transmission->motor_angle_per_arc = ratio_of(1000000, settings->motor_pulley_radius_nm);
-    if (!cable_configure(&transmission->path, &settings->cable)) {
+    uint8_t segment;
+    if (cable_check(&settings->cable, &segment) != CABLE_FINE) {
+        return false;
+    }
+    cable_build_start(&transmission->path, &transmission->build, &settings->cable);
+    return true;
+}
+
+bool transmission_build_step(transmission_t *transmission) {
+    const transmission_settings_t *settings = &transmission->settings;
+    if (!cable_build_step(&transmission->path, &transmission->build, &settings->cable)) {
         return false;
     }
     /* Positions are whole nanometres; the answer to a torque is off by the force of one or two. */
@@ -20,6 +31,15 @@ bool transmission_configure(transmission_t *transmission, const transmission_set
     transmission->dead_band_un = dead_band_un > rounding_un ? dead_band_un : rounding_un;
     transmission_start(transmission);
     return true;
+}
+
+bool transmission_configure(transmission_t *transmission, const transmission_settings_t *settings) {
+    bool done = !transmission_build_start(transmission, settings);
+    const bool refused = done;
+    for (uint32_t i = 0; !done && i < CABLE_BUILD_STEPS_MAX; i++) {
+        done = transmission_build_step(transmission);
+    }
+    return !refused;
 }
 
 static void update_flags(transmission_t *transmission) {

@@ -57,6 +57,7 @@ typedef struct {
     ratio_t motor_angle_per_arc; /* urad per nm */
     int32_t dead_band_un;        /* of T_motor_a - T_motor_b; at least what rounding makes */
     cable_path_t path;
+    cable_build_t build; /* of path */
     cable_t a;
     cable_t b;
     pulley_t motor;
@@ -65,7 +66,14 @@ typedef struct {
     uint32_t saturations; /* sticky count, cables included, since transmission_start() */
 } transmission_t;
 
-/* Computes the constants and starts virgin. False: cable_configure() refused. Slow. */
+/* Starts to compute the constants. False: cable_check() refuses the settings. */
+bool transmission_build_start(transmission_t *transmission,
+                              const transmission_settings_t *settings);
+
+/* Goes on by a piece (cable_path.h). True: done, the pair is virgin; no other call before that. */
+bool transmission_build_step(transmission_t *transmission);
+
+/* All of it at once: 40 control ticks and more. False: refused. */
 bool transmission_configure(transmission_t *transmission, const transmission_settings_t *settings);
 
 /* A virgin pair: uniform pretension, both arcs zero. */

@@ -32,7 +32,13 @@ class Cable:
 
     def __init__(self, segments: int = 20, **changes: float) -> None:
         self.path = ffi.new("cable_path_t *")
-        assert lib.cable_configure(self.path, ffi.addressof(settings(segments, **changes), "cable"))
+        build = ffi.new("cable_build_t *")
+        found = settings(segments, **changes)
+        cable = ffi.addressof(found, "cable")
+        assert lib.cable_check(cable, ffi.new("uint8_t *")) == lib.CABLE_FINE
+        lib.cable_build_start(self.path, build, cable)
+        while not lib.cable_build_step(self.path, build, cable):
+            pass
         self.raw = ffi.new("cable_t *")
         lib.cable_start(self.raw, self.path)
         self.start_nm = [end.inward_nm for end in self.raw.end]
