@@ -26,6 +26,7 @@ from bowden_rig.rig.parameters import Operator
 
 from hil_tests.board_bench import TARGET_TORQUE, TORQUE_MODE, Board
 from hil_tests.board_parity import COMPENSATION_LAW, SETTLE_S
+from hil_tests.lockstep_host import CONTROLWORD, NMT_START
 
 CYCLES_PER_INSTRUCTION: Final = 1.5
 CORE_HZ: Final = 168_000_000
@@ -206,3 +207,31 @@ def table(found: dict[str, list[Share]]) -> str:
         total = sum(s.load for s in shares)
         lines.append(f"| {scenario} | **total** | | | | | **{total:.1%}** |")
     return "\n".join(lines) + "\n"
+
+
+def reconfigure(babbler: can.Message | None = _SHORTEST) -> int:
+    """Return the instructions of the worst control tick while a configuration is written and taken.
+
+    The costliest one: all segments, all tables, model inversion; then a step up in mid-work.
+    """
+    board = Board(operator=Operator(motion="still"))
+    board.run(0.05)
+    board.chip.reset_accounts()
+    board.host.write(COMPENSATION_LAW, 0, CompensationLaw.MODEL_INVERSION, 1)
+    segments = lookup("cable_segments")
+    board.host.write(segments.index, segments.sub, segments.high, segments.bits // 8)
+    write_tables(board)
+    slew = lookup("motor_torque_slew")
+    for raw in range(1_000_000, 1_000_005):
+        board.host.write(slew.index, slew.sub, raw, slew.bits // 8)
+        board.chip.set_babbling(babbler)
+        board.run(SETTLE_S)
+        board.chip.set_babbling(None)
+    board.host.nmt(NMT_START)
+    board.host.write(CONTROLWORD, 0, 6, 2)
+    board.host.write(slew.index, slew.sub, 2_000_000, slew.bits // 8)
+    board.host.write(CONTROLWORD, 0, 15, 2)
+    board.run(SETTLE_S)
+    if not board.chip.bridge().enabled or board.emergencies():
+        raise RuntimeError(f"the bridge did not go on: {board.emergencies()}")
+    return board.chip.account(14).worst_exclusive

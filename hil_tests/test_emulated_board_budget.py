@@ -12,6 +12,7 @@ from hil_tests.board_budget import (
     TICK_CYCLES,
     Scenario,
     measure,
+    reconfigure,
 )
 
 pytestmark = NEEDS_ELF
@@ -38,3 +39,7 @@ def test_worst_case_and_total(scenario: Scenario) -> None:
     assert by_name["control tick (PendSV)"].per_second == pytest.approx(4000, abs=2)
     assert by_name["current loop (ADC)"].per_second == pytest.approx(20_000, abs=5)
     assert len(shares) == len(INTERRUPTS)
+
+
+def test_no_tick_is_long_while_a_configuration_is_written_and_taken() -> None:
+    assert reconfigure() <= CEILINGS["control tick (PendSV)"]

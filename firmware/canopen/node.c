@@ -74,6 +74,7 @@ static void receive_nmt(node_t *node, const can_frame_t *frame) {
         od_reset_communication(&node->od);
         (void)storage_take(&node->od, node->image, node->image_words, true);
         boot_up(node);
+        node->communication_reset = true;
         break;
     case NMT_RESET_NODE: /* node_reset_requested() tells the drive */
     case NMT_NOTHING:
@@ -348,6 +349,12 @@ bool node_host_lost(const node_t *node) {
 
 bool node_host_restarted(const node_t *node) {
     return node->heartbeat.restarted;
+}
+
+bool node_take_communication_reset(node_t *node) {
+    const bool reset = node->communication_reset;
+    node->communication_reset = false;
+    return reset;
 }
 
 bool node_take_namesake(node_t *node) {

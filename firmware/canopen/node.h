@@ -36,6 +36,7 @@ typedef struct {
     emcy_t emcy;
     frame_queue_t tx;
     bool commanded;            /* the host has written a command, or its heartbeat has come */
+    bool communication_reset;  /* NMT reset communication has come */
     bool namesake;             /* a heartbeat with our own node id has come */
     storage_request_t storage; /* the drive carries it out, sets it back, node_storage_done() */
     const uint32_t *image;     /* what is kept across power-off; not owned */
@@ -103,6 +104,9 @@ uint8_t node_rpdo_late(const node_t *node);
 
 /* Has the host of 0x1016 started anew since the last node_tick()? */
 bool node_host_restarted(const node_t *node);
+
+/* Has NMT reset communication come since the last call? That tick is longer than a period. */
+bool node_take_communication_reset(node_t *node);
 
 /* Has another node with our node id been heard since the last call? */
 bool node_take_namesake(node_t *node);

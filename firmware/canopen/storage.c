@@ -102,6 +102,9 @@ storage_report_t storage_take(od_t *od, const uint32_t *image, uint32_t words,
     bool configures = false;
     for (uint32_t word = HEAD_WORDS; word < words; word += 2) {
         const uint32_t name = image[word];
+        if (communication_only && index_of(name) >= PROFILE_AREA_END) {
+            continue; /* without a search: there may be a thousand of them */
+        }
         const od_entry_t *entry = find_persistent(od, name);
         if (communication_only && (entry == NULL || group_of(entry) != STORAGE_COMMUNICATION)) {
             continue;

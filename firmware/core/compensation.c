@@ -51,10 +51,14 @@ void compensation_configure(compensation_t *compensation, const transmission_t *
     /* f alone on (O1) of friction_observer.h: half of what it stretches with g = f */
     estimator->stretch_nm_per_unm = arc_per_motor_torque;
     estimator->stretch_nm_per_unm.shift++;
+}
+
+void compensation_configure_laws(compensation_t *compensation, const transmission_t *transmission) {
+    const compensation_settings_t *settings = &compensation->settings;
     laws_configure(&compensation->laws, &(law_settings_t){
                                             .transmission = transmission,
                                             .sliding = &compensation->configured,
-                                            .friction_unm = friction_unm,
+                                            .friction_unm = compensation->friction_unm,
                                             .torque_limit_unm = settings->torque_limit_unm,
                                             .rest_band_unm = settings->rest_band_unm,
                                             .motor_inertia_gmm2 = settings->motor_inertia_gmm2,

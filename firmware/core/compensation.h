@@ -92,10 +92,11 @@ typedef struct {
     uint32_t restored_ppm[2]; /* factors on friction and pretension that adaptation began with */
 } compensation_t;
 
-/* Computes the constants from a configured transmission, and starts at standstill. Slow: not in a
- * tick that must be on time. */
+/* Computes the constants from a configured transmission, and starts at standstill; the laws' follow
+ * apart, so that each fits into a control tick of its own. */
 void compensation_configure(compensation_t *compensation, const transmission_t *transmission,
                             const compensation_settings_t *settings);
+void compensation_configure_laws(compensation_t *compensation, const transmission_t *transmission);
 
 /* One tick. Steps the model exactly once; with COMPENSATION_LAW_NONE by measured motor torque and
  * load arc alone. The result stays in compensation->outputs. */

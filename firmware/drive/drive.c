@@ -3,16 +3,13 @@
 
 #include <stddef.h>
 
+#include "configuration_step.h"
 #include "homing.h"
-#include "parameters_tables.h"
 #include "publish.h"
 #include "supervision/fault_log.h"
 #include "table_write.h"
 
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
-
-/* A host writes many entries in a row; the model starts anew once, 50 ms after the last. */
-#define SETTLED_TICKS (TICKS_PER_SECOND / 20u)
 
 /* Reports to the host where the configuration comes from, and warns unless it is all that was saved
  * by this firmware. Detail: the first entry that was not taken, the outcome in the high byte. */
@@ -39,11 +36,10 @@ static uint8_t own_node_id(const board_identity_t *identity) {
 }
 
 void drive_init(drive_t *drive, const board_identity_t *identity) {
-    /* No configuration has these revisions: the first tick takes the defaults. */
+    /* No configuration has this revision: the first tick takes the defaults. */
     *drive = (drive_t){
         .state = STATE_NOT_READY_TO_SWITCH_ON,
-        .configured_revision = UINT32_MAX,
-        .seen_revision = UINT32_MAX,
+        .configuration = {.revision = UINT32_MAX, .taken = UINT32_MAX},
     };
     node_init(&drive->node, DICTIONARY, DICTIONARY_COUNT, &drive->dictionary, own_node_id(identity),
               0);
@@ -117,68 +113,12 @@ static bool leads_up(drive_state_t state, state_command_t command) {
            (state == STATE_SWITCHED_ON && command == COMMAND_ENABLE_OPERATION);
 }
 
-/* ---- configuration ---- */
-
-/* Takes the dictionary's configuration; the model starts from a virgin rig at the present angles.
- */
-static void configure(drive_t *drive, const board_sensors_t *sensors) {
-    dictionary_t *dictionary = &drive->dictionary;
-    drive->configured_revision = drive->node.od.config_revision;
-    drive->parameters = parameters_of(dictionary);
-    drive->configured = false;
-    drive->saturations = 0;
-    const transmission_settings_t settings = parameters_transmission(dictionary);
-    if (dictionary->configuration_error == 0) {
-        drive->configured = transmission_configure(&drive->transmission, &settings);
-    }
-    supervision_configure(&drive->supervision, dictionary, &settings.cable, drive->current_max_ua);
-    rendering_configure(&drive->rendering, dictionary, &drive->transmission, drive->configured);
-    drive->tables.count = 0;
-    for (uint32_t i = 0; drive->configured && i < TABLES; i++) {
-        drive->tables.settings[i] = parameters_table(dictionary->table[i]);
-    }
-    if (drive->configured) {
-        tables_configure(&drive->tables);
-        drive->corrected_start = (corrected_start_t){
-            .load_nm_per_urad = ratio_of(dictionary->load_pulley_radius_nm, 1000000),
-            .motor_nm_per_urad = ratio_of(dictionary->motor_pulley_radius_nm, 1000000),
-        };
-    }
-    drive->motor_zero_counts = sensors->motor_encoder_counts;
-    drive->load_zero_counts = sensors->load_encoder_counts;
-}
-
-/* While the bridge is off: checks a changed configuration, and takes it when it has settled, before
- * the next step up, or in the first tick. Returns true in a tick that did so. */
-static bool follow_configuration(drive_t *drive, const board_sensors_t *sensors) {
-    if (state_bridge_on(drive->state)) {
-        return false;
-    }
-    const uint32_t revision = drive->node.od.config_revision;
-    if (revision != drive->seen_revision) {
-        drive->seen_revision = revision;
-        drive->settled_ticks = 0;
-        table_defect_t table;
-        drive->dictionary.configuration_error = parameters_defect(&drive->dictionary, &table);
-        drive->dictionary.table_defect = (uint8_t)table;
-    } else if (drive->settled_ticks < SETTLED_TICKS) {
-        drive->settled_ticks++;
-    }
-    const bool now = drive->state == STATE_NOT_READY_TO_SWITCH_ON ||
-                     leads_up(drive->state, effective_command(drive));
-    if (revision == drive->configured_revision || !(now || drive->settled_ticks == SETTLED_TICKS)) {
-        return drive->settled_ticks == 0;
-    }
-    configure(drive, sensors);
-    return true;
-}
-
 /* ---- state ---- */
 
-/* `running`: current flows or is about to. `late`: the last tick took a configuration. That takes
- * longer than a period, so the overrun that the board reports is none; the bridge is off, and a
- * step up waits for a tick that is on time. While a compensation is configured, a broken load cell
- * and a refused model are not faults: the fallback (fallback.h) has a level without them. */
+/* `running`: current flows or is about to. `late`: the last tick was longer than a period, as it
+ * may be; so the overrun that the board reports is none. While a compensation is configured, a
+ * broken load cell and a refused model are not faults: the fallback (fallback.h) has a level
+ * without them. */
 static supervision_inputs_t watched(drive_t *drive, const board_sensors_t *sensors, bool up,
                                     bool late) {
     const dictionary_t *dictionary = &drive->dictionary;
@@ -216,8 +156,9 @@ static void step_state(drive_t *drive, const board_sensors_t *sensors, bool late
     const bool torque_gone = drive->command.torque_unm == 0;
     const state_command_t wanted = command_slow_down(
         &drive->asked, before, effective_command(drive), &drive->parameters.ramps, torque_gone);
-    const bool waits = drive->took_configuration && !command_lowers(before, wanted);
-    const supervision_inputs_t inputs = watched(drive, sensors, leads_up(before, wanted), late);
+    const bool up = leads_up(before, wanted);
+    const bool waits = up && !configuration_stands(drive);
+    const supervision_inputs_t inputs = watched(drive, sensors, up && !waits, late);
     supervision_t *supervision = &drive->supervision;
     supervision_step(supervision, &inputs);
     drive->state = state_next(before, waits ? COMMAND_NONE : wanted,
@@ -342,12 +283,18 @@ static void pass_time(drive_t *drive) {
 }
 
 void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_t *actuators) {
-    const bool late = drive->took_configuration;
+    const bool late = drive->late;
+    const bool starts = drive->state == STATE_NOT_READY_TO_SWITCH_ON;
+    drive->late = node_take_communication_reset(&drive->node) || starts;
     pass_time(drive);
     note_command(drive);
     homing_step(drive, sensors);
-    const bool judged = table_write_step(&drive->node, &drive->dictionary);
-    drive->took_configuration = follow_configuration(drive, sensors) || judged;
+    if (starts) {
+        configuration_step(drive, sensors, true); /* all of it */
+    }
+    if (!table_write_step(&drive->node, &drive->dictionary, drive->configuration.entries_run)) {
+        configuration_step(drive, sensors, leads_up(drive->state, effective_command(drive)));
+    }
     publish_sensors(drive, sensors);
     correct_readings(drive);
     step_state(drive, sensors, late);
@@ -372,7 +319,7 @@ void drive_tick(drive_t *drive, const board_sensors_t *sensors, board_actuators_
     if (saving_step(&drive->saving, &drive->node, sensors->store, actuators)) {
         node_error_clear(&drive->node, EMCY_CONFIGURATION_CHANGED);
     }
-    drive->took_configuration |= drive->saving.began;
+    drive->late |= drive->saving.began;
     actuators->reset_requested = node_reset_requested(&drive->node) && !drive->saving.busy;
     drive->dictionary.storage_state = (uint8_t)drive->saving.state;
 }

@@ -19,6 +19,7 @@
 #include "../canopen/node.h"
 #include "../core/transmission.h"
 #include "command.h"
+#include "configuration.h"
 #include "corrected.h"
 #include "dictionary.h"
 #include "index_search.h"
@@ -39,10 +40,9 @@ typedef struct {
     drive_state_t state;
     command_t asked; /* by the host */
     torque_command_t command;
-    uint32_t configured_revision; /* of the configuration that runs */
-    uint32_t seen_revision;
-    uint32_t settled_ticks;    /* since the configuration last changed */
-    bool took_configuration;   /* in this tick, or made an image of it: late by that */
+    configuration_t configuration;
+    bool late;                 /* this tick: the first, a reset of communication, or it made an
+                                  image to be kept */
     bool configured;           /* the model runs */
     int32_t motor_zero_counts; /* encoders where the model started */
     int32_t load_zero_counts;

@@ -3,7 +3,6 @@
 
 #include "../board/board.h"
 #include "../core/encoder.h"
-#include "parameters_tables.h"
 
 /* A motor torque that swings by less is noise of the current measurement (1 mA at 0.06 N m/A is
  * 60 uN m, so this is 8 sigma), not a reversal. */
@@ -139,8 +138,7 @@ static uint32_t culprit(uint16_t index, uint8_t sub) {
     return (uint32_t)index << 8 | sub;
 }
 
-uint32_t parameters_defect(const dictionary_t *dictionary, table_defect_t *table) {
-    *table = TABLE_DEFECT_NONE;
+uint32_t parameters_defect(const dictionary_t *dictionary) {
     if (dictionary->load_cell_gain_nnm_per_count == 0) {
         return culprit(0x2105, 0);
     }
@@ -148,7 +146,7 @@ uint32_t parameters_defect(const dictionary_t *dictionary, table_defect_t *table
     uint8_t segment;
     switch (cable_check(&settings.cable, &segment)) {
     case CABLE_FINE:
-        return parameters_table_defect(dictionary, &settings.cable, table);
+        return 0;
     case CABLE_BAD_STIFFNESS:
         return culprit(0x2110, 0);
     case CABLE_BAD_PRETENSION:

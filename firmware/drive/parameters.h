@@ -49,7 +49,7 @@ compensation_settings_t parameters_compensation(const dictionary_t *dictionary);
 /* Settings of the fallback. `model_refused`: the transmission could not be configured. */
 fallback_settings_t parameters_fallback(const dictionary_t *dictionary, bool model_refused);
 
-/* 0: the configuration can run; else the culprit, and of a table why. */
-uint32_t parameters_defect(const dictionary_t *dictionary, table_defect_t *table);
+/* 0: the configuration can run, its tables apart (parameters_tables.h); else the culprit. */
+uint32_t parameters_defect(const dictionary_t *dictionary);
 
 #endif

@@ -55,9 +55,9 @@ static int32_t friction_unm(const dictionary_t *dictionary, const cable_settings
     return torque_unm < INT32_MAX ? (int32_t)torque_unm : INT32_MAX;
 }
 
-table_defect_t parameters_one_table_defect(const dictionary_t *dictionary,
-                                           const cable_settings_t *cable,
-                                           const uint32_t words[PARAMETERS_TABLE_WORDS]) {
+table_defect_t parameters_table_defect(const dictionary_t *dictionary,
+                                       const cable_settings_t *cable,
+                                       const uint32_t words[PARAMETERS_TABLE_WORDS]) {
     const table_defect_t defect = parameters_table_words_defect(words);
     if (defect != TABLE_DEFECT_NONE) {
         return defect;
@@ -70,19 +70,4 @@ table_defect_t parameters_one_table_defect(const dictionary_t *dictionary,
     };
     const table_settings_t table = parameters_table(words);
     return tables_check(&table, &bounds);
-}
-
-uint32_t parameters_table_defect(const dictionary_t *dictionary, const cable_settings_t *cable,
-                                 table_defect_t *defect) {
-    *defect = TABLE_DEFECT_NONE;
-    for (uint32_t i = 0; i < TABLES; i++) {
-        if (dictionary->table[i][0] == 0) {
-            continue; /* not used */
-        }
-        *defect = parameters_one_table_defect(dictionary, cable, dictionary->table[i]);
-        if (*defect != TABLE_DEFECT_NONE) {
-            return PARAMETERS_TABLE_INDEX << 8 | (i + 1u);
-        }
-    }
-    return 0;
 }

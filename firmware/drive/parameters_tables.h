@@ -20,13 +20,8 @@ table_defect_t parameters_table_words_defect(const uint32_t words[PARAMETERS_TAB
 
 /* What is wrong with one table under the dictionary's configuration. `cable`: one that
  * cable_check() found fine, or NULL: bounds that follow from the cables are not checked. */
-table_defect_t parameters_one_table_defect(const dictionary_t *dictionary,
-                                           const cable_settings_t *cable,
-                                           const uint32_t words[PARAMETERS_TABLE_WORDS]);
-
-/* The first table that cannot run: its entry as index << 8 | sub-index; 0: none. Says why in
- * *defect. `cable`: one that cable_check() found fine. */
-uint32_t parameters_table_defect(const dictionary_t *dictionary, const cable_settings_t *cable,
-                                 table_defect_t *defect);
+table_defect_t parameters_table_defect(const dictionary_t *dictionary,
+                                       const cable_settings_t *cable,
+                                       const uint32_t words[PARAMETERS_TABLE_WORDS]);
 
 #endif

@@ -8,21 +8,28 @@
 #define I24_MAX 8388607
 
 void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
-                         const transmission_t *transmission, bool model_runs) {
+                         const transmission_t *transmission, bool model_configured) {
     *rendering = (rendering_t){
         .law = (compensation_law_t)dictionary->compensation_law,
-        .model_runs = model_runs,
         .load_per_motor_torque =
             ratio_of(dictionary->load_pulley_radius_nm, dictionary->motor_pulley_radius_nm),
     };
+    if (rendering->law != COMPENSATION_LAW_NONE && model_configured) {
+        const compensation_settings_t settings = parameters_compensation(dictionary);
+        compensation_configure(&rendering->compensation, transmission, &settings);
+    }
+}
+
+void rendering_start(rendering_t *rendering, const dictionary_t *dictionary,
+                     const transmission_t *transmission, bool model_configured) {
+    rendering->model_runs = model_configured;
     if (rendering->law == COMPENSATION_LAW_NONE) {
         return;
     }
-    const fallback_settings_t fallback = parameters_fallback(dictionary, !model_runs);
+    const fallback_settings_t fallback = parameters_fallback(dictionary, !model_configured);
     fallback_start(&rendering->fallback, &fallback);
-    if (model_runs) {
-        const compensation_settings_t settings = parameters_compensation(dictionary);
-        compensation_configure(&rendering->compensation, transmission, &settings);
+    if (model_configured) {
+        compensation_configure_laws(&rendering->compensation, transmission);
         compensation_restore(&rendering->compensation, dictionary->adapted_friction_factor_ppm,
                              dictionary->adapted_pretension_factor_ppm);
     }

@@ -51,10 +51,13 @@ typedef struct {
     const tables_t *tables; /* NULL: none */
 } rendering_inputs_t;
 
-/* Takes the dictionary's configuration. `model_runs`: `transmission` could be configured from it;
+/* Takes the dictionary's configuration, in two parts that each fit into a tick; nothing is
+ * compensated before the second. `model_configured`: `transmission` could be configured from it;
  * where it could not, only COMPENSATION_RUNG_NONE is left. */
 void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
-                         const transmission_t *transmission, bool model_runs);
+                         const transmission_t *transmission, bool model_configured);
+void rendering_start(rendering_t *rendering, const dictionary_t *dictionary,
+                     const transmission_t *transmission, bool model_configured);
 
 /* One tick: steps the model once; the motor torque to give, before the drive limits it. */
 int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,

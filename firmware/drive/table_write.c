@@ -4,6 +4,7 @@
 #include <stddef.h>
 
 #include "../canopen/sdo_block.h"
+#include "configuration.h"
 #include "parameters.h"
 #include "parameters_tables.h"
 
@@ -22,7 +23,8 @@ static bool crc_fits(const uint8_t *bytes) {
     return crc == (bytes[CRC_AT] | bytes[CRC_AT + 1u] << 8);
 }
 
-static table_defect_t judge(const dictionary_t *dictionary, const uint8_t *bytes) {
+static table_defect_t judge(const dictionary_t *dictionary, bool entries_run,
+                            const uint8_t *bytes) {
     if (!crc_fits(bytes)) {
         return TABLE_DEFECT_CHECKSUM;
     }
@@ -31,22 +33,23 @@ static table_defect_t judge(const dictionary_t *dictionary, const uint8_t *bytes
         words[i] = od_word_of(&bytes[4u * i]);
     }
     const transmission_settings_t settings = parameters_transmission(dictionary);
-    uint8_t segment;
-    const bool fine = cable_check(&settings.cable, &segment) == CABLE_FINE;
-    return parameters_one_table_defect(dictionary, fine ? &settings.cable : NULL, words);
+    return parameters_table_defect(dictionary, entries_run ? &settings.cable : NULL, words);
 }
 
-bool table_write_step(node_t *node, dictionary_t *dictionary) {
+bool table_write_step(node_t *node, dictionary_t *dictionary, bool entries_run) {
     uint16_t index;
     uint8_t sub;
     const uint8_t *bytes = node_offered(node, &index, &sub);
     if (bytes == NULL || index != PARAMETERS_TABLE_INDEX) {
         return false;
     }
-    const table_defect_t defect = judge(dictionary, bytes);
+    const table_defect_t defect = judge(dictionary, entries_run, bytes);
     const bool refused = defect != TABLE_DEFECT_NONE;
     dictionary->table_refused_table = refused ? sub : 0;
     dictionary->table_refused_defect = (uint8_t)defect;
     node_answer_offer(node, refused ? OD_ABORT_VALUE : OD_DONE);
+    if (!refused) { /* with all others, from the next tick on */
+        dictionary->configuration_error = CONFIGURATION_UNDER_CHECK;
+    }
     return true;
 }

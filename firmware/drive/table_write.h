@@ -13,8 +13,8 @@
 #include "../canopen/node.h"
 #include "dictionary.h"
 
-/* One tick. True when it has judged a table: that takes longer than a tick has, the bridge is off.
- */
-bool table_write_step(node_t *node, dictionary_t *dictionary);
+/* One tick. `entries_run`: the rest of the configuration can run. True when it has judged a table:
+ * configuration_step() waits for the next, so that the tick is not too long. */
+bool table_write_step(node_t *node, dictionary_t *dictionary, bool entries_run);
 
 #endif

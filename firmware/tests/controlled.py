@@ -54,6 +54,7 @@ class Controlled:
             },
         )
         lib.compensation_configure(self.raw, self.model.raw, self.settings)
+        lib.compensation_configure_laws(self.raw, self.model.raw)
         self.inputs: Any = ffi.new("compensation_inputs_t *", {"law": INVERSION, "active": True})
         self.torque_unm = 0
         self.encoder_slip_nm = 0

@@ -168,6 +168,7 @@ def test_a_refused_model_stops_the_drive_unless_a_compensation_can_do_without(
     assert drive.write(0x2116, 0, 100_000, 4)[0] == 0x60  # mu_s < mu_d
     assert drive.write(0x2130, 0, law, 1)[0] == 0x60
     drive.sensors.load_encoder_counts = 500  # in the wall
+    drive.tick(300)  # taken
     drive.enable()
     for _ in range(3):
         drive.tick()

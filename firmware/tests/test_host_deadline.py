@@ -101,9 +101,11 @@ def with_rpdo_deadline() -> Drive:
     drive.tick()
     drive.write(0x1016, 1, HOST_ID << 16 | 1000, 4)
     assert drive.write(0x1400, 5, DEADLINE_MS, 2)[0] == 0x60
+    drive.tick(300)  # the configuration is taken
+    drive.send(0x700 + HOST_ID, b"\x05")
     drive.nmt(NMT_START)
     for word in (0x06, 0x07, 0x0F):
-        found = drive.control(word, 2)  # one takes the configuration
+        found = drive.control(word, 2)
     assert found.bridge_enabled
     drive.frames()
     return drive

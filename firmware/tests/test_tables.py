@@ -223,12 +223,13 @@ def test_a_table_that_does_not_fit_any_more_is_named_and_nothing_is_enabled() ->
     table = TableFields(TablePlace.LOAD_TORQUE, 0, 0, 0, 0, 0, (2_000_000,))
     assert drive.write_table(5, table.to_raw().to_bytes(148, "little")) == 0
     assert drive.write(0x2107, 0, 100_000, 4)[0] == 0x60
-    drive.tick()
+    drive.tick(2)  # the entries, then the table
     assert drive.values.configuration_error == 0x2162 << 8 | 5
     assert drive.values.table_defect == TableDefect.VALUE
+    drive.tick(300)
     assert not drive.enable().bridge_enabled
     assert drive.write(0x2107, 0, 500_000, 4)[0] == 0x60
-    drive.tick()
+    drive.tick(2)
     assert (drive.values.configuration_error, drive.values.table_defect) == (0, 0)
 
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from hil_tests.benchmarks.measurement import Figure
 from hil_tests.board_bench import HANG, TICK_US, Board, store_to
-from hil_tests.board_budget import CYCLES_PER_INSTRUCTION, SCENARIOS, measure, table
+from hil_tests.board_budget import CYCLES_PER_INSTRUCTION, SCENARIOS, measure, reconfigure, table
 from hil_tests.board_parity import EXPERIMENTS, compare
 from hil_tests.lockstep_host import NMT_RESET_NODE
 from hil_tests.targets.emulated import ELF
@@ -56,6 +56,14 @@ def _budget() -> list[Figure]:
             float(tick.worst),
             "instructions",
             f"the worst control tick: {context}",
+            "14000, half of its 250 us at 168 MHz",
+        ),
+        Figure(
+            "drive.tick.worst_instructions_reconfiguring",
+            float(reconfigure()),
+            "instructions",
+            "the worst control tick while a configuration is written and taken: 40 segments a "
+            "cable, all tables, model inversion, bus flood; bridge off",
             "14000, half of its 250 us at 168 MHz",
         ),
         Figure(

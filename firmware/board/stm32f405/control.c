@@ -187,8 +187,8 @@ static void read_sensors(void) {
 /* Gives the 20 kHz loop the motor's data. */
 static void describe_motor(void) {
     const dictionary_t *dictionary = &drive.dictionary;
-    if (motor_revision != drive.configured_revision) {
-        motor_revision = drive.configured_revision;
+    if (motor_revision != drive.configuration.taken) {
+        motor_revision = drive.configuration.taken;
         motor = current_monitor_motor(dictionary->motor_resistance_uohm,
                                       dictionary->motor_inductance_nh);
         fast_loop_tune(

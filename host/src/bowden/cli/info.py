@@ -10,8 +10,9 @@ from bowden.cli.drive_arguments import add_drive_arguments, warn_if_live
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.drive.bus_options import bus_options
 from bowden.drive.client import Drive, connect
+from bowden.drive.culprit import refused_configuration
 from bowden.drive.dictionary import HASH, lookup
-from bowden.drive.faults import describe_culprit, describe_emergency
+from bowden.drive.faults import describe_emergency
 from bowden.drive.meanings import (
     CompensationFallback,
     CompensationLaw,
@@ -56,7 +57,6 @@ def run(args: argparse.Namespace) -> int:
 def describe(drive: Drive) -> dict[str, object]:
     """Collect what the drive reports; values in SI units, units in the names."""
     there = drive.read_raw("dictionary_hash")
-    culprit, defect = drive.read_raw("configuration_error"), drive.read_raw("table_defect")
     error = drive.read_raw("error_code")
     history = [
         drive.read_raw(f"error_history.{place}")
@@ -82,7 +82,7 @@ def describe(drive: Drive) -> dict[str, object]:
         "error_history": [describe_emergency(code & 0xFFFF) for code in history],
         "last_reset": ResetCause.describe(drive.read_raw("reset_cause")),
         "crash": _crash(drive),
-        "configuration_error": describe_culprit(culprit, defect) if culprit else None,
+        "configuration_error": refused_configuration(drive),
         **{name: drive.read_raw(name) for name in _COUNTS},
         "measured": {
             name: {"value": drive.read(name), "unit": lookup(name).unit} for name in _MEASURED

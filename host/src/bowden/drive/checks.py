@@ -14,8 +14,9 @@ import numpy as np
 
 from bowden.drive.bus_load import BusLoad
 from bowden.drive.client import Drive
+from bowden.drive.culprit import refused_configuration
 from bowden.drive.dictionary import BITRATE, HASH, lookup
-from bowden.drive.faults import describe_address, describe_culprit, describe_emergency
+from bowden.drive.faults import describe_address, describe_emergency
 from bowden.drive.homing import UNKNOWN, angle_reference
 from bowden.drive.meanings import ConfigurationOriginOutcome, ResetCause
 from bowden.drive.power import BRIDGE_ON, is_fault, power_state
@@ -151,11 +152,11 @@ def check_firmware(drive: Drive) -> CheckResult:
 
 def check_configuration(drive: Drive) -> CheckResult:
     """Check that the drive can run with its configuration, and report where that came from."""
-    if culprit := drive.read_raw("configuration_error"):
+    if culprit := refused_configuration(drive):
         return CheckResult(
             "configuration",
             "failed",
-            f"cannot run with its {describe_culprit(culprit, drive.read_raw('table_defect'))}",
+            f"cannot run with its {culprit}",
             "bowden configure MODEL.yaml",
         )
     origin = ConfigurationOriginOutcome(drive.read_raw("configuration_origin.outcome"))

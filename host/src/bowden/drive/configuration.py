@@ -12,9 +12,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from bowden.drive.client import Drive
+from bowden.drive.culprit import refused_configuration
 from bowden.drive.dictionary import lookup
 from bowden.drive.entry_text import shown
-from bowden.drive.faults import describe_culprit
 from bowden.errors import BadInput, DriveFailed
 
 _SAVE = int.from_bytes(b"save", "little")  # CiA 301, entry 1010h
@@ -102,11 +102,10 @@ def write(drive: Drive, changes: Iterable[Change]) -> None:
                     f"node {drive.node_id} keeps {change.name} at "
                     f"{shown(entry, there)} instead of {shown(entry, change.raw_wanted)}"
                 )
-        if culprit := drive.read_raw("configuration_error"):
-            named = describe_culprit(culprit, drive.read_raw("table_defect"))
+        if culprit := refused_configuration(drive):
             raise DriveFailed(
                 f"node {drive.node_id} cannot run with this configuration: "
-                f"{named} does not fit the rest"
+                f"{culprit} does not fit the rest"
             )
     except DriveFailed as failure:
         raise DriveFailed(f"{failure}; {_take_back(drive, written)}") from failure

@@ -119,7 +119,7 @@ TABLE = Table(
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
         Entry(0x2004, 0, 'model_flags', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', meaning=meanings.ModelFlags, doc='state of the cable model in this sample'),
         Entry(0x2005, 0, 'saturation_count', 'u32', 'ro', 'state', 0, high=4294967295, doc='sticky count of saturated fixed-point results since configuration'),
-        Entry(0x2006, 0, 'configuration_error', 'u32', 'ro', 'state', 0, high=4294967295, doc='0: the configuration can run; else index << 8 | sub-index of the entry that cannot'),
+        Entry(0x2006, 0, 'configuration_error', 'u32', 'ro', 'state', 0, high=4294967295, doc='0: the configuration can run; 1: its tables are being checked, at most 2 ms; else index << 8 | sub-index of the entry that cannot'),
         Entry(0x2007, 0, 'tx_overflow_count', 'u32', 'ro', 'state', 0, high=4294967295, doc='frames that the drive could not queue'),
         Entry(0x2008, 0, 'crash_record.count', 'u8', 'const', 'communication', 5, high=255, doc='highest sub-index'),
         Entry(0x2008, 1, 'crash_record.crashes', 'u32', 'ro', 'state', 0, high=4294967295, doc='since power-on'),

@@ -17,7 +17,8 @@ from bowden.drive.client import Drive
 from bowden.drive.command_guard import command_mapping, default_mapping, guard_mapping
 from bowden.drive.configuration import difference, write
 from bowden.drive.connection import HOST_NODE_ID
-from bowden.drive.faults import describe_culprit, describe_emergency
+from bowden.drive.culprit import refused_configuration
+from bowden.drive.faults import describe_emergency
 from bowden.drive.meanings import ModeOfOperation
 from bowden.errors import DriveFailed
 
@@ -148,10 +149,9 @@ def _stop_and_restore(drive: Drive, before: Mapping[str, float]) -> None:
 
 def enable(drive: Drive, run: Run) -> None:
     """Bring the drive to "operation enabled"; use `powered`, which also brings it back."""
-    if culprit := drive.read_raw("configuration_error"):
+    if culprit := refused_configuration(drive):
         raise DriveFailed(
-            f"node {drive.node_id} cannot run with its "
-            f"{describe_culprit(culprit, drive.read_raw('table_defect'))}: "
+            f"node {drive.node_id} cannot run with its {culprit}: "
             "write a working configuration with `bowden configure`"
         )
     drive.write_raw("target_torque", 0)
