@@ -211,6 +211,6 @@ def block_squares(model: Model, recording: Recording) -> tuple[float, ...]:
     data = Data.of(recording, 0, model, MODE)
     noise = covariance(data, model)
     residual = data.observations.measured - data.predict(model) - noise.offset
-    scales = best_scales([(data, noise, residual, None)], Scales((1.0,), (0.0, 0.0)))
+    scales = best_scales([(data, noise, residual, None)], Scales((0.0, 0.0)))
     blocks = whiten(data, noise, scales, residual[:, None])
     return tuple(float(np.mean(one.rows**2)) for one in blocks)

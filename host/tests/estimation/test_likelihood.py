@@ -17,7 +17,7 @@ from ..rigs import TABLE_1, experiment_2
 MODE = Mode.TORQUE_POSITION
 MODEL = parse_model(TABLE_1.replace("segments: 50", "segments: 150"))
 COUNTS = {"motor_angle_rad": 2000, "load_angle_rad": 10000}
-RIGHT = Scales((1.0,), (0.0, 0.0))
+RIGHT = Scales((0.0, 0.0))
 
 
 def run(seconds: float = 4.0, seed: int = 3) -> tuple[Recording, Recording]:

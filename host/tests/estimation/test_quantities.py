@@ -173,8 +173,7 @@ def test_two_runs_give_the_interval_of_both_together() -> None:
         runs = [locked(seed=seed) for seed in seeds]
         return half_width(of(estimate("pretension", truth(), runs), "pretension_n"))
 
-    # Precisions add up. How rough each run's given motion is, is found anew with both: on a grid
-    # of steps of 1.7 in variance.
+    # Precisions add up.
     together = (width(1) ** -2 + width(2) ** -2) ** -0.5
     assert width(1, 2) == pytest.approx(together, rel=0.3)
 

@@ -377,7 +377,7 @@ def test_noise_on_top_of_counts_is_found(noise_counts: float, seed: int) -> None
 def test_a_turn_where_friction_changes_its_sign_is_within_sigma() -> None:
     """A handle slows down evenly and, turned, gathers speed a fifth as fast: for its friction."""
     scaled = []
-    for seed in range(12):
+    for seed in range(48):
         rng = np.random.default_rng(seed)
         turn, place = float(rng.uniform(2.5, 3.5)), float(rng.uniform(0.0, 1.0))
         gone = TIME_S - turn
@@ -386,6 +386,5 @@ def test_a_turn_where_friction_changes_its_sign_is_within_sigma() -> None:
         found = dequantise(TIME_S, counted(angle))
         near = np.abs(gone) < 0.05
         scaled.append(np.mean(((found.values - angle) / found.sigma)[near] ** 2))
-    # About 1; of twelve turns, each worth one or two independent errors, three standard errors.
-    assert np.mean(scaled) < 2.0
-    assert np.mean(scaled) > 0.1
+    # About 1; 48 turns, each worth one or two independent errors, to three standard errors.
+    assert 0.5 < np.mean(scaled) < 1.5

@@ -158,11 +158,8 @@ def _base(material: Material, searched: Model) -> Hypothesis:
     """Calibrate the model without a further effect."""
     numbers: list[list[tuple[Nuisance, float]]] = [[] for _ in material.coarse]
     noises = material.noise(searched, numbers)
-    count = len(material.coarse)
     nothing = np.zeros(len(material.nuisances))
-    start = Optimum(
-        nothing, 0.0, np.zeros((0, 0)), [], noises, Scales((1.0,) * count, (WRONG, WRONG))
-    )
+    start = Optimum(nothing, 0.0, np.zeros((0, 0)), [], noises, Scales((WRONG, WRONG)))
     begun = start_of(material, searched, [], {}, start)
     if begun is None:
         raise ModelError("found no start that the model can run, accepted: other values")

@@ -1,11 +1,10 @@
 """The one likelihood that every fit uses: how well a model predicts observations.
 
 ``y = f(theta) + nuisance + discrepancy + error``. The error's covariance comes from `covariance`;
-three numbers of it are read off the residual itself: how rough the given motion really is
-(a share of the drawn paths' variance, one a recording), and how large an unknown discrepancy is in
-each channel. Where the model is right the discrepancy vanishes; where it is not, it keeps precise
-observations from driving the fit. A covariance from K draws makes each block a Student t of K
-degrees of freedom.
+two things of it are read off the residual itself: how large an unknown discrepancy is in each
+channel, and how much of what the laws of a name differ by these recordings show. Where the model is
+right the discrepancy vanishes; where it is not, it keeps precise observations from driving the fit.
+A covariance from K draws makes each block a Student t of K degrees of freedom.
 """
 
 from __future__ import annotations
@@ -23,26 +22,22 @@ from bowden.estimation.covariance import DRAWS, Covariance, Data
 _Floats = NDArray[np.float64]
 
 LAWS = (0.0, 0.3, 1.0)  # of what the laws of a name differ by
-ROUGHNESS = (0.1, 0.2, 0.35, 0.6, 1.0)  # share of the drawn paths' variance
 SIZES = (0.0, *np.geomspace(0.1, 300.0, 15).tolist())  # of the discrepancy, in usual noise
 SMALL = 0.5  # half-normal prior of it: two solvers of one law differ by so much
 
 
 @dataclass(frozen=True)
 class Scales:
-    """The three numbers of the covariance.
+    """The numbers of the covariance.
 
     Parameters
     ----------
-    roughness : tuple of float
-        One a recording, 0..1.
     discrepancy : tuple of (float, float)
         Of each channel, in its usual noise.
     law : float
         Share of what the laws of a name differ by that these recordings show, 0..1.
     """
 
-    roughness: tuple[float, ...]
     discrepancy: tuple[float, float]
     law: float = 0.0
 
@@ -77,11 +72,10 @@ def whiten(
         Which blocks; all when absent.
     """
     found = []
-    share = scales.roughness[data.number]
     for k, rows in enumerate(data.observations.blocks):
         if only is not None and k not in only:
             continue
-        matrix = share * noise.inputs[k]
+        matrix = noise.inputs[k].copy()
         if max(scales.discrepancy) > 0.0:
             matrix += _unknown(data, noise, scales, k)
         if noise.law is not None and scales.law > 0.0:
@@ -154,15 +148,6 @@ def best_scales(parts: Sequence[Part], start: Scales, largest: float = math.inf)
     for channel in (0, 1):
         line = [_with_size(now, channel, size) for size in sizes]
         now, lowest = _descend(line, now, lowest, parts)
-    for part in parts:
-        number = part[0].number
-
-        def other(share: float, now: Scales = now, number: int = number) -> Scales:
-            every = list(now.roughness)
-            every[number] = share
-            return replace(now, roughness=tuple(every))
-
-        now, _ = _descend([other(share) for share in ROUGHNESS], now, cost([part], now), [part])
     return now
 
 

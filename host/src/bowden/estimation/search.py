@@ -52,8 +52,7 @@ def solve(problem: Problem, *, progress: Progress | None = None) -> Optimum:
     start = problem.start()
     tell("noise of the recordings", 0.0)
     noises = problem.noises(start)
-    count = 1 + max(one.number for one in problem.data)
-    scales = Scales((1.0,) * count, (WRONG, WRONG))
+    scales = Scales((WRONG, WRONG))
     tell("first search", 0.2)
     starts = [start, *_from_prior(problem, noises, scales)]
     starts += _scan(problem, start, noises, scales)

@@ -140,7 +140,7 @@ def verify(
         data = tuple(Data.of(one, k, fixed.model, mode, seed) for k, one in enumerate(recordings))
         nuisances = usual_nuisances(mode, recordings, [one.estimates for one in data], zeros)
         problem = Problem(data, fixed, nuisances, tuple(None for _ in data), pool)
-        scales = Scales(tuple(1.0 for _ in data), (WRONG, WRONG))
+        scales = Scales((WRONG, WRONG))
         best = descend(problem, problem.start(), problem.noises(problem.start()), scales)
         if best is None:
             raise ModelError("found no answer of the model, accepted: a recording that it can run")
