@@ -175,8 +175,8 @@ class Optimum:
     noises : list of Covariance
     scales : Scales
     as_good : ndarray of shape (k, 2) or None
-        Lowest and highest coordinate of each parameter that was found to be as good, the others
-        held: within what bounds a 95 % interval.
+        Lowest and highest coordinate of each parameter among points that were found to be as good:
+        no narrower is a 95 % interval.
     """
 
     x: _Floats

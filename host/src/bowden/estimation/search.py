@@ -64,6 +64,8 @@ def solve(problem: Problem, *, progress: Progress | None = None) -> Optimum:
         again = [best.x]
         if share == 0.5:
             again += _along_valley(problem, best) + _scan(problem, best.x, noises, best.scales)
+        else:
+            again += _scan(problem, best.x, noises, best.scales, closer=True)
         best = _best_of(problem, again, noises, best.scales)
     tell("looking around", 0.95)
     best = _look_around(problem, best)
@@ -86,14 +88,25 @@ def _from_prior(problem: Problem, noises: Sequence[Covariance], scales: Scales) 
 
 
 def _scan(
-    problem: Problem, x: _Floats, noises: Sequence[Covariance], scales: Scales
+    problem: Problem,
+    x: _Floats,
+    noises: Sequence[Covariance],
+    scales: Scales,
+    *,
+    closer: bool = False,
 ) -> list[_Floats]:
-    """Scan each number without a prior across its bounds; return the lowest minima."""
+    """Scan each number without a prior across its bounds; return the lowest minima.
+
+    With `closer` between the neighbours that its value has there: basins may be that narrow.
+    """
     found: list[tuple[float, _Floats]] = []
     for i in range(problem.size):
         if problem.parameters.precision[i, i] != 0.0:
             continue
         low, high = problem.parameters.low[i], problem.parameters.high[i]
+        if closer:
+            apart = (high - low) / (SCANNED - 1)
+            low, high = max(low, x[i] - apart), min(high, x[i] + apart)
         points = []
         for value in np.linspace(low, high, SCANNED):
             moved = x.copy()
@@ -110,13 +123,13 @@ def _scan(
 
 
 def _look_around(problem: Problem, best: Optimum) -> Optimum:
-    """Scan each number at every scale, from its posterior sigma to its unit step.
+    """Look along each principal axis at every scale, from a posterior sigma to the unit step.
 
     With friction that is higher at standstill the cost is jagged: a search ends in the nearest
-    notch.
+    notch. What the data hardly tell apart has its notches along one axis, not along two numbers.
     """
     for _ in range(MOST_LOOKS):
-        points, numbers = _around(problem, best)
+        points = _around(problem, best)
         costs = _costs(problem, points, best.noises, best.scales)
         here = about(problem, best.x, best)
         lowest = int(np.argmin(costs))
@@ -126,29 +139,31 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
         if found is None or found.cost >= best.cost - ENOUGH:
             break
         best = found
-    as_good = np.stack([best.x[: problem.size]] * 2, axis=1)
-    for point, number, value in zip(points, numbers, costs, strict=True):
-        if value < here + WANTED:
-            as_good[number] = (
-                min(as_good[number, 0], point[number]),
-                max(as_good[number, 1], point[number]),
-            )
-    return replace(best, as_good=as_good)
+    good = [best.x, *(one for one, cost in zip(points, costs, strict=True) if cost < here + WANTED)]
+    reach = np.stack(good)[:, : problem.size]
+    return replace(best, as_good=np.stack([reach.min(axis=0), reach.max(axis=0)], axis=1))
 
 
-def _around(problem: Problem, best: Optimum) -> tuple[list[_Floats], list[int]]:
-    """Return points around an optimum, octave by octave, and the parameter that moved."""
-    sigma = np.sqrt(np.maximum(np.diag(np.linalg.pinv(best.hessian)), 1e-300))
-    points, numbers = [], []
-    for i in range(problem.size):
-        octaves = max(1, math.ceil(math.log2(max(problem.unit[i] / sigma[i], 2.0))))
-        for reach in sigma[i] * 2.0 ** np.arange(octaves + 1):
-            for sign in (-1.0, 1.0):
-                moved = best.x.copy()
-                moved[i] += sign * reach
-                points.append(problem.feasible(moved))
-                numbers.append(i)
-    return points, numbers
+def _around(problem: Problem, best: Optimum) -> list[_Floats]:
+    """Return points about an optimum along its principal axes, octave by octave.
+
+    The nuisance numbers follow as they do to first order.
+    """
+    size, unit = problem.size, problem.unit[: problem.size]
+    covariance = problem.covariance(best.hessian)
+    inner = covariance[:size, :size]
+    values, vectors = np.linalg.eigh(inner / np.outer(unit, unit))
+    points = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        axis = math.sqrt(max(value, 0.0)) * unit * vector
+        if not axis.any():
+            continue
+        move = covariance[:, :size] @ np.linalg.solve(inner, axis)
+        widest = float(np.min(unit / np.maximum(np.abs(axis), 1e-300)))
+        octaves = max(1, math.ceil(math.log2(max(widest, 2.0))))
+        for reach in 2.0 ** np.arange(octaves + 1):
+            points += [problem.feasible(best.x + sign * reach * move) for sign in (-1.0, 1.0)]
+    return points
 
 
 def _along_valley(problem: Problem, best: Optimum) -> list[_Floats]:
