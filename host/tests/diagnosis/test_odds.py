@@ -16,6 +16,7 @@ from bowden.diagnosis.result import NamedEffect
 from bowden.diagnosis.search import Found
 
 BLOCKS = 12
+WEAK = {"weak": 0.01}  # of its usual strength; others have it
 NOTHING = np.full(BLOCKS, -50.0)  # log density where something unlisted would fit badly
 
 
@@ -24,6 +25,9 @@ class Stub:
     """A set of effects by their names, without a model behind it."""
 
     names: tuple[str, ...]
+
+    def relative_strength(self, index: int) -> float:
+        return WEAK.get(self.names[index], 1.0)
 
     @property
     def effects(self) -> tuple[Any, ...]:
@@ -123,3 +127,10 @@ def test_the_order_of_the_hypotheses_changes_nothing() -> None:
     one, other = weighed(*sets), weighed(*reversed(sets))
     assert [w.hypothesis.names for w in one] == [w.hypothesis.names for w in other]
     np.testing.assert_allclose([w.weight for w in one], [w.weight for w in other])
+
+
+def test_a_look_alike_of_a_hundredth_of_its_usual_strength_has_a_hundredth_of_the_odds() -> None:
+    """Of unlisted things beside either there are as many."""
+    usual, weak = weighed(("a", 0.0, NOTHING), ("weak", 0.0, NOTHING))
+    assert usual.hypothesis.names == ("a",)
+    assert weak.weight / usual.weight == pytest.approx(0.01, rel=1e-9)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.probes import off_value
+from bowden.diagnosis.probes import off_value, strength_of
 from bowden.estimation.problem import Optimum, Problem
 from bowden.model import Model, ModelError
 
@@ -93,6 +93,14 @@ class Hypothesis:
         place = self.own + index
         names = [one.name for one in self.effects[index].variant.parameters]
         return {name: self.model.value(f"effects[{place}].{name}") for name in names}
+
+    def relative_strength(self, index: int) -> float:
+        """Return how strong its effect number `index` is, over its usual strength."""
+        values = self.values(index)
+        return max(
+            abs(strength_of(p, values[p.name]) / strength_of(p, p.typical))
+            for p in self.effects[index].strengths
+        )
 
     def coordinates(self) -> dict[str, float]:
         """Return the coordinate of each number by its path."""

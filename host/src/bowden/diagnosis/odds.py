@@ -26,6 +26,7 @@ PRIOR_UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
 MORE = 0.25  # of rigs that miss some effects miss one more
 AFFECTED = (0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
 RESAMPLES = 2000
+NONE = 1e-9  # of its usual strength
 
 
 @dataclass(frozen=True)
@@ -51,13 +52,21 @@ class Weighed:
 def log_prior(one: Hypothesis, candidates: int = len(CATALOGUE)) -> float:
     """Return the logarithm of the prior of a set of effects, each alike, in whatever order.
 
-    A learned law is what the catalogue hasn't: one of many.
+    A learned law is what the catalogue hasn't: one of many. The strength of a listed effect is
+    anywhere up to its usual one, as likely here as there. Two effects that do the same to the data
+    are known to the same share of themselves, so that the one which needs a hundredth of its usual
+    strength for it takes up a hundredth of its range (the Occam factor, MacKay 2003, 28.1).
     """
     listed = [e.effect for e in one.effects if not isinstance(e, LawCandidate)]
     laws = len(one.effects) - len(listed)
     penalties = sum(penalty(effect, candidates - k) for k, effect in enumerate(listed))
     orders = math.lgamma(len(listed) + 1)
-    return orders - penalties + laws * math.log(PRIOR_UNLISTED / LAWS)
+    room = sum(
+        math.log(min(max(one.relative_strength(index), NONE), 1.0))
+        for index, candidate in enumerate(one.effects)
+        if not isinstance(candidate, LawCandidate)
+    )
+    return orders - penalties + room + laws * math.log(PRIOR_UNLISTED / LAWS)
 
 
 def penalty(effect: Effect, candidates: int = len(CATALOGUE)) -> float:

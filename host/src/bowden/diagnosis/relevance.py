@@ -11,8 +11,6 @@ import numpy as np
 from bowden.diagnosis.contribution import shares, strains
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.predict import LISTED
-from bowden.diagnosis.probes import strength_of
-from bowden.estimation.parameters import WEAK
 
 STRAINED = 2.5  # tolerances
 ERROR = 1.0  # of a single observation, or a tolerance: the region of practical equivalence
@@ -42,16 +40,7 @@ def idle(one: Hypothesis) -> list[int]:
 
     Beyond what calibration would do within its tolerances, less than a single observation's error
     and what the laws of the others may be off by at that observation: such an effect is no other
-    explanation of the data, however many samples agree on the little that is left. Neither is one
-    of a hundredth of its usual strength, which only looks like another effect of a usual one.
+    explanation of the data, however many samples agree on the little that is left.
     """
     sizes = zip(shares(one, beside_laws=True), strains(one), strict=True)
-    return [index for index, size in enumerate(sizes) if max(size) < ERROR or _is_weak(one, index)]
-
-
-def _is_weak(one: Hypothesis, index: int) -> bool:
-    values = one.values(index)
-    return all(
-        abs(strength_of(p, values[p.name])) < abs(strength_of(p, p.typical)) / WEAK
-        for p in one.effects[index].strengths
-    )
+    return [index for index, size in enumerate(sizes) if max(size) < ERROR]
