@@ -110,3 +110,12 @@ def test_watch_reads_in_the_bus_s_own_time(
     assert [sample["time_s"] for sample in samples] == pytest.approx([0, 0.25, 0.5, 0.75], abs=0.02)
     assert samples[0]["values"]["bus_voltage"] > 10
     assert bus.time_s - start < 1.0
+
+
+@pytest.mark.usefixtures("bus")
+def test_watch_once_shows_units_and_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["watch", "--once"]) == 0
+    shown = capsys.readouterr().err
+    assert "switch on disabled" in shown
+    assert "bus_voltage = 24 V" in shown
+    assert "compensation_active_law = 0 none" in shown

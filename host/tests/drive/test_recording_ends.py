@@ -245,6 +245,22 @@ def test_recover_refuses_what_is_no_unfinished_recording(tmp_path: Path, rig: Ma
     assert (tmp_path / "run.blf").read_bytes() == b"mine"
 
 
+def test_recovering_onto_a_full_disk_leaves_everything_as_it_was(
+    tmp_path: Path, rig: MakeRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive, _ = rig()
+    part = killed(tmp_path / "run.blf", drive)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def full(path: Path, _side: object) -> None:
+        raise BadInput(str(path), "No space left on device", "a file that can be written")
+
+    monkeypatch.setattr(capture_writer, "write_side_file", full)
+    with pytest.raises(BadInput, match="No space left"):
+        recover(part)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_a_recording_under_way_is_not_recovered(rig: MakeRig, tmp_path: Path) -> None:
     drive, _ = rig()
     refused: list[str] = []

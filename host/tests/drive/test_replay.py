@@ -152,3 +152,12 @@ def test_a_bus_with_that_node_is_refused(run: Path, rig: MakeRig) -> None:
     nodes, _ = read_replay(run)
     with pytest.raises(DriveFailed, match="node 16 is on this bus already"):
         require_free(drive.connection, nodes)
+
+
+def test_a_replay_of_a_truncated_capture_says_so(
+    run: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    whole = run.read_bytes()
+    run.write_bytes(whole[: len(whole) // 2])
+    read_replay(run)
+    assert f"the file ends after {len(whole) // 2} of {len(whole)} bytes" in caplog.text

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.drive.client import Drive
+from bowden.drive.dictionary import lookup
+from bowden.drive.entry_text import shown
 from bowden.drive.live import LiveSession
 from bowden.errors import BadInput
 
@@ -86,5 +88,7 @@ def _look(drive: Drive, as_json: bool) -> int:
     if now.fault:
         out.print(f"fault: {now.fault}", markup=False, soft_wrap=True)
     for name, value in now.values.items():
-        out.print(f"  {name} = {value:.6g}", markup=False)
+        entry = lookup(name)
+        raw = round(value / (entry.scale or 1.0))
+        out.print(f"  {name} = {shown(entry, raw)}", markup=False, soft_wrap=True)
     return 0

@@ -7,6 +7,7 @@ written. A recording without raw frames (CSV) is encoded into the default PDOs.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
@@ -23,12 +24,14 @@ from bowden.drive.dictionary import HASH, TPDOS, lookup
 from bowden.drive.entry import Layout
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.blf import read_frames
+from bowden.recording.capture_file import capture_caveats
 from bowden.recording.channels import TIME, name_with_unit
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
 from bowden.recording.side_file import OtherDrive, PdoLayout, SideFile, read_side_file
 from bowden.recording.source_bytes import starts_with
 
+_LOG = logging.getLogger(__name__)
 _OPERATIONAL = b"\x05"
 _HEARTBEAT_S = 0.05
 _TAKEN_S = 0.3
@@ -127,6 +130,8 @@ class Replay:
 def read_replay(path: Path) -> tuple[list[ReplayedNode], Iterator[can.Message]]:
     """Read the answers of a recording's nodes, and the frames to send.
 
+    A recording that was cut, or is in doubt, is read with a warning, as by `read_recording`.
+
     Raises
     ------
     BadInput
@@ -134,6 +139,8 @@ def read_replay(path: Path) -> tuple[list[ReplayedNode], Iterator[can.Message]]:
     """
     if starts_with(path, b"LOGG", "a recording (.csv or .blf, also .gz)"):
         side = read_side_file(path)
+        for caveat in capture_caveats(path, side):
+            _LOG.warning("%s: %s", path, caveat)
         drives: list[SideFile | OtherDrive] = [side, *side.others]
         nodes = [ReplayedNode(one.node_id, _answers(one)) for one in drives]
         sent = {service + one.node_id for service in _RECORDED for one in drives}

@@ -26,13 +26,23 @@ def read_capture(path: Path) -> Recording:
         No side file, not a BLF, or no complete sample.
     """
     side = read_side_file(path)
-    missing = truncation(path)
-    if missing is not None:
-        why = "; ".join(filter(None, [missing, side.cut]))
+    if truncation(path) is not None:
         # The drive's last counter is beyond the end: all between would count as lost.
+        why = _cut(path, side)
         side = side.model_copy(update={"cut": why, "counter_after": None})
     decoded = decode(read_frames(path), side, str(path))
     return as_recording(decoded, side, str(path))
+
+
+def capture_caveats(path: Path, side: SideFile) -> list[str]:
+    """Return what puts a whole capture in doubt, without decoding it: cut, or with findings."""
+    cut = _cut(path, side)
+    return [*([f"cut short: {cut}"] if cut else []), *side.findings]
+
+
+def _cut(path: Path, side: SideFile) -> str | None:
+    """Return why a capture is not whole: by its file, by its recorder."""
+    return "; ".join(filter(None, [truncation(path), side.cut])) or None
 
 
 def as_recording(decoded: Decoded, side: SideFile, source: str) -> Recording:

@@ -102,7 +102,12 @@ class CaptureWriter:
                 str(path), error.strerror or str(error), "a path in a folder that can be written to"
             ) from error
         lock_file(self._blf.file, self.part)
-        write_side_file(self.part, side.model_copy(update={"cut": NOT_CLOSED}))
+        try:
+            write_side_file(self.part, side.model_copy(update={"cut": NOT_CLOSED}))
+        except BadInput:
+            self._blf.file.close()
+            self.part.unlink()
+            raise
 
     def write(self, frame: can.Message) -> None:
         """Add a frame."""
@@ -241,7 +246,7 @@ def recover(part: Path, *, overwrite: bool = False) -> CaptureWriter:
             writer.write(frame)
     if writer.failure is not None:
         writer.discard()
-        raise BadInput(str(whole), writer.failure, "a disk with room")
+        raise BadInput(str(whole), writer.failure, f"a disk with room; {part} is as it was")
     whole.replace(path)
     side_path(whole).replace(side_path(path))
     part.unlink()
