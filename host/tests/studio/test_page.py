@@ -138,3 +138,27 @@ def test_the_verdict_s_next_command_is_a_button(page: Page, studio: Studio) -> N
     assert recording.metadata["target_torque_nm"] == "0.05"
     # It ends by the drive's clock, some pictures of the page after its time.
     assert recording.time_s[-1] - recording.time_s[0] > 1.4
+
+
+def test_an_experiment_with_its_parameters(page: Page, studio: Studio) -> None:
+    page.select_option("[name=experiment]", "torque")
+    page.fill("[name=torque_nm]", "0.04")
+    page.fill("[name=duration_s]", "0.6")
+    page.fill("#runname", "pull_1")
+    page.click("text=run and record")
+    expect(page.locator("#recordings label")).to_have_text(" pull_1.blf")
+    expect(page.locator("#state")).to_contain_text("switch on disabled")
+    assert not studio.motor_is_on
+    recording = read_recording(studio.folder / "pull_1.blf")
+    assert recording.metadata["target_torque_nm"] == "0.04"
+    assert "cut" not in recording.metadata
+
+
+def test_any_entry_is_shown_before_it_is_written(page: Page) -> None:
+    page.fill("#entry", "compensation_law=nothing")
+    page.click("text=what would change?")
+    expect(page.locator("#message")).to_contain_text("compensation_law")
+    page.fill("#entry", "motor_torque_limit=0.4")
+    page.click("text=what would change?")
+    expect(page.locator("#changes")).to_contain_text("motor_torque_limit")
+    expect(page.locator("#changes")).to_contain_text("0.5 → 0.4 N m")

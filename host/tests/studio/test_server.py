@@ -122,6 +122,22 @@ def test_a_page_runs_stops_and_records_the_drive(studio: Studio) -> None:
         assert not studio.motor_is_on
 
 
+def test_a_page_runs_an_experiment_that_ends_by_itself(studio: Studio) -> None:
+    with page(studio) as socket:
+        offered = json.loads(socket.recv(timeout=60))["experiments"]
+        assert [one["name"] for one in offered] == ["1a", "2", "3", "torque"]
+        order = {"do": "run", "experiment": "2", "values": {"duration_s": 0.5}, "name": "run_1"}
+        socket.send(json.dumps(order))
+        until(socket, "is_ours", True)
+        now = until(socket, "last_recording", str(studio.folder / "run_1.blf"))
+        assert not studio.motor_is_on
+        assert now["recordings"] == ["run_1.blf"]
+        for wrong in ({"experiment": "9"}, {"values": {"duration_s": -1}}):
+            socket.send(json.dumps({**order, "name": "run_2", **wrong}))
+            until(socket, "refused")
+        assert not studio.motor_is_on
+
+
 def test_the_configuration_is_shown_changed_and_drawn_anew(studio: Studio) -> None:
     with page(studio) as socket:
         values = {"tunnel_half_width": 0.1, "tunnel_angle_source": "load"}

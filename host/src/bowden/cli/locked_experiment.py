@@ -20,20 +20,19 @@ from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console, print_json, say
 from bowden.cli.own_rig_arguments import drive_or_own_rig
 from bowden.cli.record import check_output, record_to
+from bowden.drive.live_experiment import CYCLES, ramps_profile
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
-from bowden.drive.torque_profile import TorqueProfile
 from bowden.errors import BadInput
 from bowden.model import Inputs, Mode, Model, simulate, table_1
 from bowden.model.experiments.locked_load import DWELL_S, PEAK_TORQUE_NM, SLOPE_NM_PER_S
-from bowden.model.experiments.signals import ramp_period_s, ramps_with_dwells, sample_times
+from bowden.model.experiments.signals import ramp_period_s
 from bowden.model.experiments.variants import with_loops, with_pretension
 from bowden.recording.enabled import enabled
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
 from bowden.report.measured_experiment import MeasuredRun
 
-CYCLES = 2
 #: With these, torque arrives at the locked load of Table I (Experiment 1a, preset transmitting).
 PRETENSIONS_N = (1.0, 1.5, 2.0)
 #: The same in Experiment 1b, also with three loops.
@@ -42,7 +41,6 @@ LOOPS_PRETENSION_N = 0.6
 RIG_WRAP_RAD = 2.0 / 0.28
 #: A load that moves by more is not locked.
 LOCKED_RAD = 0.02
-_PROFILE_RATE_HZ = 100.0
 
 
 @dataclass(frozen=True)
@@ -116,9 +114,8 @@ def run_locked_on_drive(args: argparse.Namespace) -> int:
     directory.mkdir(parents=True, exist_ok=True)
     model = read_model(args.model) if args.model else table_1()
     period_s = ramp_period_s(PEAK_TORQUE_NM, SLOPE_NM_PER_S, DWELL_S)
-    time_s = sample_times(CYCLES * period_s, _PROFILE_RATE_HZ)
-    torque = ramps_with_dwells(time_s, PEAK_TORQUE_NM, SLOPE_NM_PER_S, DWELL_S)
-    profile = TorqueProfile(time_s, torque, f"experiment {args.experiment}")
+    title = f"experiment {args.experiment}"
+    profile = ramps_profile(PEAK_TORQUE_NM, SLOPE_NM_PER_S, CYCLES, title)
     runs, measured = [], []
     for setup in _setups(args):
         of_run, label = setup.of_model(model), setup.label

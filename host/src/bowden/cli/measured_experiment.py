@@ -13,6 +13,7 @@ from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console, print_json, say
 from bowden.cli.own_rig_arguments import drive_or_own_rig
 from bowden.cli.record import check_output, record_to
+from bowden.drive.live_experiment import DEFAULT_GAINS
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.position_follower import FollowLoad
 from bowden.drive.power import Run
@@ -24,9 +25,6 @@ from bowden.recording.enabled import enabled
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
 from bowden.report.measured_experiment import MeasuredRun, gaps_table, measured_experiment_report
-
-#: With which the default rig does not ring over a bus that is late by up to 10 ms.
-DEFAULT_GAINS = (0.2, 1.0)
 
 
 def run_measured(args: argparse.Namespace) -> int:

@@ -15,11 +15,10 @@ from pathlib import Path
 from bowden.drive.client import Drive
 from bowden.drive.faults import describe_emergency
 from bowden.drive.follow import Follower
-from bowden.drive.position_follower import following_sender
+from bowden.drive.position_follower import command_sender
 from bowden.drive.power import Run, powered, require_unused
 from bowden.drive.provenance import read_layouts, run_metadata, side_file
 from bowden.drive.sync import missing_sync_hint, require_ours, sampling_by_sync, sync_sent
-from bowden.drive.torque_profile import profile_sender
 from bowden.drive.watch import Progress, Request, Span, Watch
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.capture_writer import CaptureWriter
@@ -156,7 +155,7 @@ class _Session:
         ]
         if sync:
             require_ours(drives, self.ours)
-        every = [_sender(one, run) for one in self.followers] if run is not None else []
+        every = [command_sender(one, run) for one in self.followers] if run is not None else []
         self.senders = [sender for sender in every if sender is not None]
         for drive in self.ours:
             drive.nmt("PRE-OPERATIONAL")
@@ -233,15 +232,6 @@ class _Session:
     def _counters(self) -> dict[int, int]:
         """Read the sample counters of the drives that send for us, by node id."""
         return {drive.node_id: drive.read_raw("sample_counter") for drive in self.ours}
-
-
-def _sender(follower: Follower, run: Run) -> Callable[[float], None] | None:
-    """Return what commands the drive's torque while it is recorded; None where nothing does."""
-    if run.follow is not None:
-        return following_sender(follower.drive, run.follow, follower)
-    if run.profile is not None:
-        return profile_sender(follower.drive, run.profile)
-    return None
 
 
 @contextmanager

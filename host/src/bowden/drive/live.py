@@ -13,6 +13,7 @@ import math
 import queue
 import threading
 from collections import deque
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from itertools import takewhile
 from pathlib import Path
@@ -27,20 +28,23 @@ from bowden.drive.dictionary import lookup
 from bowden.drive.entry_text import find, parse
 from bowden.drive.faults import describe_emergency
 from bowden.drive.follow import Follower
+from bowden.drive.live_experiment import TimedRun
+from bowden.drive.live_recording import LiveRecording
 from bowden.drive.live_state import (
     Command,
     EndRecording,
     MarkMoment,
+    RunTimed,
     Snapshot,
     StartMotor,
     StartRecording,
     StopMotor,
     WriteValues,
 )
+from bowden.drive.position_follower import command_sender
 from bowden.drive.power import BRIDGE_ON, Run, is_fault, power_state, powered, safe_stop
-from bowden.drive.provenance import read_layouts, run_metadata, side_file
+from bowden.drive.provenance import read_layouts
 from bowden.errors import BadInput, DriveFailed
-from bowden.recording.capture_writer import CaptureWriter
 
 #: The motor stops when `alive` was not called for so long.
 ALIVE_WITHIN_S = 1.0
@@ -49,6 +53,7 @@ KEPT = 8192
 _LOAD_EVERY_S = 0.5
 _POLL_EVERY_S = 0.1
 _LOST_S = 1.0
+_SHORTEST_WAIT_S = 1e-3  # as the connection's
 #: Values that no PDO carries by default; a group is read at once, one group every `_POLL_EVERY_S`.
 _TENSIONS = tuple(f"model_tension.{end}_{cable}" for cable in "ab" for end in ("motor", "load"))
 POLLED = (
@@ -93,17 +98,17 @@ class LiveSession:
         self._layouts = read_layouts(drive)
         self._first = self._layouts[0].cob_id
         self._follower = Follower(drive, self._layouts)
+        self._recording = LiveRecording(self._follower, self._layouts)
         self._load = BusLoad(drive.connection)
         self._motor: ExitStack | None = None
         self._run: Run | None = None
-        self._writer: CaptureWriter | None = None
-        self._last_recording: str | None = None
         self._message = ""
         self._alive_at = self._load_at = self._poll_at = self._clock()
         self._rates = 0.0, 0.0
         self._samples_before, self._rate_hz = 0, 0.0
         self._started_at_sample = 0
-        self._recorded_from_us = 0
+        self._ends_at_s: float | None = None  # of the recording; the motor stops with it
+        self._sender: Callable[[float], None] | None = None
         self._poll_place = 0
         self._changes: list[dict[str, object]] = []
         self._read_tunnel()
@@ -150,12 +155,17 @@ class LiveSession:
         DriveFailed
             The adapter failed. `close` still has to be called.
         """
-        self.drive.connection.handle_for(longest_s)
+        if self._sender is None:
+            self.drive.connection.handle_for(longest_s)
+        else:
+            self._command_for(longest_s, self._sender)
+        self._end_timed()
         self._stop_unwatched()
         self._check_motor()
         while not self._commands.empty():
             self._obey(self._commands.get())
-        self._check_writer()
+        if self._recording.has_failed:
+            self._obey(EndRecording())
         self._poll()
         self._publish()
 
@@ -169,7 +179,7 @@ class LiveSession:
         """
         connection = self.drive.connection
         try:
-            self._end_recording()
+            self._recording.end()
         finally:
             try:
                 self._stop_ours()
@@ -186,8 +196,9 @@ class LiveSession:
         if frame.arbitration_id == self._first and self._raw:
             self._keep_sample()  # whatever came since the one before belongs to it
         raw = self._follower.count(frame)
-        if raw is not None:
-            self._raw.update(raw)
+        if raw is None:
+            return
+        self._raw.update(raw)
 
     def _keep_sample(self) -> None:
         """Keep the sample that the frames so far make up."""
@@ -208,26 +219,65 @@ class LiveSession:
                 case StopMotor():
                     self._stop("stopped")
                 case StartRecording(path, notes):
-                    self._start_recording(path, notes)
+                    self._message = self._recording.start(path, notes, self._run)
+                case RunTimed(timed, path):
+                    self._run_timed(timed, path)
                 case EndRecording():
-                    self._end_recording()
+                    self._message = self._recording.end() or self._message
                 case MarkMoment(text):
-                    self._mark(text)
+                    self._message = self._recording.mark(text)
                 case WriteValues(values, dry_run):
                     self._write_values(values, dry_run)
         except (DriveFailed, BadInput) as failure:
             self._message = str(failure)
 
-    def _start(self, run: Run) -> None:
+    def _require_idle(self) -> None:
         if self._motor is not None:
             raise DriveFailed("the drive runs already")
         if power_state(self._raw.get("statusword", 0)) in BRIDGE_ON:
             raise DriveFailed("another program runs this drive: stop it first")
+
+    def _start(self, run: Run) -> None:
+        self._require_idle()
         with ExitStack() as stack:
             stack.enter_context(powered(self.drive, run))
             self._motor, self._run = stack.pop_all(), run
         self._started_at_sample = self._follower.samples
         self._message = f"running: {run.mode.word}"
+
+    def _run_timed(self, timed: TimedRun, path: Path) -> None:
+        self._require_idle()
+        sender = command_sender(self._follower, timed.run)  # refuses before anything moves
+        self._recording.start(path, timed.notes, timed.run)
+        try:
+            self._start(timed.run)
+        except (DriveFailed, BadInput):
+            self._recording.discard()
+            raise
+        self._recording.count_from_now()
+        self._ends_at_s, self._sender = timed.duration_s, sender
+        self._message = f"running for {timed.duration_s:.3g} s: {timed.notes}"
+
+    def _command_for(self, duration_s: float, sender: Callable[[float], None]) -> None:
+        """Handle frames and command the torque after each."""
+        end = self._clock() + duration_s
+        while (left := end - self._clock()) > 0:
+            self.drive.connection.receive(max(left, _SHORTEST_WAIT_S))
+            sender(self._recording.elapsed_s)
+
+    def _end_timed(self) -> None:
+        """Stop a timed run when its time is over, or when its recording has ended before."""
+        if self._ends_at_s is None:
+            return
+        if self._recording.path is not None and self._recording.elapsed_s < self._ends_at_s:
+            return
+        self._ends_at_s = None
+        try:
+            self._stop("")
+        except DriveFailed as failure:
+            self._message = str(failure)
+            return
+        self._obey(EndRecording())
 
     def _stop(self, why: str) -> None:
         """Take the torque away; also from a drive that is not ours."""
@@ -238,9 +288,13 @@ class LiveSession:
         if self._sends_for_us:
             self.drive.nmt("OPERATIONAL")
         self._message = why
+        if self._ends_at_s is not None:  # before its time
+            self._ends_at_s = None
+            told = self._recording.end(cut=why)
+            self._message = f"{why}; {told}"
 
     def _stop_ours(self) -> None:
-        motor, self._motor, self._run = self._motor, None, None
+        motor, self._motor, self._run, self._sender = self._motor, None, None, None
         if motor is not None:
             motor.close()
 
@@ -265,46 +319,6 @@ class LiveSession:
             self._stop(why)
         except DriveFailed as failure:
             self._message = f"{why}; {failure}"
-
-    def _start_recording(self, path: Path, notes: str) -> None:
-        if self._writer is not None:
-            raise BadInput(str(path), "a recording under way", "its end first")
-        if path.exists():
-            raise BadInput(str(path), "a file with that name", "a new name")
-        told = {"notes": notes} if notes else {}
-        metadata = told | run_metadata(self.drive, self._run)
-        self._writer = CaptureWriter(path, side_file([self.drive], [self._layouts], metadata))
-        self._recorded_from_us = self._follower.elapsed_us
-        self.drive.connection.set_tap(self._writer.write)
-        self._message = f"recording into {path.name}"
-
-    def _end_recording(self) -> None:
-        writer, self._writer = self._writer, None
-        if writer is None:
-            return
-        self.drive.connection.set_tap(None)
-        if codes := self.drive.emergencies:
-            writer.note(emergencies=[describe_emergency(code) for code in codes])
-        writer.close()
-        if writer.failure is not None:
-            raise BadInput(str(writer.path), writer.failure, f"a disk with room; see {writer.part}")
-        self._last_recording = str(writer.path)
-        lost = writer.decoded.frames_lost if writer.decoded else 0
-        self._message = f"{writer.path.name}: {writer.side.samples} samples, {lost} frames lost"
-
-    def _check_writer(self) -> None:
-        if self._writer is not None and self._writer.failure is not None:
-            try:
-                self._end_recording()
-            except BadInput as failure:
-                self._message = str(failure)
-
-    def _mark(self, text: str) -> None:
-        last = self._follower.last
-        if self._writer is None or last is None:
-            raise BadInput("mark", "no recording under way", "start one first")
-        self._writer.mark(text, last["device_time"], self._follower.last_host_s)
-        self._message = f"mark: {text}"
 
     def _write_values(self, values: dict[str, float | str], dry_run: bool) -> None:
         wanted = {name: _in_unit(name, value) for name, value in values.items()}
@@ -353,7 +367,6 @@ class LiveSession:
         state = power_state(raw["statusword"]) if "statusword" in raw else "no samples"
         for name, value in raw.items():
             self._values[name] = lookup(name).to_value(value)
-        recorded_us = self._follower.elapsed_us - self._recorded_from_us if self._writer else 0
         shown = Snapshot(
             node_id=drive.node_id,
             nmt_state=drive.nmt_state,
@@ -370,9 +383,10 @@ class LiveSession:
             frames_per_s=self._rates[0],
             bus_share=self._rates[1],
             error_frames=drive.connection.error_frames,
-            recording=str(self._writer.path) if self._writer else None,
-            recorded_s=recorded_us / 1e6,
-            last_recording=self._last_recording,
+            recording=str(self._recording.path) if self._recording.path else None,
+            recorded_s=self._recording.elapsed_s,
+            runs_until_s=self._ends_at_s,
+            last_recording=self._recording.last,
             changes=self._changes,
             message=self._message,
         )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bowden.drive.live_experiment import TimedRun
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
 from bowden.errors import BadInput
@@ -32,6 +33,14 @@ class StartRecording:
 
 
 @dataclass(frozen=True)
+class RunTimed:
+    """Record into a new capture while the bridge is on; both end by the drive's clock."""
+
+    timed: TimedRun
+    path: Path
+
+
+@dataclass(frozen=True)
 class EndRecording:
     """Close the capture."""
 
@@ -51,7 +60,9 @@ class WriteValues:
     dry_run: bool
 
 
-Command = StartMotor | StopMotor | StartRecording | EndRecording | MarkMoment | WriteValues
+Command = (
+    StartMotor | StopMotor | StartRecording | RunTimed | EndRecording | MarkMoment | WriteValues
+)
 
 
 @dataclass(frozen=True)
@@ -75,6 +86,7 @@ class Snapshot:
     error_frames: int = 0
     recording: str | None = None
     recorded_s: float = 0.0
+    runs_until_s: float | None = None
     last_recording: str | None = None
     changes: list[dict[str, object]] = field(default_factory=list)
     message: str = ""

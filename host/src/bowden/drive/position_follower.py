@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 from bowden.drive.client import Drive
 from bowden.drive.follow import Follower
-from bowden.drive.torque_profile import torque_sender
+from bowden.drive.power import Run
+from bowden.drive.torque_profile import profile_sender, torque_sender
 from bowden.errors import BadInput
 
 
@@ -68,3 +69,20 @@ def following_sender(
         send(min(max(gains.kp_nm_per_rad * error + integral, -limit_nm), limit_nm))
 
     return act
+
+
+def command_sender(follower: Follower, run: Run) -> Callable[[float], None] | None:
+    """Return what commands a run's torque while it is recorded; None where nothing does.
+
+    Raises
+    ------
+    BadInput
+        More torque than the drive's limit lets through.
+    DriveFailed
+        RPDO 1 is not as the drive comes from power-on.
+    """
+    if run.follow is not None:
+        return following_sender(follower.drive, run.follow, follower)
+    if run.profile is not None:
+        return profile_sender(follower.drive, run.profile)
+    return None

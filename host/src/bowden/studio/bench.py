@@ -18,9 +18,11 @@ from typing import Any
 
 from bowden.diagnosis.rendering import PrescribedTunnel
 from bowden.drive.live import LiveSession
+from bowden.drive.live_experiment import EXPERIMENTS
 from bowden.drive.live_state import (
     EndRecording,
     MarkMoment,
+    RunTimed,
     StartMotor,
     StartRecording,
     StopMotor,
@@ -36,6 +38,7 @@ from bowden.studio.orders import (
     CloseRecording,
     Examine,
     Order,
+    RunExperiment,
     SetPageMark,
     StartDrive,
     StopDrive,
@@ -100,16 +103,22 @@ class StudioBench:
                 session.alive()
                 session.request(StartMotor(run_named(mode, torque_nm)))
             case BeginRecording(name=name, notes=notes):
-                path = self.folder / f"{name.removesuffix('.blf')}.blf"
-                session.request(StartRecording(path, notes))
+                session.request(StartRecording(self._capture(name), notes))
+            case RunExperiment(experiment=chosen, values=values, name=name):
+                if chosen not in EXPERIMENTS:
+                    raise BadInput("experiment", chosen, ", ".join(EXPERIMENTS))
+                session.alive()
+                timed = EXPERIMENTS[chosen].timed_run(values)
+                session.request(RunTimed(timed, self._capture(name)))
             case CloseRecording():
                 session.request(EndRecording())
             case SetPageMark(text=text):
                 session.request(MarkMoment(text))
             case ChangeValues(values=values, dry_run=dry_run):
                 session.request(WriteValues(dict(values), dry_run))
-            case Examine(do=do, recordings=names):
-                self._begin_job(do, [self._recording(name) for name in names])
+            case Examine(do=do, recordings=names, experiment=chosen):
+                recordings = [self._recording(name) for name in names]
+                self._begin_job(do, recordings, chosen)
             case ApplyModel(dry_run=dry_run):
                 session.request(WriteValues(self._diagnosed_entries(), dry_run))
 
@@ -135,6 +144,18 @@ class StudioBench:
         found.sort(key=lambda path: path.stat().st_mtime, reverse=True)
         return [path.name for path in found]
 
+    def experiments(self) -> list[dict[str, Any]]:
+        """Return what the page offers: names, what the operator does, parameters."""
+        return [
+            {
+                "name": one.name,
+                "title": one.title,
+                "before": one.before,
+                "parameters": [asdict(parameter) for parameter in one.parameters],
+            }
+            for one in EXPERIMENTS.values()
+        ]
+
     def tunnel_curve(self, reach_rad: float = 0.8, points: int = 161) -> list[list[float]]:
         """Return the prescribed torque at the load over the load's angle: angles, torques."""
         import numpy as np  # noqa: PLC0415
@@ -156,6 +177,9 @@ class StudioBench:
         except Exception as failure:  # noqa: BLE001  (the server ends and raises it)
             self.failure = failure
 
+    def _capture(self, name: str) -> Path:
+        return self.folder / f"{name.removesuffix('.blf')}.blf"
+
     def _recording(self, name: str) -> Path:
         path = self.folder / name
         if path.suffix not in RECORDINGS or not path.is_file():
@@ -164,7 +188,7 @@ class StudioBench:
             )
         return path
 
-    def _begin_job(self, do: str, recordings: Sequence[Path]) -> None:
+    def _begin_job(self, do: str, recordings: Sequence[Path], experiment: str) -> None:
         if self.model is None:
             raise BadInput(do, "no model", "bowden studio --model MODEL.yaml")
         with self._job_lock:
@@ -173,6 +197,9 @@ class StudioBench:
             report = f"{do}_{recordings[0].stem}.html"
             self._job = {"state": "running", "do": do, "report": report}
         arguments = [do, str(self.model), *map(str, recordings), "--json"]
+        if do == "figures":
+            arguments = ["experiment", experiment, "--model", str(self.model), "--json"]
+            arguments += ["--recordings", *map(str, recordings)]
         arguments += ["--report", str(self.folder / report)]
         if do == "diagnose":
             arguments += ["--write-model", str(self.folder / DIAGNOSED)]

@@ -46,6 +46,15 @@ class BeginRecording(_Order):
     notes: str = Field(default="", max_length=500)
 
 
+class RunExperiment(_Order):
+    """Record an experiment into the folder; motor and recording end by themselves."""
+
+    do: Literal["run"]
+    experiment: str = Field(max_length=20)
+    values: dict[str, float] = Field(default_factory=dict, max_length=20)
+    name: FileName
+
+
 class CloseRecording(_Order):
     """End the recording under way."""
 
@@ -68,10 +77,11 @@ class ChangeValues(_Order):
 
 
 class Examine(_Order):
-    """Compare recordings with the model, or diagnose them; with a report."""
+    """Compare recordings with the model, diagnose them, or put them into the paper's figures."""
 
-    do: Literal["compare", "diagnose"]
+    do: Literal["compare", "diagnose", "figures"]
     recordings: list[FileName] = Field(min_length=1, max_length=20)
+    experiment: Literal["1a", "2", "3"] = "2"
 
 
 class ApplyModel(_Order):
@@ -86,6 +96,7 @@ Order = (
     | StopDrive
     | StartDrive
     | BeginRecording
+    | RunExperiment
     | CloseRecording
     | SetPageMark
     | ChangeValues

@@ -139,6 +139,7 @@ class _Studio:
 
     async def _send(self, socket: WebSocket) -> None:
         loop = asyncio.get_running_loop()
+        await socket.send_text(json.dumps({"experiments": self.bench.experiments()}))
         picture = 0
         last = self.bench.session.snapshot().samples
         tunnel: dict[str, float] = {}

@@ -1,4 +1,4 @@
-// Curves on a canvas, redrawn from scratch thirty times a second: axes, grid, lines, one marker.
+// Curves on a canvas, redrawn from scratch for every picture: axes, grid, lines, one marker.
 // A plotting library was too slow for that on a small machine; the reports use one.
 "use strict";
 

@@ -33,6 +33,7 @@ function connect() {
 
 function take(message) {
   if (message.refused) { at("message").textContent = message.refused; return; }
+  if (message.experiments) offerExperiments(message.experiments);
   if (message.curve) curve = message.curve;
   if (message.rows && message.rows.length) {
     if (rows.length && message.rows[0][NUMBER] <= rows[rows.length - 1][NUMBER]) rows = [];
@@ -96,7 +97,7 @@ function draw() {
 function showState() {
   at("node").textContent = `node ${now.node_id}`;
   const who = now.is_ours ? "" : now.is_on ? " (by another program)" : "";
-  at("state").textContent = now.power_state + who + (now.recording ? `  · recording ${now.recorded_s.toFixed(1)} s` : "");
+  at("state").textContent = now.power_state + who + (now.recording ? `  · recording ${now.recorded_s.toFixed(1)} s` + (now.runs_until_s ? ` of ${now.runs_until_s.toFixed(1)} s` : "") : "");
   at("state").className = now.fault ? "bad" : now.is_on ? "on" : "";
   at("rates").textContent = `${now.rate_hz.toFixed(0)} samples/s, ${now.lost} frames lost, bus ${(100 * now.bus_share).toFixed(0)} %`;
   at("fault").hidden = !now.fault;
@@ -107,7 +108,6 @@ function showState() {
   showTensions();
   showRecordings();
   showJob();
-  watchNext();
   for (const input of at("configure").querySelectorAll("input"))
     if (!input.value && input.name in now.tunnel) input.value = Number(now.tunnel[input.name].toPrecision(6));
   at("changes").replaceChildren(...now.changes.map((change) => {
@@ -142,7 +142,7 @@ let listed = null;
 function showRecordings() {
   if (now.recordings.join() === listed) return;
   listed = now.recordings.join();
-  if (!now.recording) suggestName();
+  if (!now.recording) { suggestName("name", "run"); suggestName("runname", "experiment"); }
   at("recordings").replaceChildren(...now.recordings.map((name) => {
     const label = document.createElement("label"), box = document.createElement("input");
     box.type = "checkbox"; box.value = name;
@@ -152,11 +152,11 @@ function showRecordings() {
 }
 
 // The next free name: run_2 after run_1.
-function suggestName() {
-  const stem = at("name").value.replace(/_\d+$/, "") || "run";
+function suggestName(field, otherwise) {
+  const stem = at(field).value.replace(/_\d+$/, "") || otherwise;
   let number = 1;
   while (now.recordings.some((name) => name.startsWith(`${stem}_${number}.`))) number += 1;
-  at("name").value = `${stem}_${number}`;
+  at(field).value = `${stem}_${number}`;
 }
 
 let shownReport = "";
@@ -186,22 +186,39 @@ function nextRun(command) {
   return { name: words[1], seconds: Number(words[2]), mode: words[3], torque_nm: words[4] === undefined ? null : Number(words[4]) };
 }
 
-// Runs until its time is over by the drive's clock, or until the motor is stopped.
-let running = null;
+// Its end is the server's, by the drive's clock.
 function beginNext() {
   const next = nextRun(now.job.result.next_command);
-  order({ do: "start", mode: next.mode, torque_nm: next.torque_nm });
-  order({ do: "record", name: next.name });
-  running = { seconds: next.seconds, began: false };
+  const values = { duration_s: next.seconds };
+  if (next.mode === "torque") values.torque_nm = next.torque_nm;
+  order({ do: "run", experiment: next.mode === "tunnel" ? "2" : "torque", values, name: next.name });
 }
-function watchNext() {
-  if (!running || !now) return;
-  running.began = running.began || Boolean(now.recording && now.is_ours);
-  if (running.began && (!now.is_ours || now.recorded_s >= running.seconds)) {
-    running = null;
-    if (now.recording) order({ do: "end_recording" });
-    order({ do: "stop" });
-  }
+
+let experiments = [];
+function offerExperiments(offered) {
+  if (experiments.length) return;
+  experiments = offered;
+  const choice = at("experiment").elements.experiment;
+  choice.replaceChildren(...offered.map((one) => new Option(one.title, one.name)));
+  choice.onchange = showParameters;
+  showParameters();
+}
+const chosenExperiment = () => experiments.find((one) => one.name === at("experiment").elements.experiment.value);
+function showParameters() {
+  const chosen = chosenExperiment();
+  at("before").textContent = `Before: ${chosen.before}.`;
+  at("parameters").replaceChildren(...chosen.parameters.map((one) => {
+    const label = document.createElement("label"), input = document.createElement("input");
+    input.type = "number"; input.step = "any"; input.required = true;
+    input.name = one.name; input.min = one.low; input.max = one.high; input.value = one.default;
+    label.append(`${one.label} `, input, ` ${one.unit}`);
+    return label;
+  }));
+}
+function runExperiment() {
+  const inputs = [...at("parameters").querySelectorAll("input")];
+  const values = Object.fromEntries(inputs.map((input) => [input.name, Number(input.value)]));
+  order({ do: "run", experiment: chosenExperiment().name, values, name: at("runname").value });
 }
 
 function wire() {
@@ -219,18 +236,23 @@ function wire() {
   };
   at("record").onsubmit = (event) => {
     event.preventDefault();
-    order(now && now.recording ? { do: "end_recording" } : { do: "record", name: at("name").value });
+    order(now && now.recording ? { do: "end_recording" } : { do: "record", name: at("name").value, notes: at("notes").value });
   };
-  at("mark").onclick = () => order({ do: "mark", text: "mark" });
+  at("mark").onclick = () => order({ do: "mark", text: at("marktext").value || "mark" });
+  at("experiment").onsubmit = (event) => { event.preventDefault(); runExperiment(); };
   at("configure").onsubmit = (event) => {
     event.preventDefault();
     const values = Object.fromEntries([...new FormData(at("configure"))].map(([name, text]) => [name, Number(text)]));
+    const [name, value] = at("entry").value.split("=").map((part) => part.trim());
+    if (name) values[name] = value === undefined || value === "" || Number.isNaN(Number(value)) ? value || "" : Number(value);
     order({ do: "configure", values, dry_run: event.submitter.value === "diff" });
   };
   at("examine").onsubmit = (event) => {
     event.preventDefault();
     const recordings = [...at("recordings").querySelectorAll(":checked")].map((box) => box.value);
-    if (recordings.length) order({ do: event.submitter.value, recordings });
+    const paper = chosenExperiment().name;
+    const experiment = ["1a", "2", "3"].includes(paper) ? paper : "2";
+    if (recordings.length) order({ do: event.submitter.value, recordings, experiment });
     else at("message").textContent = "choose a recording first";
   };
   at("next").onclick = beginNext;
