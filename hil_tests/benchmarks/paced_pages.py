@@ -22,27 +22,29 @@ import tempfile
 import termios
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-import can
 import numpy as np
 from bowden.drive.bus_options import BusOptions
 from bowden.drive.simulated_rig import own_bus
 from playwright.sync_api import Page, expect, sync_playwright
 
 from hil_tests.benchmarks.measurement import Figure, load
-from hil_tests.benchmarks.processes import bowden_command, core_s, resident_bytes, rigs
+from hil_tests.benchmarks.processes import (
+    bowden_command,
+    core_s,
+    resident_bytes,
+    rigs,
+    sample_arrivals,
+)
 
 STUDIO_S: Final = 1800.0
 WATCH_S: Final = 60.0
 WARM_S: Final = 120.0
 NODE: Final = 16
 _CHROMIUM: Final = ("chromium", "chromium-browser", "google-chrome")
-_TPDO1: Final = 0x180 + NODE
-_DEVICE_TIME = struct.Struct("<I")  # its last four bytes, us
 _STARTS_WITHIN_S: Final = 120.0
 _LOOK_EVERY_S: Final = 5.0
 #: Notes, after each picture, when the next one begins and the newest sample's device time.
@@ -98,7 +100,7 @@ def studio(options: BusOptions, folder: Path, duration_s: float) -> list[Figure]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert process.stdout is not None
     address = next(found[0] for line in process.stdout if (found := re.search(r"http://\S+", line)))
-    with _arrivals(options) as arrivals, sync_playwright() as playwright:
+    with sample_arrivals(options, NODE) as arrivals, sync_playwright() as playwright:
         path = next(there for name in _CHROMIUM if (there := shutil.which(name)))
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 1000})
@@ -172,29 +174,6 @@ def _judge(
     return [
         Figure(f"host.studio.{key}", value, unit, context, goal) for key, value, unit, goal in rows
     ]
-
-
-@contextmanager
-def _arrivals(options: BusOptions) -> Iterator[list[tuple[float, float]]]:
-    """Note each sample's device time and when it came, both in s, while the block runs."""
-    found: list[tuple[float, float]] = []
-    ended = threading.Event()
-
-    def listen(bus: can.BusABC) -> None:
-        while not ended.is_set():
-            frame = bus.recv(0.2)
-            if frame is not None and frame.arbitration_id == _TPDO1:
-                (device_us,) = _DEVICE_TIME.unpack(frame.data[-4:])
-                found.append((device_us * 1e-6, frame.timestamp))
-
-    with can.Bus(**options.bus_arguments()) as bus:  # type: ignore[arg-type]
-        thread = threading.Thread(target=listen, args=(bus,))
-        thread.start()
-        try:
-            yield found
-        finally:
-            ended.set()
-            thread.join()
 
 
 def _resize(terminal: int) -> None:

@@ -27,7 +27,7 @@ from bowden.recording.blf import read_frames
 from bowden.recording.capture_writer import recover
 
 from hil_tests.benchmarks.measurement import Figure, load
-from hil_tests.benchmarks.processes import bowden_command, rigs
+from hil_tests.benchmarks.processes import bowden_command, rigs, sample_arrivals
 
 DURATION_S: Final = 600.0
 KILLS: Final = 10
@@ -97,22 +97,32 @@ def ten_minutes(options: BusOptions, folder: Path, duration_s: float) -> list[Fi
 def killed(options: BusOptions, folder: Path, kills: int) -> list[Figure]:
     """Kill a recorder again and again; find what its last quarter of a second has lost."""
     random = np.random.default_rng(1)
-    losses_s = []
-    for number in range(kills):
-        path = folder / f"killed{number}.blf"
-        part = path.with_name(f"{path.name}.part")
-        process = subprocess.Popen(_record(options, path, 600.0), stderr=subprocess.DEVNULL)
-        while not part.exists():
-            time.sleep(0.01)
-        time.sleep(float(random.uniform(1.0, 3.0)))
-        process.kill()
-        killed_at_s = time.time()
-        process.wait()
-        recover(part)
-        last_s = max(frame.timestamp for frame in read_frames(path))
-        losses_s.append(killed_at_s - last_s)
+    with sample_arrivals(options, NODES[0]) as arrivals:
+        losses_s = [
+            _killed_once(
+                options, folder / f"killed{number}.blf", random.uniform(1.0, 3.0), arrivals
+            )
+            for number in range(kills)
+        ]
     context = f"{kills} recorders killed at random times; {load()}"
     return [Figure("host.paced.kill.lost_time_max", max(losses_s), "s", context, "0.5")]
+
+
+def _killed_once(
+    options: BusOptions, path: Path, after_s: float, arrivals: list[tuple[float, float]]
+) -> float:
+    """Kill a recorder; return the device time from its last sample to the last one sent, s."""
+    part = path.with_name(f"{path.name}.part")
+    process = subprocess.Popen(_record(options, path, 600.0), stderr=subprocess.DEVNULL)
+    while not part.exists():
+        time.sleep(0.01)
+    time.sleep(after_s)
+    process.kill()
+    newest_s, _ = arrivals[-1]
+    process.wait()
+    recover(part)
+    samples = [f.data for f in read_frames(path) if f.arbitration_id == 0x180 + NODES[0]]
+    return newest_s - int.from_bytes(samples[-1][-4:], "little") * 1e-6
 
 
 def _record(options: BusOptions, path: Path, duration_s: float, *further: str) -> list[str]:

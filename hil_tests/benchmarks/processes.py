@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
+import struct
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
 
+import can
 from bowden.drive.bus_options import BusOptions, open_connection
 from bowden.drive.connection import SHARED_MACHINE
 from bowden.drive.simulated_rig import rig_process
 
 _CONNECT_WITHIN_S: Final = 120.0
+_TPDO1: Final = 0x180
+_DEVICE_TIME: Final = struct.Struct("<I")  # the last four bytes of TPDO1, us
 _PAGE_BYTES: Final = os.sysconf("SC_PAGE_SIZE")
 _TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
@@ -37,6 +42,29 @@ def rigs(options: BusOptions, nodes: Sequence[int], folder: Path) -> Iterator[No
 def bowden_command(options: BusOptions, *words: str) -> list[str]:
     """Return the command line of a command of `bowden` on a bus."""
     return [sys.executable, "-m", "bowden.cli.main", *words, *options.flags()]
+
+
+@contextmanager
+def sample_arrivals(options: BusOptions, node: int) -> Iterator[list[tuple[float, float]]]:
+    """Note each sample's device time and when it came, both in s, while the block runs."""
+    found: list[tuple[float, float]] = []
+    ended = threading.Event()
+
+    def listen(bus: can.BusABC) -> None:
+        while not ended.is_set():
+            frame = bus.recv(0.2)
+            if frame is not None and frame.arbitration_id == _TPDO1 + node:
+                (device_us,) = _DEVICE_TIME.unpack(frame.data[-4:])
+                found.append((device_us * 1e-6, frame.timestamp))
+
+    with can.Bus(**options.bus_arguments()) as bus:  # type: ignore[arg-type]
+        thread = threading.Thread(target=listen, args=(bus,))
+        thread.start()
+        try:
+            yield found
+        finally:
+            ended.set()
+            thread.join()
 
 
 def core_s(pid: int) -> float:

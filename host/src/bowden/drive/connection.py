@@ -29,7 +29,7 @@ HOST_NODE_ID = 127
 HEARTBEAT_PERIOD_S = 0.05
 #: COB-IDs that only a node itself sends: EMCY, four TPDOs, SDO answers, heartbeat.
 _FROM_NODE = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)
-_RECEIVE_BUFFER_BYTES = 4 << 20
+_RECEIVE_BUFFER_BYTES = 64 << 20  # some 80 000 frames; used only while they wait to be read
 _SO_RCVBUFFORCE = 33  # Linux; beyond the system's limit, for root only
 _READER_POLL_S = 0.1
 _BATCH_S = 10e-3
@@ -110,7 +110,7 @@ class Connection:
         self._tap: Callable[[can.Message], None] | None = None
         #: Each gets every frame that `receive` handles, in the caller's thread.
         self.observers: list[Callable[[can.Message], None]] = []
-        self._nobody_waits = False
+        self._no_answer_due = False
         self._tap_lock = threading.Lock()
         self._frames: queue.SimpleQueue[can.Message | BaseException] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -226,7 +226,7 @@ class Connection:
             The adapter failed.
         """
         end = self.clock() + duration_s
-        self._nobody_waits = True
+        self._no_answer_due = True
         try:
             while (left := end - self.clock()) > 0:
                 if not self._threaded:
@@ -242,7 +242,7 @@ class Connection:
                     if is_done is not None and is_done():
                         return
         finally:
-            self._nobody_waits = False
+            self._no_answer_due = False
 
     def silence_s(self, node_id: int) -> float:
         """Return how long nothing has come from a node; infinite when it was never heard."""
@@ -310,7 +310,7 @@ class Connection:
         """
         try:
             while not self._stop.is_set():
-                in_batches = self._nobody_waits and (self._tap is None or self._is_socket)
+                in_batches = self._no_answer_due and (self._tap is None or self._is_socket)
                 frame = self._recv(0.0 if in_batches else _READER_POLL_S)
                 if frame is not None:
                     self._frames.put(frame)
@@ -321,7 +321,7 @@ class Connection:
 
 
 def enlarge_receive_buffer(bus: can.BusABC) -> bool:
-    """Let the kernel hold a second of frames, where the bus is a socket; return whether it is."""
+    """Let the kernel hold seconds of frames, where the bus is a socket; return whether it is."""
     try:
         with socket.socket(fileno=os.dup(bus.fileno())) as handle:
             try:
