@@ -200,6 +200,27 @@ def test_a_drive_that_vanishes_is_reported(rig: MakeRig, live: Make) -> None:
     assert session.snapshot().power_state != "vanished"
 
 
+def test_a_drive_that_restarts_ends_what_ran_and_is_watched_anew(
+    rig: MakeRig, live: Make, tmp_path: Path
+) -> None:
+    drive, bus = rig()
+    session = live(drive)
+    session.request(StartRecording(tmp_path / "run.blf"))
+    session.request(StartMotor(TUNNEL))
+    run_for(session, 0.6)
+    assert session.snapshot().power_state == "operation enabled"
+    bus.send(can.Message(arbitration_id=0, data=[0x81, 16], is_extended_id=False))  # NMT reset
+    run_for(session, 1.5)
+    now = session.snapshot()
+    assert now.power_state == "switch on disabled"
+    assert not now.is_ours
+    assert now.recording is None
+    assert "node 16 restarted; run.blf: " in now.message
+    assert read_recording(tmp_path / "run.blf").metadata["cut"] == "node 16 restarted"
+    run_for(session, 0.6)
+    assert session.snapshot().rate_hz == pytest.approx(1000, rel=0.1)
+
+
 def test_an_adapter_that_fails_ends_the_session(rig: MakeRig) -> None:
     drive, bus = rig()
     session = LiveSession(drive)

@@ -23,9 +23,7 @@ import can
 from bowden.counted import counted
 from bowden.drive.bus_load import BusLoad
 from bowden.drive.client import Drive
-from bowden.drive.configuration import difference, write
 from bowden.drive.dictionary import lookup
-from bowden.drive.entry_text import find, parse
 from bowden.drive.faults import describe_emergency
 from bowden.drive.follow import Follower
 from bowden.drive.live_experiment import TimedRun
@@ -41,6 +39,7 @@ from bowden.drive.live_state import (
     StopMotor,
     WriteValues,
 )
+from bowden.drive.live_values import change_values
 from bowden.drive.position_follower import command_sender
 from bowden.drive.power import BRIDGE_ON, Run, is_fault, power_state, powered, safe_stop
 from bowden.drive.provenance import read_layouts
@@ -53,7 +52,6 @@ KEPT = 8192
 _LOAD_EVERY_S = 0.5
 _POLL_EVERY_S = 0.1
 _LOST_S = 1.0
-_SHORTEST_WAIT_S = 1e-3  # as the connection's
 #: Values that no PDO carries by default; a group is read at once, one group every `_POLL_EVERY_S`.
 _TENSIONS = tuple(f"model_tension.{end}_{cable}" for cable in "ab" for end in ("motor", "load"))
 POLLED = (
@@ -65,8 +63,6 @@ POLLED = (
 TUNNEL = ("tunnel_half_width", "tunnel_stiffness", "tunnel_torque_limit")
 #: What a row of `samples_after` holds behind the sample's number and its time.
 PLOTTED = ("motor_angle", "load_angle", "motor_torque", "load_torque")
-
-
 _SCALES = {name: lookup(name).scale or 1.0 for name in PLOTTED}
 
 Row = tuple[float, ...]
@@ -107,6 +103,7 @@ class LiveSession:
         self._rates = 0.0, 0.0
         self._samples_before, self._rate_hz = 0, 0.0
         self._started_at_sample = 0
+        self._boots = drive.boots
         self._ends_at_s: float | None = None  # of the recording; the motor stops with it
         self._sender: Callable[[float], None] | None = None
         self._poll_place = 0
@@ -155,10 +152,8 @@ class LiveSession:
         DriveFailed
             The adapter failed. `close` still has to be called.
         """
-        if self._sender is None:
-            self.drive.connection.handle_for(longest_s)
-        else:
-            self._command_for(longest_s, self._sender)
+        self._handle_for(longest_s)
+        self._check_restart()
         self._end_timed()
         self._stop_unwatched()
         self._check_motor()
@@ -231,6 +226,21 @@ class LiveSession:
         except (DriveFailed, BadInput) as failure:
             self._message = str(failure)
 
+    def _check_restart(self) -> None:
+        """End what ran on a drive that has restarted, and watch it anew."""
+        if self.drive.boots == self._boots:
+            return
+        self._boots = self.drive.boots
+        why = f"node {self.drive.node_id} restarted"
+        self._follower.begin()
+        self._raw.clear()
+        self._ends_at_s = None
+        try:
+            why = "; ".join(filter(None, [why, self._recording.end(cut=why)]))
+        except BadInput as failure:
+            why = f"{why}; {failure}"
+        self._stop_because(why)
+
     def _require_idle(self) -> None:
         if self._motor is not None:
             raise DriveFailed("the drive runs already")
@@ -258,12 +268,15 @@ class LiveSession:
         self._ends_at_s, self._sender = timed.duration_s, sender
         self._message = f"running for {timed.duration_s:.3g} s: {timed.notes}"
 
-    def _command_for(self, duration_s: float, sender: Callable[[float], None]) -> None:
-        """Handle frames and command the torque after each."""
+    def _handle_for(self, duration_s: float) -> None:
+        """Handle frames; command the torque after each, where an experiment does."""
+        if self._sender is None:
+            self.drive.connection.handle_for(duration_s)
+            return
         end = self._clock() + duration_s
         while (left := end - self._clock()) > 0:
-            self.drive.connection.receive(max(left, _SHORTEST_WAIT_S))
-            sender(self._recording.elapsed_s)
+            self.drive.connection.receive(max(left, 1e-3))  # time may come in steps
+            self._sender(self._recording.elapsed_s)
 
     def _end_timed(self) -> None:
         """Stop a timed run when its time is over, or when its recording has ended before."""
@@ -272,12 +285,8 @@ class LiveSession:
         if self._recording.path is not None and self._recording.elapsed_s < self._ends_at_s:
             return
         self._ends_at_s = None
-        try:
-            self._stop("")
-        except DriveFailed as failure:
-            self._message = str(failure)
-            return
-        self._obey(EndRecording())
+        if self._stop_because("stopped"):
+            self._obey(EndRecording())
 
     def _stop(self, why: str) -> None:
         """Take the torque away; also from a drive that is not ours."""
@@ -293,18 +302,23 @@ class LiveSession:
             told = self._recording.end(cut=why)
             self._message = f"{why}; {told}"
 
+    def _stop_because(self, why: str) -> bool:
+        """Stop, and tell what fails; return whether all went well."""
+        try:
+            self._stop(why)
+        except (DriveFailed, BadInput) as failure:
+            self._message = f"{why}; {failure}"
+            return False
+        return True
+
     def _stop_ours(self) -> None:
         motor, self._motor, self._run, self._sender = self._motor, None, None, None
         if motor is not None:
             motor.close()
 
     def _stop_unwatched(self) -> None:
-        if self._motor is None or self._clock() - self._alive_at <= ALIVE_WITHIN_S:
-            return
-        try:
-            self._stop("stopped: the page was not watched")
-        except DriveFailed as failure:
-            self._message = str(failure)
+        if self._motor is not None and self._clock() - self._alive_at > ALIVE_WITHIN_S:
+            self._stop_because("stopped: the page was not watched")
 
     def _check_motor(self) -> None:
         """Turn the bridge off when the drive has left operation by itself."""
@@ -315,22 +329,14 @@ class LiveSession:
         if state == "operation enabled" and not silent:
             return
         why = "nothing comes from the drive" if silent else self._fault() or f"drive: {state}"
-        try:
-            self._stop(why)
-        except DriveFailed as failure:
-            self._message = f"{why}; {failure}"
+        self._stop_because(why)
 
     def _write_values(self, values: dict[str, float | str], dry_run: bool) -> None:
-        wanted = {name: _in_unit(name, value) for name, value in values.items()}
-        changes = difference(self.drive, wanted)
+        self._changes = change_values(self.drive, values, dry_run=dry_run)
         if not dry_run:
-            write(self.drive, changes)
             self._read_tunnel()
-        self._changes = [
-            {"name": c.name, "before": c.before, "after": c.wanted, "unit": c.unit} for c in changes
-        ]
         done = "would change" if dry_run else "changed and read back"
-        self._message = f"{counted(len(changes), 'entry', 'entries')} {done}"
+        self._message = f"{counted(len(self._changes), 'entry', 'entries')} {done}"
 
     def _read_tunnel(self) -> None:
         self.tunnel = {name: self.drive.read(name) for name in TUNNEL}
@@ -339,8 +345,7 @@ class LiveSession:
 
     def _poll(self) -> None:
         now = self._clock()
-        if now - self._load_at >= _LOAD_EVERY_S:
-            span_s = now - self._load_at
+        if (span_s := now - self._load_at) >= _LOAD_EVERY_S:
             self._rate_hz = (self._follower.samples - self._samples_before) / span_s
             self._samples_before = self._follower.samples
             self._rates = self._load.take()
@@ -392,9 +397,3 @@ class LiveSession:
         )
         with self._lock:
             self._snapshot = shown
-
-
-def _in_unit(name: str, value: float | str) -> float:
-    """Return a value in its entry's unit; of a word, the number that it stands for."""
-    entry = find(name)
-    return entry.to_value(parse(entry, value))
