@@ -28,11 +28,12 @@ from bowden.errors import DriveFailed
 HOST_NODE_ID = 127
 HEARTBEAT_PERIOD_S = 0.05
 #: COB-IDs that only a node itself sends: EMCY, four TPDOs, SDO answers, heartbeat.
-_FROM_NODE = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)
+_TPDOS = (0x180, 0x280, 0x380, 0x480)
+_FROM_NODE = (0x080, *_TPDOS, 0x580, 0x700)
 _RECEIVE_BUFFER_BYTES = 64 << 20  # some 80 000 frames; used only while they wait to be read
 _SO_RCVBUFFORCE = 33  # Linux; beyond the system's limit, for root only
 _READER_POLL_S = 0.1
-_BATCH_S = 10e-3
+_BATCH_S = 20e-3
 _SHORTEST_WAIT_S = 1e-3  # waiting has to let time pass, also where time comes in steps
 
 # Both report through exceptions here; without a handler Python would print their log lines too.
@@ -192,7 +193,7 @@ class Connection:
             self._heard[node_id] = self.clock()
         for observe in self.observers:
             observe(frame)
-        if not frame.is_remote_frame:
+        if service not in _TPDOS and not frame.is_remote_frame:  # nothing of canopen takes those
             self.network.notify(frame.arbitration_id, frame.data, frame.timestamp)
 
     def wait_for(self, happened: Callable[[], bool], timeout_s: float) -> bool:
