@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xABD8F743)
+#define DICTIONARY_HASH UINT32_C(0xAEEEFBF7)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 240
+#define DICTIONARY_COUNT 243
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -207,6 +207,8 @@ typedef struct {
     uint32_t motor_inductance_nh;                      /* 0x214C */
     int32_t load_angle_min_urad;                       /* 0x214D */
     int32_t load_angle_max_urad;                       /* 0x214E */
+    uint32_t board_current_limit_ua;                   /* 0x214F */
+    uint32_t board_current_trip_ua;                    /* 0x214F */
     uint32_t table_version;                            /* 0x2150 */
     uint8_t table_defect;                              /* 0x2160 */
     uint8_t table_refused_table;                       /* 0x2161 */

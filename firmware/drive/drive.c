@@ -48,6 +48,8 @@ void drive_init(drive_t *drive, const board_identity_t *identity) {
     dictionary->node_id = drive->node.od.node_id;
     dictionary->identity_serial_number = identity->serial_number;
     dictionary->reset_cause = (uint8_t)identity->reset;
+    dictionary->board_current_limit_ua = (uint32_t)identity->current_max_ua;
+    dictionary->board_current_trip_ua = SUPERVISION_OVERCURRENT_LIMIT_UA;
     drive->reference = reference_of(identity->reset, identity->reference);
     dictionary->crash_record_crashes = identity->crash.crashes;
     dictionary->crash_record_cause = identity->crash.cause;

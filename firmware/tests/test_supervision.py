@@ -144,6 +144,8 @@ def test_the_boards_largest_current_is_told_as_a_limit() -> None:
     assert found.motor_current_ua == pytest.approx(12_000_000, abs=100)
     assert drive.values.limits_active == LimitsActive.BOARD_CURRENT
     assert drive.values.statusword & Statusword.INTERNAL_LIMIT
+    assert drive.values.board_current_limit_ua == 12_000_000
+    assert drive.values.board_current_trip_ua == 15_000_000
 
 
 def test_a_warm_conduit_takes_torque_away_before_it_stops() -> None:

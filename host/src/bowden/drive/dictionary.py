@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Absent, Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0xABD8F743
+HASH = 0xAEEEFBF7
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -113,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xabd8f743, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xaeeefbf7, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -241,6 +241,9 @@ TABLE = Table(
         Entry(0x214C, 0, 'motor_inductance', 'u32', 'rw', 'calibration', 300000, low=50000, high=20000000, unit='H', scale=1e-09, persist=True),
         Entry(0x214D, 0, 'load_angle_min', 'i32', 'rw', 'config', -2147483647, low=-2147483647, high=2147483647, unit='rad', scale=1e-06, persist=True, doc='window of the load angle while the bridge is on; the default is none'),
         Entry(0x214E, 0, 'load_angle_max', 'i32', 'rw', 'config', 2147483647, low=-2147483647, high=2147483647, unit='rad', scale=1e-06, persist=True, doc='the other end of the window'),
+        Entry(0x214F, 0, 'board_current.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
+        Entry(0x214F, 1, 'board_current.limit', 'u32', 'ro', 'state', 0, high=4294967295, unit='A', scale=1e-06, doc='largest current that is commanded; where it cuts the torque limits_active says so; 0: the board has no such limit'),
+        Entry(0x214F, 2, 'board_current.trip', 'u32', 'ro', 'state', 0, high=4294967295, unit='A', scale=1e-06, doc='a sample beyond it switches the bridge off'),
         Entry(0x2150, 0, 'table_version', 'u32', 'rw', 'config', 0, high=4294967295, persist=True, doc="the host's number for this set of tables; 0: none"),
         Entry(0x2160, 0, 'table_defect', 'u8', 'ro', 'state', 0, high=255, meaning=meanings.TableDefect, doc='why the table that configuration_error names cannot be used'),
         Entry(0x2161, 0, 'table_refused.count', 'u8', 'const', 'communication', 2, high=255, doc='highest sub-index'),
