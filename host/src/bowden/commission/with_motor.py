@@ -170,7 +170,7 @@ def find_winding(job: Job) -> list[StepFinding]:
     """Find resistance and inductance of the motor; correct what gives the current loop's gains."""
     job.operator.ask(
         "Winding",
-        "the motor gets a small alternating voltage for 10 ms: it hums, and hardly moves",
+        "the motor, hardly: a small alternating voltage for 10 ms, which hums",
         "nothing to do: the load may be free or locked",
     )
     trace = read_trace(job.drive)
