@@ -62,7 +62,7 @@ def test_a_round_finds_a_hidden_wrap_and_the_next_records_that_nothing_is_left(
     assert again.figures.rms_error_nm < 0.4 * first.rendering_error_nm
 
     # The cables hold 2 N m of the round before, of which virgin ones know nothing; the first
-    # strokes erase them. Left is what counts, taken as they were read, make of reversals.
+    # strokes erase them. Left is what counts leave open at reversals.
     whole = until_disabled(again.recording)
     recording = whole.since(SETTLE_S)
     figures = compare(kept, [recording]).figures
