@@ -1,7 +1,7 @@
 """A drive's configuration as a file: YAML with units and origin, read back also by newer versions.
 
     bowden_configuration: 1
-    drive: {node_id: 16, serial_number: 0x2A, software_version: 0.1.0, dictionary_hash: F59F0338h}
+    drive: {node_id: 16, serial_number: 0x2A, software_version: 0.2.0, dictionary_hash: F59F0338h}
     config:
       tunnel_stiffness: {at: 2121h, value: 0.5, unit: N m/rad}
       tunnel_angle_source: {at: 2123h, value: load}

@@ -26,7 +26,7 @@ TABLE = Table(
         Entry(0x1005, 0, 'sync_cob_id', 'u32', 'const', 'communication', 0x80, high=4294967295),
         Entry(0x1008, 0, 'device_name', 'string', 'const', 'identity', 'bowden drive'),
         Entry(0x1009, 0, 'hardware_version', 'string', 'const', 'identity', 'board contract 1'),
-        Entry(0x100A, 0, 'software_version', 'string', 'const', 'identity', '0.1.0'),
+        Entry(0x100A, 0, 'software_version', 'string', 'const', 'identity', '0.2.0'),
         Entry(0x1010, 0, 'store_parameters.count', 'u8', 'const', 'communication', 4, high=255, doc='highest sub-index'),
         *array(4, Entry(0x1010, 1, 'store_parameters', 'u32', 'rw', 'command', 0x1, high=4294967295, doc='write 0x65766173 (ASCII save) with the bridge off: persistent entries are kept across power-off; sub 1 all, 2 communication, 3 application, 4 calibration. Answered when they have been read back; abort 0800 0021h: the flash is erased first, silent for up to 2 s, then write it again')),
         Entry(0x1011, 0, 'restore_defaults.count', 'u8', 'const', 'communication', 4, high=255, doc='highest sub-index'),
