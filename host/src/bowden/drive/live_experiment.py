@@ -26,7 +26,7 @@ _LONGEST_S = 3600.0
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ExperimentParameter:
     """One number that an experiment asks for, within its range."""
 
     name: str
@@ -57,7 +57,7 @@ class LiveExperiment:
     title : str
     before : str
         What the operator does; shown before it is started.
-    parameters : tuple of Parameter
+    parameters : tuple of ExperimentParameter
     make : callable
         Makes the run from a value for each parameter.
     """
@@ -65,7 +65,7 @@ class LiveExperiment:
     name: str
     title: str
     before: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ExperimentParameter, ...]
     make: Callable[[Mapping[str, float]], TimedRun]
 
     def timed_run(self, values: Mapping[str, float]) -> TimedRun:
@@ -96,8 +96,8 @@ def ramps_profile(peak_nm: float, slope_nm_per_s: float, cycles: float, name: st
     return TorqueProfile(time_s, torque, name)
 
 
-def _duration(default_s: float) -> Parameter:
-    return Parameter("duration_s", "duration", "s", default_s, 0.1, _LONGEST_S)
+def _duration(default_s: float) -> ExperimentParameter:
+    return ExperimentParameter("duration_s", "duration", "s", default_s, 0.1, _LONGEST_S)
 
 
 def _locked(values: Mapping[str, float]) -> TimedRun:
@@ -131,9 +131,9 @@ EXPERIMENTS = {
             "Experiment 1: load locked, ramps of motor torque",
             "lock the load",
             (
-                Parameter("peak_nm", "peak", "N m", PEAK_TORQUE_NM, 1e-3, 10.0),
-                Parameter("slope_nm_per_s", "slope", "N m/s", SLOPE_NM_PER_S, 1e-3, 10.0),
-                Parameter("cycles", "cycles", "", CYCLES, 1, 100),
+                ExperimentParameter("peak_nm", "peak", "N m", PEAK_TORQUE_NM, 1e-3, 10.0),
+                ExperimentParameter("slope_nm_per_s", "slope", "N m/s", SLOPE_NM_PER_S, 1e-3, 10.0),
+                ExperimentParameter("cycles", "cycles", "", CYCLES, 1, 100),
             ),
             _locked,
         ),
@@ -149,8 +149,12 @@ EXPERIMENTS = {
             "Experiment 3: the motor follows the load",
             "move the load to and fro",
             (
-                Parameter("kp_nm_per_rad", "kp", "N m/rad", DEFAULT_GAINS[0], 1e-6, 100.0),
-                Parameter("ki_nm_per_rad_s", "ki", "N m/(rad s)", DEFAULT_GAINS[1], 0.0, 1000.0),
+                ExperimentParameter(
+                    "kp_nm_per_rad", "kp", "N m/rad", DEFAULT_GAINS[0], 1e-6, 100.0
+                ),
+                ExperimentParameter(
+                    "ki_nm_per_rad_s", "ki", "N m/(rad s)", DEFAULT_GAINS[1], 0.0, 1000.0
+                ),
                 _duration(10.0),
             ),
             _follower,
@@ -159,7 +163,7 @@ EXPERIMENTS = {
             "torque",
             "Constant motor torque",
             "move the load to and fro",
-            (Parameter("torque_nm", "torque", "N m", 0.05, -10.0, 10.0), _duration(10.0)),
+            (ExperimentParameter("torque_nm", "torque", "N m", 0.05, -10.0, 10.0), _duration(10.0)),
             _torque,
         ),
     )
