@@ -44,8 +44,8 @@ def test_a_named_effect_reduces_the_rendering_error(tmp_path: Path) -> None:
     truth = rig.cable.pretension_n * rig.cable.friction * (2.0 / 0.28 + HIDDEN_RAD)
     assert made == pytest.approx(truth, rel=0.02)
     # Nearly all of either is the turn at one end, which periodic strokes repeat at the same part of
-    # a count: one sample of that noise, with 1.5 of its standard deviations.
-    assert found.gap.after <= 1.5 * found.gap.noise_floor
+    # a count: one sample of that noise, in 95 of 100 recordings within two standard deviations.
+    assert found.gap.after <= 2.0 * found.gap.noise_floor
     assert all(run.figures.full_law_share == 1.0 for run in loop.runs)
     none = loop.none.figures.rms_error_nm
     before, after = (
