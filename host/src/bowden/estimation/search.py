@@ -11,12 +11,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
-from bowden.estimation.descend import ENOUGH, descend
+from bowden.estimation.descend import (
+    ENOUGH,
+    descend,
+    jacobians,
+    normal_equations,
+    principal_axes,
+)
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem, about, objective
 from bowden.model import ModelError
@@ -126,10 +133,13 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
     """Look along each principal axis at every scale, from a posterior sigma to the unit step.
 
     With friction that is higher at standstill the cost is jagged: a search ends in the nearest
-    notch. What the data hardly tell apart has its notches along one axis, not along two numbers.
+    notch. What the data hardly tell apart has its notches along one axis, not along two numbers;
+    and as valleys bend, every place is looked at as it is and with all other numbers following.
     """
     for _ in range(MOST_LOOKS):
-        points = _around(problem, best)
+        axes = _parameter_axes(problem, best)
+        places = _along(problem, best, axes)
+        points = [place.x for place in places] + _followed(problem, best, axes, places)
         costs = _costs(problem, points, best.noises, best.scales)
         here = about(problem, best.x, best)
         lowest = int(np.argmin(costs))
@@ -144,26 +154,59 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
     return replace(best, as_good=np.stack([reach.min(axis=0), reach.max(axis=0)], axis=1))
 
 
-def _around(problem: Problem, best: Optimum) -> list[_Floats]:
-    """Return points about an optimum along its principal axes, octave by octave.
+def _parameter_axes(problem: Problem, best: Optimum) -> _Floats:
+    """Return the principal axes of the parameters' posterior, a sigma long; shape (k, size).
 
-    The nuisance numbers follow as they do to first order.
+    The nuisance numbers stay: how they would follow is a matter of derivatives, which hold nearby.
     """
     size, unit = problem.size, problem.unit[: problem.size]
-    covariance = problem.covariance(best.hessian)
-    inner = covariance[:size, :size]
-    values, vectors = np.linalg.eigh(inner / np.outer(unit, unit))
-    points = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        axis = math.sqrt(max(value, 0.0)) * unit * vector
-        if not axis.any():
-            continue
-        move = covariance[:, :size] @ np.linalg.solve(inner, axis)
-        widest = float(np.min(unit / np.maximum(np.abs(axis), 1e-300)))
+    covariance = problem.covariance(best.hessian)[:size, :size]
+    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
+    axes = np.zeros((problem.unit.size, size))
+    axes[:size] = unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return axes
+
+
+class _Place(NamedTuple):
+    """A point that lies along an axis from an optimum."""
+
+    x: _Floats
+    axis: int
+
+
+def _along(problem: Problem, best: Optimum, axes: _Floats) -> list[_Place]:
+    """Return places to both sides of an optimum along each axis, octave by octave."""
+    found = []
+    unit = problem.unit[: problem.size]
+    for k, axis in enumerate(axes.T):
+        widest = float(np.min(unit / np.maximum(np.abs(axis[: problem.size]), 1e-300)))
         octaves = max(1, math.ceil(math.log2(max(widest, 2.0))))
         for reach in 2.0 ** np.arange(octaves + 1):
-            points += [problem.feasible(best.x + sign * reach * move) for sign in (-1.0, 1.0)]
-    return points
+            found += [_Place(problem.feasible(best.x + s * reach * axis), k) for s in (-1.0, 1.0)]
+    return found
+
+
+def _followed(
+    problem: Problem, best: Optimum, axes: _Floats, places: Sequence[_Place]
+) -> list[_Floats]:
+    """Return places with what a Gauss-Newton step of all other axes and nuisances makes of them.
+
+    With the derivatives of the optimum: across a valley they hold along it.
+    """
+    usual = principal_axes(problem, best.hessian)
+    slopes = jacobians(problem, best.x, best.residuals, best.noises, usual)
+    nuisances = np.diag(problem.unit)[:, problem.size :]
+    found = []
+    for (x, k), residuals in zip(
+        places, problem.residuals_at([place.x for place in places], best.noises), strict=True
+    ):
+        if residuals is not None:
+            free = np.concatenate([np.delete(axes, k, axis=1), nuisances], axis=1)
+            like = (best.noises, best.scales)
+            hessian, gradient = normal_equations(problem, x, residuals, slopes, like)
+            step = free @ np.linalg.lstsq(free.T @ hessian @ free, free.T @ gradient, rcond=None)[0]
+            found.append(problem.feasible(x - step))
+    return found
 
 
 def _along_valley(problem: Problem, best: Optimum) -> list[_Floats]:
