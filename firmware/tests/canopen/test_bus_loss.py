@@ -27,7 +27,7 @@ def test_what_waited_when_the_bus_was_lost_is_never_sent(how: str) -> None:
     drive.tick(100)
     drive.frames()
     drive.send(0x600 + NODE_ID, struct.pack("<BHB4x", 0x40, 0x1000, 0))
-    ticks(drive, 20)  # samples and an SDO answer wait, which nobody takes
+    ticks(drive, 20)  # samples and an SDO answer wait
     assert drive.raw.node.tx.count > 3
     drive.sensors.bus = getattr(lib, how)
     ticks(drive, 1)
