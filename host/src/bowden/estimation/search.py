@@ -139,8 +139,12 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
     for _ in range(MOST_LOOKS):
         axes = _parameter_axes(problem, best)
         places = _along(problem, best, axes)
-        points = [place.x for place in places] + _followed(problem, best, axes, places)
-        costs = _costs(problem, points, best.noises, best.scales)
+        points = [place.x for place in places]
+        residuals = problem.residuals_at(points, best.noises)
+        followed = _followed(problem, best, axes, places, residuals)
+        points += followed
+        residuals += problem.residuals_at(followed, best.noises)
+        costs = _costs_of(problem, points, residuals, best.noises, best.scales)
         here = about(problem, best.x, best)
         lowest = int(np.argmin(costs))
         found = None
@@ -187,19 +191,22 @@ def _along(problem: Problem, best: Optimum, axes: _Floats) -> list[_Place]:
 
 
 def _followed(
-    problem: Problem, best: Optimum, axes: _Floats, places: Sequence[_Place]
+    problem: Problem,
+    best: Optimum,
+    axes: _Floats,
+    places: Sequence[_Place],
+    simulated: Sequence[list[_Floats] | None],
 ) -> list[_Floats]:
     """Return places with what a Gauss-Newton step of all other axes and nuisances makes of them.
 
-    With the derivatives of the optimum: across a valley they hold along it.
+    With the derivatives of the optimum: across a valley they hold along it. `simulated`: the
+    residuals at each place.
     """
     usual = principal_axes(problem, best.hessian)
     slopes = jacobians(problem, best.x, best.residuals, best.noises, usual)
     nuisances = np.diag(problem.unit)[:, problem.size :]
     found = []
-    for (x, k), residuals in zip(
-        places, problem.residuals_at([place.x for place in places], best.noises), strict=True
-    ):
+    for (x, k), residuals in zip(places, simulated, strict=True):
         if residuals is not None:
             free = np.concatenate([np.delete(axes, k, axis=1), nuisances], axis=1)
             like = (best.noises, best.scales)
@@ -241,9 +248,20 @@ def _costs(
     problem: Problem, points: Sequence[_Floats], noises: Sequence[Covariance], scales: Scales
 ) -> _Floats:
     """Return -log posterior at several points; infinite where no rig answers."""
+    return _costs_of(problem, points, problem.residuals_at(points, noises), noises, scales)
+
+
+def _costs_of(
+    problem: Problem,
+    points: Sequence[_Floats],
+    residuals: Sequence[list[_Floats] | None],
+    noises: Sequence[Covariance],
+    scales: Scales,
+) -> _Floats:
+    """Return -log posterior at several points whose residuals are known; None: no rig answers."""
     return np.array(
         [
             math.inf if one is None else objective(problem, point, one, noises, scales)
-            for point, one in zip(points, problem.residuals_at(points, noises), strict=True)
+            for point, one in zip(points, residuals, strict=True)
         ]
     )
