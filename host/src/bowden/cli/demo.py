@@ -11,6 +11,7 @@ import argparse
 from pathlib import Path
 
 from bowden.cli.compare import compare_files, show
+from bowden.cli.compile_ahead import compiling_ahead
 from bowden.cli.output import add_json_argument, console, print_json, say
 from bowden.cli.record import record_to
 from bowden.cli.record_summary import summary
@@ -70,7 +71,8 @@ def run(args: argparse.Namespace) -> int:
     coulomb_path = directory / "table_1_coulomb.yaml"
     coulomb_path.write_text(TABLE_1_COULOMB, encoding="utf-8")
 
-    capture = _record(args, model_path, run_path)
+    with compiling_ahead():
+        capture = _record(args, model_path, run_path)
     say(f"comparing with the offline model ({model_path})")
     comparison = compare_files(model_path, [run_path], Mode.TORQUE_POSITION, report_path)
     show(comparison)
