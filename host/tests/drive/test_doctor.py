@@ -74,6 +74,17 @@ def test_no_adapter_is_a_failed_check(
     assert json.loads(capsys.readouterr().out)["failed"] == ["adapter"]
 
 
+@pytest.mark.parametrize(("frames", "state"), [(None, "ok"), (253, "warning"), (80_000, "ok")])
+def test_a_socket_that_holds_few_frames_is_a_warning_with_the_cure(
+    silent: Callable[..., tuple], frames: int | None, state: str
+) -> None:
+    connection, _ = silent()
+    connection.receive_buffer_frames = frames
+    finding = checks.check_adapter(connection)
+    assert finding.state == state
+    assert ("net.core.rmem_max" in finding.todo) == (state == "warning")
+
+
 def test_error_frames_point_at_the_bit_rate(silent: Callable[..., tuple]) -> None:
     connection, _ = silent(frames=[can.Message(is_error_frame=True) for _ in range(5)])
     finding = checks.check_bus(Drive(connection))

@@ -112,6 +112,33 @@ def test_ctrl_c_ends_with_a_summary(
     assert told["ended"] == "stopped by the user"
 
 
+def test_an_adapter_that_goes_bus_off_ends_with_a_summary_and_the_drive_stops_itself(
+    bus: VirtualBus,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    receive = bus.recv
+
+    def recv(timeout: float | None = None) -> can.Message | None:
+        if bus.time_s > 3.0:
+            raise can.CanOperationError("bus off")
+        return receive(timeout)
+
+    monkeypatch.setattr(bus, "recv", recv)
+    path = tmp_path / "run.blf"
+    arguments = ["record", str(path), "--duration", "20", "--enable", "tunnel", "--json"]
+    assert main(arguments) == frame.EXIT_DRIVE_FAILED
+    shown = capsys.readouterr()
+    told = json.loads(shown.out)
+    assert "bus off" in told["cut"]
+    assert "bus off" in shown.err
+    assert told["samples"] > 1000
+    assert "bus off" in read_recording(Path(told["recording"])).metadata["cut"]
+    bus.advance(1.2)  # the drive misses its host's heartbeat
+    assert not bus.bench.actuators.bridge_enabled
+
+
 def test_marks_and_an_end_on_request(rig: MakeRig, tmp_path: Path) -> None:
     drive, _ = rig()
     at: list[float] = []

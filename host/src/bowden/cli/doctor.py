@@ -17,7 +17,13 @@ from bowden.cli.drive_arguments import add_drive_arguments, warn_if_live
 from bowden.cli.output import add_json_argument, console, print_json, say
 from bowden.drive.bus_options import BusOptions, bus_options, open_connection
 from bowden.drive.capture import record
-from bowden.drive.checks import CheckResult, bridge_is_on, check_drive, check_signs
+from bowden.drive.checks import (
+    CheckResult,
+    bridge_is_on,
+    check_adapter,
+    check_drive,
+    check_signs,
+)
 from bowden.drive.client import Drive
 from bowden.errors import BadInput, DriveFailed
 from bowden.recording.read import read_recording
@@ -73,8 +79,7 @@ def _findings(options: BusOptions, node_id: int, signs_s: float | None) -> Itera
         yield CheckResult("adapter", "failed", str(failure), todo)
         return
     with connection:
-        told = ", ".join(f"{key} {value}" for key, value in connection.adapter.items())
-        yield CheckResult("adapter", "ok", told)
+        yield check_adapter(connection)
         drive = Drive(connection, node_id)
         node_is_there = False
         for finding in check_drive(drive):

@@ -14,6 +14,7 @@ import numpy as np
 
 from bowden.drive.bus_load import BusLoad
 from bowden.drive.client import Drive
+from bowden.drive.connection import Connection
 from bowden.drive.culprit import refused_configuration
 from bowden.drive.dictionary import BITRATE, HASH, lookup
 from bowden.drive.faults import describe_address, describe_emergency
@@ -30,6 +31,9 @@ LISTEN_S = 0.5
 BUSY_SHARE = 0.7
 #: Undervoltage is a fault of the drive; this only names a supply that is not there at all.
 _NO_SUPPLY_V = 1.0
+#: A recorder may wait so long for processor time; by then a full bus has filled the buffer.
+LEAST_BUFFER_S = 1.0
+_FULL_BUS_FRAMES_PER_S = 8000.0  # 1 Mbit/s, eight bytes each
 _SAMPLES = 20
 _SAMPLE_EVERY_S = 0.01
 #: Of motion by which signs can be told: far above encoder steps and the cables' stretch.
@@ -71,6 +75,21 @@ def check_drive(drive: Drive) -> Iterator[CheckResult]:
         except DriveFailed as failure:
             name = check.__name__.removeprefix("check_").replace("_", " ")
             yield CheckResult(name, "failed", str(failure), "flash the firmware of this version")
+
+
+def check_adapter(connection: Connection) -> CheckResult:
+    """Say what the bus is; a socket that holds few frames loses some on a busy machine."""
+    told = ", ".join(f"{key} {value}" for key, value in connection.adapter.items())
+    held = connection.receive_buffer_frames
+    if held is None or held >= LEAST_BUFFER_S * _FULL_BUS_FRAMES_PER_S:
+        return CheckResult("adapter", "ok", told)
+    return CheckResult(
+        "adapter",
+        "warning",
+        f"{told}; the system holds only {held / _FULL_BUS_FRAMES_PER_S:.2f} s of a full bus: a "
+        "busy machine loses frames",
+        "sudo sysctl -w net.core.rmem_max=67108864",
+    )
 
 
 def check_bus(drive: Drive) -> CheckResult:

@@ -30,7 +30,8 @@ HEARTBEAT_PERIOD_S = 0.05
 #: COB-IDs that only a node itself sends: EMCY, four TPDOs, SDO answers, heartbeat.
 _TPDOS = (0x180, 0x280, 0x380, 0x480)
 _FROM_NODE = (0x080, *_TPDOS, 0x580, 0x700)
-_RECEIVE_BUFFER_BYTES = 64 << 20  # some 80 000 frames; used only while they wait to be read
+_RECEIVE_BUFFER_BYTES = 64 << 20  # used only while frames wait to be read
+_KERNEL_BYTES_PER_FRAME = 840  # what Linux counts for a waiting frame, measured
 _SO_RCVBUFFORCE = 33  # Linux; beyond the system's limit, for root only
 _READER_POLL_S = 0.1
 _BATCH_S = 20e-3
@@ -118,7 +119,8 @@ class Connection:
         self._reader = threading.Thread(target=self._read, name="bowden bus", daemon=True)
         self._threaded = threaded
         #: The kernel (or a server) takes each frame's time, whenever it is read.
-        self._is_socket = enlarge_receive_buffer(bus)
+        self.receive_buffer_frames = enlarge_receive_buffer(bus)
+        self._is_socket = self.receive_buffer_frames is not None
         if threaded:
             self._reader.start()
 
@@ -281,13 +283,16 @@ class Connection:
         return min(timeout_s, max(self._next_beat - now, _SHORTEST_WAIT_S))
 
     def _next(self, timeout_s: float) -> can.Message | None:
-        if not self._threaded:
-            frame: can.Message | BaseException | None = self._recv(timeout_s)
-        else:
-            try:
+        frame: can.Message | BaseException | None
+        try:
+            if self._threaded:
                 frame = self._frames.get(timeout=max(timeout_s, 0.0))
-            except queue.Empty:
-                return None
+            else:
+                frame = self._recv(timeout_s)
+        except queue.Empty:
+            return None
+        except (can.CanError, OSError) as error:
+            frame = error
         if isinstance(frame, can.CanError | OSError):
             self._frames.put(frame)  # the reader has ended; every later call must fail as well
             raise DriveFailed(f"the CAN adapter or the capture failed: {frame}") from frame
@@ -321,14 +326,23 @@ class Connection:
             self._frames.put(error)
 
 
-def enlarge_receive_buffer(bus: can.BusABC) -> bool:
-    """Let the kernel hold seconds of frames, where the bus is a socket; return whether it is."""
+def enlarge_receive_buffer(bus: can.BusABC) -> int | None:
+    """Let the kernel hold seconds of frames, where the bus is a socket.
+
+    Returns
+    -------
+    int or None
+        How many frames it holds while they wait to be read; None where the bus is no socket: its
+        adapter's driver has buffers of its own.
+    """
     try:
         with socket.socket(fileno=os.dup(bus.fileno())) as handle:
             try:
                 handle.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _RECEIVE_BUFFER_BYTES)
             except OSError:
                 handle.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
+            # Linux reports twice of what was set, for its own bookkeeping of each frame.
+            granted = handle.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2
+            return granted // _KERNEL_BYTES_PER_FRAME
     except (OSError, NotImplementedError, AttributeError):
-        return False  # no socket: the adapter's driver has buffers of its own
-    return True
+        return None
