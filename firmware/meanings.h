@@ -198,12 +198,12 @@ enum {
 
 /* fallback level: what is left of the configured law */
 typedef enum {
-    COMPENSATION_RUNG_WITH_CELL = 0,    /* the configured law with the load cell */
-    COMPENSATION_RUNG_WITHOUT_CELL = 1, /* the configured law without the load cell */
-    COMPENSATION_RUNG_COULOMB = 2,      /* Coulomb feed-forward */
-    COMPENSATION_RUNG_NONE = 3,         /* no compensation */
-} compensation_rung_t;
-enum { COMPENSATION_RUNG_COUNT = 4 };
+    COMPENSATION_LEVEL_WITH_CELL = 0,    /* the configured law with the load cell */
+    COMPENSATION_LEVEL_WITHOUT_CELL = 1, /* the configured law without the load cell */
+    COMPENSATION_LEVEL_COULOMB = 2,      /* Coulomb feed-forward */
+    COMPENSATION_LEVEL_NONE = 3,         /* no compensation */
+} compensation_level_t;
+enum { COMPENSATION_LEVEL_COUNT = 4 };
 
 /* what the law does in this tick */
 enum {

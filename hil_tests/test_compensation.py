@@ -14,7 +14,7 @@ from bowden.drive.dictionary import lookup
 from bowden.drive.meanings import (
     CompensationFallback,
     CompensationLaw,
-    CompensationRung,
+    CompensationLevel,
     ModeOfOperation,
 )
 from bowden_rig.rig.parameters import Cable, Operator, Rig, Sensing
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.needs("simulated-rig", "virtual-time")
 Host = LockstepHost[VirtualBus]
 TUNNEL, TORQUE = ModeOfOperation.TUNNEL, ModeOfOperation.TORQUE
 COULOMB, MODEL_INVERSION = CompensationLaw.COULOMB, CompensationLaw.MODEL_INVERSION
-WITH_CELL, WITHOUT_CELL, COULOMB_RUNG, NONE = CompensationRung
+WITH_CELL, WITHOUT_CELL, COULOMB_LEVEL, NONE = CompensationLevel
 CELL_BROKEN, ENCODER_SLIPPED = (
     CompensationFallback.CELL_BROKEN,
     CompensationFallback.ENCODER_SLIPPED,
@@ -79,7 +79,7 @@ def test_the_law_that_is_configured_is_the_law_that_runs(benches: Benches) -> No
     host.enable(TUNNEL)
     host.listen(0.3)
     assert read(host, "compensation_active_law") == MODEL_INVERSION
-    assert read(host, "compensation_rung") == WITH_CELL
+    assert read(host, "compensation_level") == WITH_CELL
     assert read(host, "compensation_fallback") == 0
     wanted = read(host, "wanted_load_torque") * 1e-6
     angle = read(host, "load_angle") * 1e-6
@@ -99,7 +99,7 @@ def test_a_load_cell_that_saturates_in_mid_motion_costs_a_fallback_level_and_not
     host.listen(1.0)
     got = samples(host.frames)
     assert np.all(got.statusword[-500:] & STATE == ENABLED)
-    assert read(host, "compensation_rung") == WITHOUT_CELL
+    assert read(host, "compensation_level") == WITHOUT_CELL
     assert read(host, "compensation_active_law") == MODEL_INVERSION
     assert read(host, "compensation_fallback") & CELL_CAUSES
     assert warnings(host)
@@ -122,7 +122,7 @@ def test_an_encoder_that_does_not_fit_the_cables_leaves_coulomb_feed_forward(
     host.listen(1.2)
     assert read(host, "statusword") & STATE == ENABLED
     assert any(
-        level == COULOMB_RUNG and causes & ENCODER_SLIPPED for level, causes in warnings(host)
+        level == COULOMB_LEVEL and causes & ENCODER_SLIPPED for level, causes in warnings(host)
     )
 
 
@@ -152,10 +152,10 @@ def test_torque_that_the_cables_hold_when_the_law_starts_is_no_broken_cell(
     write(host, "friction_static", 0.21)
     write(host, "compensation_law", MODEL_INVERSION)
     host.listen(0.5)
-    assert read(host, "compensation_rung") == WITH_CELL
+    assert read(host, "compensation_level") == WITH_CELL
     host.enable(TUNNEL)
     host.listen(1.5)
-    assert read(host, "compensation_rung") == WITH_CELL
+    assert read(host, "compensation_level") == WITH_CELL
     assert warnings(host) == []
 
 

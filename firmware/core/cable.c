@@ -56,11 +56,10 @@ static int32_t slider_inward_nm(const cable_t *cable, const cable_path_t *path, 
 }
 
 /* Tension of a moving node of `side`. */
-static int32_t moving_tension_un(cable_t *cable, const cable_path_t *path, cable_side_t side,
-                                 uint8_t node) {
+static int32_t moving_tension_un(const cable_t *cable, const cable_path_t *path, cable_side_t side,
+                                 uint8_t node, uint32_t *saturations) {
     const cable_end_t *end = &cable->end[side];
-    return fixed_scale(end->tension_un, front_at(path, side, end, node)->tension,
-                       &cable->saturations);
+    return fixed_scale(end->tension_un, front_at(path, side, end, node)->tension, saturations);
 }
 
 /* Tension of the first node past the front of `side`: memory, or moving with the other end. */
@@ -69,7 +68,7 @@ static int32_t tension_ahead_un(cable_t *cable, const cable_path_t *path, cable_
     const uint8_t from_other = (uint8_t)(path->segments - node);
     const cable_side_t other = other_side(side);
     if (from_other < cable->end[other].moving_nodes) {
-        return moving_tension_un(cable, path, other, from_other);
+        return moving_tension_un(cable, path, other, from_other, &cable->saturations);
     }
     return cable->node_tension_un[node_index(path, side, node)];
 }
@@ -89,7 +88,8 @@ static void remember_slider(cable_t *cable, const cable_path_t *path, cable_side
 static void remember(cable_t *cable, const cable_path_t *path, cable_side_t side) {
     const uint8_t nodes = cable->end[side].moving_nodes;
     for (uint8_t i = 0; i < nodes; i++) {
-        cable->node_tension_un[node_index(path, side, i)] = moving_tension_un(cable, path, side, i);
+        cable->node_tension_un[node_index(path, side, i)] =
+            moving_tension_un(cable, path, side, i, &cable->saturations);
         if (i + 1u < nodes) {
             remember_slider(cable, path, side, i);
         }
@@ -220,7 +220,7 @@ void cable_place(cable_t *cable, const cable_path_t *path, cable_side_t side, in
     end->tension_un = tension_un > 0 ? tension_un : 0;
     if (cable->motion == CABLE_MASS) {
         cable->end[other_side(side)].tension_un =
-            moving_tension_un(cable, path, side, path->segments);
+            moving_tension_un(cable, path, side, path->segments, &cable->saturations);
     }
 }
 
@@ -255,6 +255,21 @@ bool cable_move_through(cable_t *cable, const cable_path_t *path, cable_side_t s
 
 void cable_move(cable_t *cable, const cable_path_t *path, cable_side_t side, int32_t inward_nm) {
     (void)cable_move_through(cable, path, side, inward_nm, CABLE_PIECES_MAX);
+}
+
+int32_t cable_node_tension_un(const cable_t *cable, const cable_path_t *path, uint8_t node) {
+    if (cable->motion == CABLE_SLACK) {
+        return 0;
+    }
+    uint32_t told = 0; /* the step has counted what is beyond the range */
+    const uint8_t from_distal = (uint8_t)(path->segments - node);
+    const bool slides = cable->motion == CABLE_MASS;
+    if (slides || node < cable->end[CABLE_PROXIMAL].moving_nodes) {
+        return moving_tension_un(cable, path, CABLE_PROXIMAL, node, &told);
+    }
+    return from_distal < cable->end[CABLE_DISTAL].moving_nodes
+               ? moving_tension_un(cable, path, CABLE_DISTAL, from_distal, &told)
+               : cable->node_tension_un[node];
 }
 
 bool cable_is_slack(const cable_t *cable) {

@@ -89,6 +89,9 @@ void cable_pass(cable_t *cable, const cable_path_t *path, cable_side_t side);
 /* Puts an end at a place within its present piece and updates the tensions. */
 void cable_place(cable_t *cable, const cable_path_t *path, cable_side_t side, int32_t inward_nm);
 
+/* Tension of a node, 0 .. path->segments, counted from the proximal end. */
+int32_t cable_node_tension_un(const cable_t *cable, const cable_path_t *path, uint8_t node);
+
 /* Is the whole cable slack? */
 bool cable_is_slack(const cable_t *cable);
 

@@ -60,7 +60,7 @@ void compensation_configure_laws(compensation_t *compensation, const transmissio
                                             .sliding = &compensation->configured,
                                             .friction_unm = compensation->friction_unm,
                                             .torque_limit_unm = settings->torque_limit_unm,
-                                            .rest_band_unm = settings->rest_band_unm,
+                                            .standstill_band_unm = settings->standstill_band_unm,
                                             .motor_inertia_gmm2 = settings->motor_inertia_gmm2,
                                             .integral_gain_mhz = settings->integral_gain_mhz,
                                             .ticks_per_s = settings->ticks_per_s,

@@ -8,7 +8,7 @@
 static const struct {
     int32_t damping_per_s; /* 1/s, 0 .. 1000: D / J, below what 2 ms of encoder delay allow */
     int32_t move_damping;  /* 1, 1 .. 10: times that in a move, whose plan knows the speed */
-    int32_t rest_band;     /* 1/x of friction, 1 .. 1000: error left alone at standstill: less
+    int32_t standstill_band;     /* 1/x of friction, 1 .. 1000: error left alone at standstill: less
                               than stiction makes it jump */
     int32_t correcting;    /* 1, 1 .. 10: at standstill an error is corrected so much slower,
                               the load cell is late */
@@ -26,7 +26,7 @@ static const struct {
 } NUMBERS = {
     .damping_per_s = 100,
     .move_damping = 3,
-    .rest_band = 32,
+    .standstill_band = 32,
     .correcting = 2,
     .sure_limit_q3 = 7,
     .lands_within = 3,
@@ -68,10 +68,10 @@ law_model_inversion_t law_model_inversion_of(const law_settings_t *settings) {
                             (uint64_t)pair->motor_pulley_radius_nm * 1000u),
         /* 8/6 of the friction is still in range */
         .slip = slip_direction_of(lag_ticks, fixed_clamp(friction_unm, 0, 1 << 30), load_urad,
-                                  settings->rest_band_unm),
+                                  settings->standstill_band_unm),
         .felt_unm = {settings->friction_unm / NUMBERS.felt_part,
                      settings->friction_unm / NUMBERS.felt_cell},
-        .rest_band_unm = settings->rest_band_unm,
+        .standstill_band_unm = settings->standstill_band_unm,
         .weak = motor_friction_unm > limit_unm * NUMBERS.sure_limit_q3 / 8,
         .move = move_of(lag_ticks, settings->torque_limit_unm,
                         NUMBERS.move_damping * NUMBERS.damping_per_s, ticks_per_s),
@@ -104,7 +104,7 @@ static bool set_point_changes(law_model_inversion_t *law, int32_t wanted_unm, in
                               int32_t motion) {
     uint32_t saturations = 0; /* the motor's limit is far below */
     const int32_t jump_unm = fixed_subtract(wanted_unm, law->last_wanted_unm, &saturations);
-    const bool jumps = magnitude(jump_unm) > law->rest_band_unm;
+    const bool jumps = magnitude(jump_unm) > law->standstill_band_unm;
     law->last_wanted_unm = wanted_unm;
     if (motion != 0) {
         law->declined = false;
@@ -217,7 +217,7 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
     }
     const bool moved_back =
         slip_direction_step(&law->slip, inputs, wanted_unm, error_unm, law->declined);
-    const int32_t left_alone_unm = (law->rest_band_unm + law->slip.friction_unm / NUMBERS.rest_band)
+    const int32_t left_alone_unm = (law->standstill_band_unm + law->slip.friction_unm / NUMBERS.standstill_band)
                                    << law->slip.back_off;
     law->resting = motion == 0 && magnitude(error_unm) <= left_alone_unm;
     if (inputs->cell) {

@@ -41,7 +41,7 @@ typedef struct {
     ratio_t damping;               /* uN m at the motor per nm a tick */
     int32_t felt_unm[2]; /* of the friction, [without, with a cell], left to be felt while the load
                             moves */
-    int32_t rest_band_unm;
+    int32_t standstill_band_unm;
     int32_t integral_ticks; /* in which a shift takes up an error; 0: never */
     bool weak;              /* the motor may not be able to turn the friction over */
     /* state */

@@ -72,13 +72,13 @@ static void take(slip_direction_t *slip, event_t event) {
 }
 
 slip_direction_t slip_direction_of(int32_t lag_ticks, int32_t friction_unm, int32_t load_urad,
-                                   int32_t rest_band_unm) {
+                                   int32_t standstill_band_unm) {
     return (slip_direction_t){
         .lag_ticks = lag_ticks,
         .turned_ticks = NUMBERS.turned_lags * (uint32_t)lag_ticks,
         .friction_unm = friction_unm,
         .thrown_pj = (int64_t)friction_unm * load_urad / NUMBERS.thrown_part,
-        .rest_band_unm = rest_band_unm,
+        .standstill_band_unm = standstill_band_unm,
     };
 }
 
@@ -103,7 +103,7 @@ static int32_t dead_band_unm(const slip_direction_t *slip, int32_t motion, bool 
     const uint32_t halvings = cell ? NUMBERS.back_off_most - slip->back_off : 0;
     const int32_t band_unm = slip->friction_unm / NUMBERS.direction_band << slip->back_off;
     const int32_t waited_unm =
-        (band_unm >> (stayed < halvings ? stayed : halvings)) + 2 * slip->rest_band_unm;
+        (band_unm >> (stayed < halvings ? stayed : halvings)) + 2 * slip->standstill_band_unm;
     const int32_t left_unm = motion == 0 ? slip->left_unm + slip->left_unm / 2 : 0;
     return waited_unm > left_unm ? waited_unm : left_unm;
 }
@@ -234,7 +234,7 @@ static bool choose_direction(slip_direction_t *slip, const law_inputs_t *inputs,
 
 void slip_direction_call(slip_direction_t *slip, const law_inputs_t *inputs, int32_t wanted_unm,
                          int32_t error_unm) {
-    const int32_t towards = (error_unm > slip->rest_band_unm) - (error_unm < -slip->rest_band_unm);
+    const int32_t towards = (error_unm > slip->standstill_band_unm) - (error_unm < -slip->standstill_band_unm);
     if (towards != 0) {
         slip->direction = towards;
         take(slip, EVENT_DIRECTION_FOUND);

@@ -62,7 +62,7 @@ typedef struct {
     uint32_t turned_ticks; /* from a change of direction to TURNED */
     int32_t friction_unm;  /* at the load, of the sliding pair */
     int64_t thrown_pj;     /* given in one change of direction: the load is thrown */
-    int32_t rest_band_unm;
+    int32_t standstill_band_unm;
     /* state */
     slip_phase_t phase;
     int32_t direction;          /* 1 or -1; 0 while UNKNOWN */
@@ -82,7 +82,7 @@ typedef struct {
 /* Constants, and the direction unknown. `lag_ticks`: >= 1; `friction_unm`: 0 .. 2^30; `load_urad`:
  * how far the load moves while the friction builds up anew. */
 slip_direction_t slip_direction_of(int32_t lag_ticks, int32_t friction_unm, int32_t load_urad,
-                                   int32_t rest_band_unm);
+                                   int32_t standstill_band_unm);
 
 /* Another law gives the torque. */
 void slip_direction_lose(slip_direction_t *slip);

@@ -12,10 +12,10 @@
 #include "../canopen/od.h"
 
 /* First 32 bits of the SHA-256 of the schema; readable as 0x2000. */
-#define DICTIONARY_HASH UINT32_C(0xAEEEFBF7)
+#define DICTIONARY_HASH UINT32_C(0x73B31B27)
 
 /* Rows of DICTIONARY. */
-#define DICTIONARY_COUNT 243
+#define DICTIONARY_COUNT 247
 
 typedef struct {
     uint8_t error_register;                            /* 0x1001 */
@@ -148,11 +148,13 @@ typedef struct {
     uint8_t slip_state;                                /* 0x2036 */
     uint8_t compensation_active_law;                   /* 0x2037 */
     uint16_t compensation_fallback;                    /* 0x2038 */
-    uint8_t compensation_rung;                         /* 0x2039 */
+    uint8_t compensation_level;                        /* 0x2039 */
     uint8_t compensation_flags;                        /* 0x203A */
     int32_t rendered_energy_uj;                        /* 0x203B */
     int32_t model_friction_torque_unm;                 /* 0x203C */
     int32_t motor_innovation_nm;                       /* 0x203D */
+    uint32_t model_tension_along_a_un[11];             /* 0x203E */
+    uint32_t model_tension_along_b_un[11];             /* 0x203F */
     int32_t target_torque_unm;                         /* 0x2040 */
     uint16_t command_guard;                            /* 0x2041 */
     uint32_t motor_pulley_radius_nm;                   /* 0x2100 */
@@ -184,7 +186,7 @@ typedef struct {
     uint32_t compensation_tolerance_unm;               /* 0x2134 */
     uint32_t compensation_slip_limit_nm;               /* 0x2135 */
     uint32_t compensation_friction_share_ppm;          /* 0x2136 */
-    uint32_t compensation_rest_band_unm;               /* 0x2137 */
+    uint32_t compensation_standstill_band_unm;         /* 0x2137 */
     uint32_t compensation_integral_gain_mhz;           /* 0x2138 */
     uint32_t compensation_slack_floor_un;              /* 0x2139 */
     uint32_t motor_inertia_gmm2;                       /* 0x213A */

@@ -217,7 +217,7 @@ static int32_t target_torque_unm(drive_t *drive) {
 static void step_command(drive_t *drive, int32_t wanted_unm) {
     const parameters_t *parameters = &drive->parameters;
     if (!state_bridge_on(drive->state)) {
-        torque_command_rest(&drive->command);
+        torque_command_idle(&drive->command);
         return;
     }
     torque_course_t course = TORQUE_FOLLOWS;

@@ -80,16 +80,16 @@ static void keep(fallback_t *fallback, uint16_t causes) {
     }
 }
 
-static compensation_rung_t level_for(const fallback_t *fallback) {
+static compensation_level_t level_for(const fallback_t *fallback) {
     if (fallback->settings.model_refused) {
-        return COMPENSATION_RUNG_NONE;
+        return COMPENSATION_LEVEL_NONE;
     }
     if ((fallback->causes & FALLBACK_MODEL_CAUSES) != 0) {
-        return COMPENSATION_RUNG_COULOMB;
+        return COMPENSATION_LEVEL_COULOMB;
     }
     const bool cell =
         fallback->settings.use_load_cell && (fallback->causes & FALLBACK_CELL_CAUSES) == 0;
-    return cell ? COMPENSATION_RUNG_WITH_CELL : COMPENSATION_RUNG_WITHOUT_CELL;
+    return cell ? COMPENSATION_LEVEL_WITH_CELL : COMPENSATION_LEVEL_WITHOUT_CELL;
 }
 
 void fallback_start(fallback_t *fallback, const fallback_settings_t *settings) {
@@ -122,7 +122,7 @@ bool fallback_step(fallback_t *fallback, const fallback_found_t *found) {
     const bool was_used = (fallback->causes & FALLBACK_CELL_CAUSES) == 0;
     keep(fallback, causes);
     fallback->used_wrong_cell = was_used && (fallback->causes & FALLBACK_CELL_LATE_CAUSES) != 0;
-    const compensation_rung_t before = fallback->level;
+    const compensation_level_t before = fallback->level;
     fallback->level = level_for(fallback);
     return fallback->level != before;
 }
@@ -148,7 +148,7 @@ int32_t fallback_blend(fallback_t *fallback, int32_t torque_unm, bool changed) {
     return fallback->given_unm;
 }
 
-void fallback_rest(fallback_t *fallback) {
+void fallback_idle(fallback_t *fallback) {
     fallback->given_unm = 0;
     fallback->offset_unm = 0;
 }

@@ -1,7 +1,7 @@
 /* fallback.h: which compensation runs: the law that is configured, or a lesser one while something
  * that it needs is wrong; and how the torque goes over from one to the other without a jump.
  *
- *   COMPENSATION_RUNG_*   what runs                      left because
+ *   COMPENSATION_LEVEL_*   what runs                      left because
  *   WITH_CELL             the configured law             the cell cannot be trusted
  *   WITHOUT_CELL          the same on the model alone    an encoder slipped, a number saturated
  *   COULOMB               Coulomb feed-forward           there is no model: it was refused
@@ -58,7 +58,7 @@ typedef struct {
 
 typedef struct {
     fallback_settings_t settings;
-    compensation_rung_t level;
+    compensation_level_t level;
     uint16_t causes; /* COMPENSATION_FALLBACK_* that count */
     uint32_t absent_ticks[COMPENSATION_FALLBACK_BITS];
     int32_t quiet_counts, quiet_model_unm; /* cell and estimate when the cell last moved */
@@ -83,6 +83,6 @@ int32_t fallback_plausible_unm(const fallback_t *fallback, const fallback_found_
 int32_t fallback_blend(fallback_t *fallback, int32_t torque_unm, bool changed);
 
 /* Forgets the torque given last: the bridge is off. */
-void fallback_rest(fallback_t *fallback);
+void fallback_idle(fallback_t *fallback);
 
 #endif

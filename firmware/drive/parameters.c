@@ -115,7 +115,7 @@ compensation_settings_t parameters_compensation(const dictionary_t *dictionary) 
                                 dictionary->load_encoder_resolution_counts_per_turn),
         .friction_share_ppm = dictionary->compensation_friction_share_ppm,
         .friction_deviation_ppm = dictionary->friction_deviation_ppm,
-        .rest_band_unm = (int32_t)dictionary->compensation_rest_band_unm,
+        .standstill_band_unm = (int32_t)dictionary->compensation_standstill_band_unm,
         .integral_gain_mhz = dictionary->compensation_integral_gain_mhz,
         .slack_floor_un = (int32_t)dictionary->compensation_slack_floor_un,
         .adapt = dictionary->adaptation_enabled != 0,

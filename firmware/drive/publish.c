@@ -3,6 +3,9 @@
 
 #include <stddef.h>
 
+/* Of the places along a cable, model_tension_along_a: the one at the load, counted from 0. */
+#define LAST_PLACE 10u
+
 /* later - earlier of counters that may wrap; the compilers used define the cast as modulo 2^32. */
 static int32_t counts_since(int32_t later, int32_t earlier) {
     return (int32_t)((uint32_t)later - (uint32_t)earlier);
@@ -42,13 +45,27 @@ void publish_sensors(drive_t *drive, const board_sensors_t *sensors) {
     dictionary->conduit_temperature_mdegc = sensors->conduit_temperature_mdegc;
 }
 
+/* One place of each cable a tick: all of them in one would make it too long. */
+static void publish_profile(drive_t *drive) {
+    dictionary_t *dictionary = &drive->dictionary;
+    const transmission_t *transmission = &drive->transmission;
+    const cable_path_t *path = &transmission->path;
+    const uint32_t place = drive->tension_place;
+    const uint8_t node = (uint8_t)((place * path->segments + LAST_PLACE / 2u) / LAST_PLACE);
+    dictionary->model_tension_along_a_un[place] =
+        (uint32_t)cable_node_tension_un(&transmission->a, path, node);
+    dictionary->model_tension_along_b_un[place] =
+        (uint32_t)cable_node_tension_un(&transmission->b, path, node);
+    drive->tension_place = place < LAST_PLACE ? (uint8_t)(place + 1u) : 0u;
+}
+
 void publish_model(drive_t *drive) {
     dictionary_t *dictionary = &drive->dictionary;
     transmission_t *transmission = &drive->transmission;
     uint32_t *count = &drive->saturations;
     if (rendering_publish(&drive->rendering, dictionary)) {
         supervision_tell_fallback(&drive->node, dictionary->compensation_fallback,
-                                  dictionary->compensation_rung);
+                                  dictionary->compensation_level);
     }
     if (!drive->configured) {
         return;
@@ -63,6 +80,7 @@ void publish_model(drive_t *drive) {
     dictionary->model_tension_load_a_un = (uint32_t)transmission->a.end[CABLE_DISTAL].tension_un;
     dictionary->model_tension_motor_b_un = (uint32_t)transmission->b.end[CABLE_PROXIMAL].tension_un;
     dictionary->model_tension_load_b_un = (uint32_t)transmission->b.end[CABLE_DISTAL].tension_un;
+    publish_profile(drive);
 }
 
 void publish_state(drive_t *drive, const board_sensors_t *sensors) {

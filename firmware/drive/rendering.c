@@ -83,14 +83,14 @@ static fallback_found_t found_now(rendering_t *rendering, transmission_t *transm
     };
 }
 
-static compensation_law_t law_on(compensation_rung_t level, compensation_law_t configured) {
+static compensation_law_t law_on(compensation_level_t level, compensation_law_t configured) {
     switch (level) {
-    case COMPENSATION_RUNG_WITH_CELL:
-    case COMPENSATION_RUNG_WITHOUT_CELL:
+    case COMPENSATION_LEVEL_WITH_CELL:
+    case COMPENSATION_LEVEL_WITHOUT_CELL:
         return configured;
-    case COMPENSATION_RUNG_COULOMB:
+    case COMPENSATION_LEVEL_COULOMB:
         return COMPENSATION_LAW_COULOMB;
-    case COMPENSATION_RUNG_NONE:
+    case COMPENSATION_LEVEL_NONE:
     default:
         return COMPENSATION_LAW_NONE;
     }
@@ -139,7 +139,7 @@ static int32_t rendered_unm(rendering_t *rendering, transmission_t *transmission
         &(compensation_inputs_t){
             .law = law_on(fallback->level, rendering->law),
             .active = inputs->active,
-            .load_cell_valid = fallback->level == COMPENSATION_RUNG_WITH_CELL,
+            .load_cell_valid = fallback->level == COMPENSATION_LEVEL_WITH_CELL,
             .wanted_unm =
                 fixed_subtract(rendering->wanted_unm, rendering->load_extra_unm, &saturations),
             .motor_arc_nm = inputs->motor_arc_nm,
@@ -149,12 +149,12 @@ static int32_t rendered_unm(rendering_t *rendering, transmission_t *transmission
             .friction_q14 = tables != NULL && tables->has_friction ? tables->friction_q14 : NULL,
         });
     if (!inputs->active) {
-        fallback_rest(fallback);
+        fallback_idle(fallback);
         return inputs->asked_unm;
     }
     const int32_t direction = rendering->compensation.estimator.load_direction;
     rendering->direction = direction != 0 ? direction : rendering->direction;
-    const int32_t torque_unm = fallback->level == COMPENSATION_RUNG_NONE
+    const int32_t torque_unm = fallback->level == COMPENSATION_LEVEL_NONE
                                    ? inputs->asked_unm
                                    : rendering->compensation.outputs.motor_torque_unm;
     return fallback_blend(fallback, torque_unm, changed);
@@ -181,7 +181,7 @@ int32_t rendering_step(rendering_t *rendering, transmission_t *transmission,
     const int32_t motor_extra_unm = by_direction(rendering, tables->now.motor_torque_unm);
     const rendering_inputs_t felt = at_the_cables(rendering, inputs, motor_extra_unm);
     const int32_t torque_unm = rendered_unm(rendering, transmission, &felt);
-    const bool compensates = inputs->active && rendering->fallback.level != COMPENSATION_RUNG_NONE;
+    const bool compensates = inputs->active && rendering->fallback.level != COMPENSATION_LEVEL_NONE;
     return compensates ? told_to_motor_unm(tables, torque_unm, motor_extra_unm) : torque_unm;
 }
 
@@ -192,7 +192,7 @@ bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
         dictionary->estimated_load_torque_unm =
             fixed_clamp(dictionary->model_load_torque_unm, -I24_MAX, I24_MAX);
         dictionary->compensation_active_law = COMPENSATION_LAW_NONE;
-        dictionary->compensation_rung = COMPENSATION_RUNG_NONE;
+        dictionary->compensation_level = COMPENSATION_LEVEL_NONE;
         dictionary->compensation_fallback = 0;
         return news;
     }
@@ -212,7 +212,7 @@ bool rendering_publish(const rendering_t *rendering, dictionary_t *dictionary) {
         dictionary->adapted_pretension_factor_ppm = outputs->pretension_factor_ppm;
     }
     dictionary->compensation_active_law = (uint8_t)law_on(fallback->level, rendering->law);
-    dictionary->compensation_rung = (uint8_t)fallback->level;
+    dictionary->compensation_level = (uint8_t)fallback->level;
     const bool news = dictionary->compensation_fallback != fallback->causes;
     dictionary->compensation_fallback = fallback->causes;
     return news;

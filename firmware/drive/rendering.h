@@ -53,7 +53,7 @@ typedef struct {
 
 /* Takes the dictionary's configuration, in two parts that each fit into a tick; nothing is
  * compensated before the second. `model_configured`: `transmission` could be configured from it;
- * where it could not, only COMPENSATION_RUNG_NONE is left. */
+ * where it could not, only COMPENSATION_LEVEL_NONE is left. */
 void rendering_configure(rendering_t *rendering, const dictionary_t *dictionary,
                          const transmission_t *transmission, bool model_configured);
 void rendering_start(rendering_t *rendering, const dictionary_t *dictionary,

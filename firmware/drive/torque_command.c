@@ -5,14 +5,14 @@
 
 #define TICKS_PER_SECOND (1000u * TORQUE_COMMAND_TICKS_PER_MS)
 
-void torque_command_rest(torque_command_t *command) {
+void torque_command_idle(torque_command_t *command) {
     *command = (torque_command_t){0};
 }
 
 /* What the slew limit allows in this tick; divisions leave no torque behind. */
 static int32_t slew_step_unm(torque_command_t *command, uint32_t slew_unm_per_s) {
-    const uint32_t allowance = slew_unm_per_s + command->slew_rest;
-    command->slew_rest = allowance % TICKS_PER_SECOND;
+    const uint32_t allowance = slew_unm_per_s + command->slew_remainder;
+    command->slew_remainder = allowance % TICKS_PER_SECOND;
     return (int32_t)(allowance / TICKS_PER_SECOND);
 }
 

@@ -31,14 +31,14 @@ typedef enum {
 
 typedef struct {
     int32_t torque_unm;
-    uint32_t slew_rest;     /* of the last division of the slew by the tick rate */
+    uint32_t slew_remainder;     /* of the last division of the slew by the tick rate */
     int32_t stop_step_unm;  /* a tick, while it stops */
     torque_course_t course; /* of the last tick */
     bool limited;           /* the torque limit cuts the wanted torque */
 } torque_command_t;
 
 /* The bridge is off: no torque, nothing to remember. */
-void torque_command_rest(torque_command_t *command);
+void torque_command_idle(torque_command_t *command);
 
 /* One tick towards `wanted_unm`, or to 0 while it stops. */
 void torque_command_step(torque_command_t *command, const torque_command_settings_t *settings,

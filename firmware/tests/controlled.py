@@ -48,7 +48,7 @@ class Controlled:
                 "load_count_nm": COUNT_NM,
                 "friction_share_ppm": 1_000_000,
                 "friction_deviation_ppm": 122_000,
-                "rest_band_unm": 10_000,
+                "standstill_band_unm": 10_000,
                 "integral_gain_mhz": 10_000,
                 **changes,
             },

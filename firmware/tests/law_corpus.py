@@ -92,7 +92,7 @@ SCENARIOS: Final[dict[str, dict[str, Any]]] = {
     "friction-too-high": {"rig": {"mu_d": 0.14}, "changes": {"adapt": 1}},
     "weak-motor": {"changes": {"torque_limit_unm": 400_000}},
     "heavy-motor": {"inertia_kg_m2": 3.0e-5},
-    "slack-floor": {"changes": {"slack_floor_un": 3_000_000, "rest_band_unm": 40_000}},
+    "slack-floor": {"changes": {"slack_floor_un": 3_000_000, "standstill_band_unm": 40_000}},
 }
 
 

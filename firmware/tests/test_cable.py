@@ -52,6 +52,11 @@ class Cable:
     def tension(self, side: int) -> float:
         return float(self.raw.end[side].tension_un * MICRO)
 
+    def profile(self) -> list[float]:
+        """Return the tension of every node, from the proximal end."""
+        nodes = range(self.path.segments + 1)
+        return [lib.cable_node_tension_un(self.raw, self.path, node) * MICRO for node in nodes]
+
     def u(self, side: int) -> float:
         inward = self.raw.end[side].inward_nm - self.start_nm[side]
         return float(inward * NANO * (1 if side == PROXIMAL else -1))
@@ -91,6 +96,45 @@ def test_the_whole_cable_slides_at_the_capstan_ratio(side: int) -> None:
     grown = SLIP_COMPLIANCE * (math.exp(WRAP) - 1)
     assert released.raw.motion == MASS
     assert tension == pytest.approx((STRETCH_M - 0.004) / grown, rel=1e-6)
+
+
+def test_the_profile_of_a_virgin_pull_falls_by_the_capstan_ratio_up_to_the_front() -> None:
+    """T(x) = T1 exp(-mu x/R) behind the front, T0 ahead of it, where nothing has moved."""
+    cable = Cable(40)
+    tension = cable.move(PROXIMAL, -SLIP_COMPLIANCE * PRETENSION_N * phi(2.0))
+    profile = np.array(cable.profile())
+    behind = np.arange(41) < cable.raw.end[PROXIMAL].moving_nodes
+    falling = tension * np.exp(-WRAP / 40 * np.arange(41))
+    assert 10 < np.count_nonzero(behind) < 30
+    np.testing.assert_allclose(profile[behind], falling[behind], rtol=1e-5)
+    np.testing.assert_allclose(profile[~behind], PRETENSION_N, rtol=1e-3)
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([PROXIMAL, DISTAL]), st.floats(-0.012, 0.012)),
+        min_size=1,
+        max_size=12,
+    )
+)
+def test_a_profile_ends_at_the_ends_and_is_no_steeper_than_friction_holds(
+    moves: list[tuple[int, float]],
+) -> None:
+    """|ln(T_k+1/T_k)| <= mu dx/R at every slider, eq. (1); a slack cable has no tension at all."""
+    cable = Cable(20)
+    for side, u_m in moves:
+        cable.move(side, u_m)
+    profile = cable.profile()
+    # a node's ratio to its end is rounded to 2^-30 of it, a tension to 1 uN
+    assert profile[0] == pytest.approx(cable.tension(PROXIMAL), rel=1e-6, abs=2 * MICRO)
+    assert profile[-1] == pytest.approx(cable.tension(DISTAL), rel=1e-6, abs=2 * MICRO)
+    if cable.raw.motion == SLACK:
+        assert max(profile) == 0
+        return
+    steepest = math.exp(WRAP / 20)
+    for one, other in pairwise(profile):
+        assert one <= steepest * other * (1 + 1e-5) + 4 * MICRO
+        assert other <= steepest * one * (1 + 1e-5) + 4 * MICRO
 
 
 def test_reversal_follows_the_square_root_law() -> None:

@@ -11,7 +11,7 @@ import pytest
 from bowden.drive.meanings import TablePlace
 from bowden.drive.table_layout import TableFields
 
-from firmware.tests.native import NMT_START, Drive
+from firmware.tests.native import NMT_START, Drive, ffi, lib
 
 READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION_ENABLED, FAULT_REACTION_ACTIVE, FAULT = 2, 3, 4, 6, 7
 TICK_OVERRUN = 1 << 5
@@ -84,6 +84,27 @@ def test_a_new_configuration_starts_the_model_at_the_present_angles() -> None:
     assert values.model_tension_load_b_un == pytest.approx(5_000_000, rel=1e-3)
     assert values.model_motor_angle_urad == pytest.approx(1000 / 2000 * 2e6 * math.pi, abs=1)
     assert values.model_load_torque_unm == 0
+
+
+@pytest.mark.parametrize("segments", [1, 7, 40])
+def test_the_tensions_along_a_cable_are_those_of_its_nodes_in_turn(segments: int) -> None:
+    drive = Drive()
+    drive.tick()
+    assert drive.write(0x2112, 0, segments, 1)[0] == 0x60
+    drive.tick(SETTLED_TICKS + TAKEN_TICKS)  # 40 segments take twice as long as 20
+    drive.sensors.load_encoder_counts = 60  # 38 mrad: pulls one cable, lets the other go
+    drive.tick(20)  # the motor's end follows in some ticks
+    drive.tick(11)
+    pair, values = drive.raw.transmission, drive.values
+    path = ffi.addressof(pair, "path")
+    for cable, shown in (
+        (pair.a, values.model_tension_along_a_un),
+        (pair.b, values.model_tension_along_b_un),
+    ):
+        nodes = [round(place * segments / 10 + 1e-9) for place in range(11)]
+        expected = [lib.cable_node_tension_un(ffi.addressof(cable), path, n) for n in nodes]
+        assert list(shown) == expected
+        assert len(set(expected)) > 1, "the load's motion shows"
 
 
 def test_switching_on_waits_for_the_configuration_but_not_for_it_to_settle() -> None:

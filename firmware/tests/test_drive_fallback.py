@@ -9,11 +9,11 @@ import math
 import struct
 
 import pytest
-from bowden.drive.meanings import CompensationFallback, CompensationLaw, CompensationRung
+from bowden.drive.meanings import CompensationFallback, CompensationLaw, CompensationLevel
 
 from firmware.tests.native import Drive
 
-WITH_CELL, WITHOUT_CELL, COULOMB, NONE = CompensationRung
+WITH_CELL, WITHOUT_CELL, COULOMB, NONE = CompensationLevel
 REFUSED, BROKEN, END_OF_RANGE, STUCK, _, SLIPPED, _ = CompensationFallback
 FAULT_LOAD_CELL = 1 << 2
 MODEL_INVERSION = CompensationLaw.MODEL_INVERSION
@@ -72,7 +72,7 @@ class Rig:
 def test_a_cell_that_fails_in_motion_costs_a_fallback_level_and_a_warning_but_no_torque() -> None:
     rig = Rig()
     rig.run(0.4)  # in the wall, at speed
-    assert rig.drive.values.compensation_rung == WITH_CELL
+    assert rig.drive.values.compensation_level == WITH_CELL
     rig.commands.clear()
     rig.run(0.05)
     usual = max(rig.steps)
@@ -81,14 +81,14 @@ def test_a_cell_that_fails_in_motion_costs_a_fallback_level_and_a_warning_but_no
     rig.run(0.05)
     values = rig.drive.values
     assert rig.drive.state == OPERATION_ENABLED
-    assert (values.compensation_rung, values.compensation_fallback) == (WITHOUT_CELL, BROKEN)
+    assert (values.compensation_level, values.compensation_fallback) == (WITHOUT_CELL, BROKEN)
     assert values.compensation_active_law == MODEL_INVERSION
     assert values.error_register == 0x81
     assert max(rig.steps) <= usual + values.compensation_fallback_step_unm
     assert emergencies(rig.drive) == [(WARNING, WITHOUT_CELL << 16 | BROKEN)]
     rig.cell_dead = False
     rig.run(1.1)
-    assert (values.compensation_rung, values.compensation_fallback) == (WITH_CELL, 0)
+    assert (values.compensation_level, values.compensation_fallback) == (WITH_CELL, 0)
     assert values.error_register == 0
     assert emergencies(rig.drive) == [(0, 0)]
 
@@ -102,7 +102,7 @@ def test_an_impossible_reading_counts_no_more_than_the_largest_possible_one() ->
         rig.commands.clear()
         rig.cell_offset_unm = offset_unm
         rig.run(0.049)
-        assert rig.drive.values.compensation_rung == WITH_CELL
+        assert rig.drive.values.compensation_level == WITH_CELL
         commands.append(rig.commands)
     true, possible, impossible, more = commands
     assert true != possible != impossible
@@ -132,7 +132,7 @@ def test_a_cell_at_the_end_of_its_range_is_not_used_from_the_first_tick_on(torqu
             math.copysign(abs(torque_unm) // 200 + beyond_counts, torque_unm)
         )
         rig.drive.tick()
-        assert (values.compensation_rung == WITH_CELL) == used
+        assert (values.compensation_level == WITH_CELL) == used
         assert values.compensation_fallback == (0 if used else END_OF_RANGE)
 
 
@@ -144,7 +144,7 @@ def test_an_encoder_that_slips_leaves_coulomb_feed_forward() -> None:
     rig.run(0.1)
     values = rig.drive.values
     assert rig.drive.state == OPERATION_ENABLED
-    assert (values.compensation_rung, values.compensation_active_law) == (COULOMB, 1)
+    assert (values.compensation_level, values.compensation_active_law) == (COULOMB, 1)
     assert values.compensation_fallback & SLIPPED
     assert (WARNING, COULOMB << 16 | SLIPPED) in emergencies(rig.drive)
 
@@ -181,7 +181,7 @@ def test_a_refused_model_stops_the_drive_unless_a_compensation_can_do_without(
         return
     assert WARNING in codes
     values = drive.values
-    assert (values.compensation_rung, values.compensation_fallback) == (NONE, REFUSED)
+    assert (values.compensation_level, values.compensation_fallback) == (NONE, REFUSED)
     assert values.compensation_active_law == 0
     # tunnel of 0.05 rad and 0.5 N m/rad at 500 counts, in uN m
     asked = -(500 * 2 * math.pi / 10000 - 0.05) * 0.5e6

@@ -8,13 +8,13 @@ import math
 from typing import Any
 
 import pytest
-from bowden.drive.meanings import CompensationFallback, CompensationRung
+from bowden.drive.meanings import CompensationFallback, CompensationLevel
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from firmware.tests.native import ffi, lib
 
-WITH_CELL, WITHOUT_CELL, COULOMB, NONE = CompensationRung
+WITH_CELL, WITHOUT_CELL, COULOMB, NONE = CompensationLevel
 REFUSED, BROKEN, END_OF_RANGE, STUCK, IMPLAUSIBLE, SLIPPED, SATURATES = CompensationFallback
 TICKS_PER_S = 4000
 STEP_UNM, CLEAN_TICKS, TOLERANCE_UNM, SLIP_NM = 500, 4000, 1_500_000, 4_000_000
@@ -72,7 +72,7 @@ def run(fallback: Any, ticks: int, cell: Cell, **found: Any) -> None:
         ({"model_saturates": True}, 1, SATURATES, COULOMB),
     ],
 )
-def test_each_cause_leads_to_its_rung_in_its_time_and_back_after_the_clean_time(
+def test_each_cause_leads_to_its_level_in_its_time_and_back_after_the_clean_time(
     found: dict[str, Any], ticks: int, cause: int, level: int
 ) -> None:
     fallback, cell = fallback_with(), Cell()
@@ -218,7 +218,7 @@ def test_what_a_broken_cell_reads_makes_it_no_wrong_cell_that_was_used() -> None
     laws=st.lists(st.tuples(torques, torques, st.booleans()), min_size=2, max_size=40),
     step=st.integers(1, 1_000_000),
 )
-def test_a_change_of_the_rung_moves_the_torque_by_no_more_than_the_step(
+def test_a_change_of_the_level_moves_the_torque_by_no_more_than_the_step(
     laws: list[tuple[int, int, bool]], step: int
 ) -> None:
     """Each tick brings the torques of two laws; which of them runs changes at any time."""

@@ -23,7 +23,7 @@ configurations = st.fixed_dictionaries(
         "compensation_fallback_step_unm": st.integers(1, 1_000_000),
         "compensation_clean_time_ms": st.integers(10, 60_000),
         "compensation_friction_share_ppm": st.integers(0, 1_000_000),
-        "compensation_rest_band_unm": st.integers(0, 8_000_000),
+        "compensation_standstill_band_unm": st.integers(0, 8_000_000),
         "compensation_integral_gain_mhz": st.integers(0, 1_000_000),
         "compensation_slack_floor_un": st.integers(0, 100_000_000),
         "motor_inertia_gmm2": st.integers(0, 10_000_000),
@@ -117,7 +117,7 @@ def test_a_mirrored_motion_gives_the_mirrored_torque_to_the_last_bit(
         one, other = (drive.values for drive in drives)
         assert one.motor_torque_command_unm == -other.motor_torque_command_unm
         assert one.estimated_load_torque_unm == -other.estimated_load_torque_unm
-        assert one.compensation_rung == other.compensation_rung
+        assert one.compensation_level == other.compensation_level
 
 
 @pytest.mark.parametrize("law", LAWS)

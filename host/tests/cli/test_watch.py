@@ -46,6 +46,8 @@ def test_a_session_at_the_page(bus: VirtualBus, tmp_path: Path) -> None:
                 await look()
                 assert "SWITCH ON DISABLED" in shown(app, "state")
                 assert "inside" in shown(app, "tunnel")
+                for cable in "ab":  # untouched: the pretension of 10 N all along
+                    assert f"{cable} 10.0 {22 * '█'} 10.0" in shown(app, "cables")
                 await pilot.press("s")
                 await look()
                 assert not bus.bench.actuators.bridge_enabled  # once is no start

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import can
 import pytest
 from bowden.drive.client import Drive
 from bowden.drive.connection import Connection
+from bowden.drive.live import LiveSession
 from bowden.model import format_model, table_1
 from bowden_rig.bench import Bench
 from bowden_rig.frame_loss import Loss
@@ -50,6 +52,13 @@ def rig() -> Iterator[Callable[..., tuple[Drive, VirtualBus]]]:
             bus.advance(1.2)  # the drive needs its time-out to notice that the host is gone
         assert not bus.bench.actuators.bridge_enabled
         bus.shutdown()
+
+
+@pytest.fixture
+def live() -> Iterator[Callable[[Drive], LiveSession]]:
+    """Watch drives; each session is closed at the end."""
+    with ExitStack() as sessions:
+        yield lambda drive: sessions.enter_context(LiveSession(drive))
 
 
 class SilentBus(can.BusABC):

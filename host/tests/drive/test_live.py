@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
-from bowden.drive.client import Drive
 from bowden.drive.live import ALIVE_WITHIN_S, LiveSession
 from bowden.drive.live_state import (
     EndRecording,
@@ -23,26 +20,10 @@ from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run, enable
 from bowden.errors import DriveFailed
 from bowden.recording.read import read_recording
-from bowden_rig.virtual_bus import VirtualBus
 
-MakeRig = Callable[..., tuple[Drive, VirtualBus]]
-Make = Callable[[Drive], LiveSession]
+from .live_session import Make, MakeRig, run_for
+
 TUNNEL = Run(ModeOfOperation.TUNNEL)
-
-
-@pytest.fixture
-def live() -> Iterator[Make]:
-    with ExitStack() as sessions:
-        yield lambda drive: sessions.enter_context(LiveSession(drive))
-
-
-def run_for(session: LiveSession, duration_s: float) -> None:
-    """Turn the session as its owner does, with a page that looks."""
-    clock = session.drive.connection.clock
-    end = clock() + duration_s
-    while clock() < end:
-        session.alive()
-        session.turn()
 
 
 def test_watching_shows_and_changes_nothing(rig: MakeRig, live: Make) -> None:
@@ -56,10 +37,9 @@ def test_watching_shows_and_changes_nothing(rig: MakeRig, live: Make) -> None:
     assert now.lost == 0
     assert 0.1 < now.bus_share < 0.6
     assert now.values["bus_voltage"] > 10
-    # At standstill the drive's model has the pretension of 10 N at all four ends.
-    for _, motor_n, load_n in tension_profile(now.values):
-        assert motor_n == pytest.approx(10, abs=0.5)
-        assert load_n == pytest.approx(10, abs=0.5)
+    # At standstill the drive's model has the pretension of 10 N all along both cables.
+    for cable in "ab":
+        assert tension_profile(now.values, cable) == pytest.approx(11 * [10.0], abs=0.5)
     assert not bus.bench.actuators.bridge_enabled
     assert drive.read_raw("controlword") == 0
 

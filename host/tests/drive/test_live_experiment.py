@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bowden.drive.client import Drive
-from bowden.drive.live import LiveSession
 from bowden.drive.live_experiment import EXPERIMENTS
 from bowden.drive.live_state import EndRecording, RunTimed, StopMotor
 from bowden.errors import BadInput
 from bowden.recording.enabled import enabled
 from bowden.recording.read import read_recording
 from bowden.recording.recording import Recording
-from bowden_rig.virtual_bus import VirtualBus
 
-MakeRig = Callable[..., tuple[Drive, VirtualBus]]
-Make = Callable[[Drive], LiveSession]
-
-
-@pytest.fixture
-def live() -> Iterator[Make]:
-    with ExitStack() as sessions:
-        yield lambda drive: sessions.enter_context(LiveSession(drive))
-
-
-def run_for(session: LiveSession, duration_s: float) -> None:
-    """Turn the session as its owner does, with a page that looks."""
-    clock = session.drive.connection.clock
-    end = clock() + duration_s
-    while clock() < end:
-        session.alive()
-        session.turn()
+from .live_session import Make, MakeRig, run_for
 
 
 def while_on(path: Path) -> Recording:

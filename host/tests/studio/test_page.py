@@ -70,6 +70,9 @@ def test_run_see_the_loop_record_stop(page: Page, studio: Studio) -> None:
     expect(page.locator("#state")).to_contain_text(re.compile(r"recording [2-9]\."))
     assert coloured_pixels(page, "loop") > 2000
     assert coloured_pixels(page, "time") > 2000
+    # Along the cables: the pretension of 10 N, and what the operator's motion makes of it.
+    low_n, high_n = page.evaluate("tensions.ranges[1]")
+    assert low_n < 10 < high_n
     page.click("#mark")
     page.click("#recording")
     expect(page.locator("#recordings label")).to_have_text(" run_1.blf")

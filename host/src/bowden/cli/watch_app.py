@@ -19,6 +19,7 @@ from textual.widgets import Footer, Sparkline, Static
 
 from bowden.drive.live import LiveSession
 from bowden.drive.live_state import (
+    TENSION_PROFILES,
     EndRecording,
     MarkMoment,
     Snapshot,
@@ -34,7 +35,7 @@ REFRESH_S = 0.25
 _CONFIRM_S = 3.0
 _CURVE_EVERY = 3  # pictures: the curve is what costs most to draw
 _PLOTTED_SAMPLES, _PLOTTED = 4000, 100
-_BAR = 16
+_BLOCKS = " ▁▂▃▄▅▆▇█"
 
 
 class WatchApp(App[None]):
@@ -212,18 +213,15 @@ def _tunnel(now: Snapshot) -> str:
 
 
 def _cables(now: Snapshot) -> str:
-    profile = tension_profile(now.values)
-    most = max([tension for _, *ends in profile for tension in ends] + [1.0])
-
-    def bar(tension: float) -> str:
-        return f"{'█' * round(_BAR * tension / most):<{_BAR}} {tension:6.2f} N"
-
-    lines = [
-        f"{name} {end} {bar(tension)}"
-        for name, motor, load in profile
-        for end, tension in (("motor", motor), ("load ", load))
-    ]
-    return "[b]tensions, the drive's model[/]\n" + "\n".join(lines)
+    profiles = {cable: tension_profile(now.values, cable) for cable in TENSION_PROFILES}
+    most = max([tension for profile in profiles.values() for tension in profile] + [1.0])
+    lines = ["[b]tensions (N), motor to load[/]"]
+    for cable, profile in profiles.items():
+        if profile:
+            blocks = (_BLOCKS[round((len(_BLOCKS) - 1) * one / most)] for one in profile)
+            course = "".join(2 * block for block in blocks)
+            lines += ["", f"{cable} {profile[0]:.1f} {course} {profile[-1]:.1f}"]
+    return "\n".join(lines)
 
 
 def _bus(now: Snapshot) -> str:

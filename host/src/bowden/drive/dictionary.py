@@ -13,7 +13,7 @@ from __future__ import annotations
 from bowden.drive import meanings
 from bowden.drive.entry import Absent, Check, Emergency, Entry, Layout, Table, array
 
-HASH = 0xAEEEFBF7
+HASH = 0x73B31B27
 DEFAULT_NODE_ID = 16
 BITRATE = 1000000
 
@@ -113,7 +113,7 @@ TABLE = Table(
         Entry(0x1A03, 6, 'tpdo4_mapping.object_6', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 7, 'tpdo4_mapping.object_7', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
         Entry(0x1A03, 8, 'tpdo4_mapping.object_8', 'u32', 'rw', 'communication', 0x0, high=4294967295, persist=True, doc='index << 16 | sub << 8 | bits; writable in pre-operational while the PDO does not exist'),
-        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0xaeeefbf7, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
+        Entry(0x2000, 0, 'dictionary_hash', 'u32', 'const', 'identity', 0x73b31b27, high=4294967295, doc='first 32 bits of the SHA-256 of this schema; the host refuses a mismatch unless forced'),
         Entry(0x2001, 0, 'device_time', 'u32', 'ro', 'state', 0, high=4294967295, unit='s', scale=1e-06, pdo='tx', doc='time of the sample, wraps after 71 minutes'),
         Entry(0x2002, 0, 'sample_counter', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', doc='counts TPDO samples; a gap is a lost frame'),
         Entry(0x2003, 0, 'sample_counter_low', 'u8', 'ro', 'state', 0, high=255, pdo='tx', doc='low byte of sample_counter, in every other TPDO'),
@@ -180,11 +180,15 @@ TABLE = Table(
         Entry(0x2036, 0, 'slip_state', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.SlipState, doc='of the cable pair, from the model'),
         Entry(0x2037, 0, 'compensation_active_law', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.CompensationLaw, doc='the law that runs now'),
         Entry(0x2038, 0, 'compensation_fallback', 'u16', 'ro', 'state', 0, high=65535, pdo='tx', meaning=meanings.CompensationFallback, doc='why a lesser law runs than the one configured; 0: it does not'),
-        Entry(0x2039, 0, 'compensation_rung', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.CompensationRung, doc='fallback level: what is left of the configured law'),
+        Entry(0x2039, 0, 'compensation_level', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.CompensationLevel, doc='fallback level: what is left of the configured law'),
         Entry(0x203A, 0, 'compensation_flags', 'u8', 'ro', 'state', 0, high=255, pdo='tx', meaning=meanings.CompensationFlags, doc='what the law does in this tick'),
         Entry(0x203B, 0, 'rendered_energy', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='J', scale=1e-06, pdo='tx', doc='what the rendering error has given the load beyond the wanted torque; the passivity observer keeps it from growing'),
         Entry(0x203C, 0, 'model_friction_torque', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='N m', scale=1e-06, pdo='tx', doc='friction of the sliding pair at the load, as the encoders and the motor current tell it'),
         Entry(0x203D, 0, 'motor_innovation', 'i32', 'ro', 'state', 0, low=-2147483648, high=2147483647, unit='m', scale=1e-09, pdo='tx', doc='arc of the motor pulley, encoder minus model'),
+        Entry(0x203E, 0, 'model_tension_along_a.count', 'u8', 'const', 'communication', 11, high=255, doc='highest sub-index'),
+        *array(11, Entry(0x203E, 1, 'model_tension_along_a', 'u32', 'ro', 'state', 0, high=4294967295, unit='N', scale=1e-06, pdo='tx', doc='of cable a at eleven nodes, evenly spaced from the motor (1) to the load (11); each is renewed every eleventh tick')),
+        Entry(0x203F, 0, 'model_tension_along_b.count', 'u8', 'const', 'communication', 11, high=255, doc='highest sub-index'),
+        *array(11, Entry(0x203F, 1, 'model_tension_along_b', 'u32', 'ro', 'state', 0, high=4294967295, unit='N', scale=1e-06, pdo='tx', doc='the same of cable b')),
         Entry(0x2040, 0, 'target_torque', 'i24', 'rw', 'command', 0, low=-8388607, high=8388607, unit='N m', scale=1e-06, pdo='rx', doc='motor torque asked for in mode -2'),
         Entry(0x2041, 0, 'command_guard', 'u16', 'rw', 'command', 0, high=65535, pdo='rx', doc='protects the RPDO that it is mapped into: bits 0 to 3 a count, another one in each frame; bits 4 to 15 a CRC-12 (x^12 + x^11 + x^3 + x^2 + x + 1 from 0) of COB-ID (low byte first), all other mapped bytes, and the count as a byte. A frame that does not fit is refused and no sign of life; a stop in it is obeyed. Means nothing by SDO'),
         Entry(0x2100, 0, 'motor_pulley_radius', 'u32', 'rw', 'config', 20000000, low=1000000, high=500000000, unit='m', scale=1e-09, persist=True),
@@ -218,7 +222,7 @@ TABLE = Table(
         Entry(0x2134, 0, 'compensation_tolerance', 'u32', 'rw', 'config', 500000, low=1000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a cell that differs for 50 ms by more from the cable model, and half of what that carries and of its friction (before the pair has slid both ways one and a half of it), is implausible'),
         Entry(0x2135, 0, 'compensation_slip_limit', 'u32', 'rw', 'config', 2000000, low=100000, high=100000000, unit='m', scale=1e-09, persist=True, doc='arc of the motor pulley: encoders that differ one way for 50 ms by more from the cable model, and the stretch of the pretension, have slipped'),
         Entry(0x2136, 0, 'compensation_friction_share', 'u32', 'rw', 'config', 1000000, high=1000000, unit='1', scale=1e-06, persist=True, doc='without a load cell: of the friction that the drive is sure of, which part is compensated; what it is sure of it finds from both encoders and the motor current'),
-        Entry(0x2137, 0, 'compensation_rest_band', 'u32', 'rw', 'config', 10000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a smaller error is left alone'),
+        Entry(0x2137, 0, 'compensation_standstill_band', 'u32', 'rw', 'config', 10000, high=8000000, unit='N m', scale=1e-06, persist=True, doc='at the load: a smaller error is left alone'),
         Entry(0x2138, 0, 'compensation_integral_gain', 'u32', 'rw', 'config', 10000, high=1000000, unit='1/s', scale=0.001, persist=True, doc='of force control on the load cell'),
         Entry(0x2139, 0, 'compensation_slack_floor', 'u32', 'rw', 'config', 0, high=100000000, unit='N', scale=1e-06, persist=True, doc='no cable is brought below this tension on purpose; 0: a cable may go slack'),
         Entry(0x213A, 0, 'motor_inertia', 'u32', 'rw', 'config', 30000, high=10000000, unit='kg m2', scale=1e-09, persist=True, doc='motor and pulley'),

@@ -29,6 +29,7 @@ from bowden.drive.follow import Follower
 from bowden.drive.live_experiment import TimedRun
 from bowden.drive.live_recording import LiveRecording
 from bowden.drive.live_state import (
+    TENSION_PROFILES,
     Command,
     EndRecording,
     MarkMoment,
@@ -53,11 +54,12 @@ _LOAD_EVERY_S = 0.5
 _POLL_EVERY_S = 0.1
 _LOST_S = 1.0
 #: Values that no PDO carries by default; a group is read at once, one group every `_POLL_EVERY_S`.
-_TENSIONS = tuple(f"model_tension.{end}_{cable}" for cable in "ab" for end in ("motor", "load"))
 POLLED = (
-    _TENSIONS,
+    TENSION_PROFILES["a"],
+    TENSION_PROFILES["b"],
     ("bus_voltage", "conduit_temperature"),
-    _TENSIONS,
+    TENSION_PROFILES["a"],
+    TENSION_PROFILES["b"],
     ("mode_of_operation_display", "compensation_active_law"),
 )
 TUNNEL = ("tunnel_half_width", "tunnel_stiffness", "tunnel_torque_limit")

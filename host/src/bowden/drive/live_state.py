@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,6 +9,13 @@ from bowden.drive.live_experiment import TimedRun
 from bowden.drive.meanings import ModeOfOperation
 from bowden.drive.power import Run
 from bowden.errors import BadInput
+
+_PLACES = 11
+#: Entries of the tensions along each cable, from motor to load.
+TENSION_PROFILES = {
+    cable: tuple(f"model_tension_along_{cable}.{place}" for place in range(1, _PLACES + 1))
+    for cable in "ab"
+}
 
 
 @dataclass(frozen=True)
@@ -101,13 +107,10 @@ def run_named(word: str, torque_nm: float | None) -> Run:
     raise BadInput("mode", f"{word} at {torque_nm} N m", "tunnel, or torque with a torque")
 
 
-def tension_profile(values: dict[str, float]) -> Sequence[tuple[str, float, float]]:
-    """Return each cable's name and its tensions at motor and load, N, by the drive's model."""
-    return [
-        (
-            f"cable {cable}",
-            values.get(f"model_tension.motor_{cable}", 0.0),
-            values.get(f"model_tension.load_{cable}", 0.0),
-        )
-        for cable in "ab"
-    ]
+def tension_profile(values: dict[str, float], cable: str) -> list[float]:
+    """Return a cable's tensions, N, evenly spaced from motor to load, by the drive's model.
+
+    Empty as long as they are not all known.
+    """
+    names = TENSION_PROFILES[cable]
+    return [values[name] for name in names] if all(name in values for name in names) else []

@@ -182,7 +182,7 @@ class CompensationFallback(NamedBits):
     MODEL_SATURATES = 1 << 6, "the model's arithmetic saturates"
 
 
-class CompensationRung(NamedValue):
+class CompensationLevel(NamedValue):
     """Fallback level: what is left of the configured law."""
 
     WITH_CELL = 0, 'the configured law with the load cell'

@@ -11,7 +11,7 @@ class Plot {
     this.ranges = null; // grow with the data, so that the picture stands still
   }
 
-  // curves: [{ name, x, y, colour, width, dash }]; marker: [x, y] or null
+  // curves: [{ name, x, y, colour, width, dash }], the legend has those with a name; marker: [x, y] or null
   draw(curves, marker, colours) {
     const { canvas } = this, scale = window.devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
@@ -96,7 +96,7 @@ class Plot {
   legend(pen, curves, colours) {
     let x = MARGIN.left;
     pen.textAlign = "left";
-    for (const curve of curves) {
+    for (const curve of curves.filter((one) => one.name)) {
       pen.strokeStyle = curve.colour;
       pen.lineWidth = curve.width;
       pen.setLineDash(curve.dash ? [7, 5] : []);

@@ -4,6 +4,7 @@
 
 const ALIVE_EVERY_MS = 200;
 const KEPT_S = 5, LOOP_S = 2.5;
+const PLACES = [...Array(11).keys()]; // along a cable
 const MOST_POINTS = 400; // drawn of a curve; the sample rate is 1 kHz
 const [NUMBER, TIME, , LOAD_ANGLE, , LOAD_TORQUE] = [0, 1, 2, 3, 4, 5];
 
@@ -64,6 +65,7 @@ function thinned(list) {
 const colours = () => ({ ink: colour("--ink"), soft: colour("--soft"), line: colour("--line"), marker: colour("--red") });
 const loop = new Plot(at("loop"), "load angle, rad", "torque by the cables on the load, N m");
 const time = new Plot(at("time"), "time, s", "torque at the load, N m");
+const tensions = new Plot(at("tensions"), "place: 0 at the motor, 1 at the load", "tension, N");
 
 let drawn = 0, countedSince = performance.now();
 
@@ -121,21 +123,15 @@ function showState() {
   }));
 }
 
+// Eleven places of each cable, evenly spaced; the drive's dictionary: model_tension_along_a.1 is at the motor.
 function showTensions() {
-  const names = [["motor_a", "cable a, motor"], ["load_a", "cable a, load"], ["motor_b", "cable b, motor"], ["load_b", "cable b, load"]];
-  const values = names.map(([key]) => now.values[`model_tension.${key}`] ?? 0);
-  const most = Math.max(...values, 10);
-  if (!at("tensions").children.length)
-    at("tensions").append(...names.map(([, text]) => {
-      const line = document.createElement("div");
-      line.className = "bar";
-      line.append(text, document.createElement("i"), document.createElement("span"));
-      return line;
-    }));
-  [...at("tensions").children].forEach((line, place) => {
-    line.querySelector("i").style.width = `${100 * values[place] / most}%`;
-    line.querySelector("span").textContent = `${values[place].toFixed(1)} N`;
-  });
+  const along = (cable) => PLACES.map((place) => now.values[`model_tension_along_${cable}.${place + 1}`] ?? null);
+  const x = PLACES.map((place) => place / (PLACES.length - 1));
+  const cables = [["a", "--blue"], ["b", "--red"]];
+  tensions.draw([
+    ...cables.map(([cable, name]) => ({ name: `cable ${cable}`, x, y: along(cable), colour: colour(name), width: 2 })),
+    { name: "", x: [0, 1], y: [0, 0], colour: colour("--soft"), width: 1 },
+  ], null, colours());
 }
 
 let listed = null;
