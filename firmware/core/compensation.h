@@ -36,7 +36,7 @@ typedef struct {
     uint32_t friction_share_ppm; /* without a load cell: part of what friction_observer.h is sure
                                     of that is compensated */
     uint32_t friction_deviation_ppm; /* of the configured friction, relative; at most 500000 */
-    int32_t standstill_band_unm;           /* an error of the load torque below this is left alone */
+    int32_t standstill_band_unm;     /* an error of the load torque below this is left alone */
     uint32_t integral_gain_mhz;      /* of force control, 1/(1000 s) */
     int32_t slack_floor_un; /* no cable is brought below this tension on purpose; 0: a cable
                                may go slack where the wanted torque takes it */

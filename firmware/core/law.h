@@ -28,7 +28,7 @@ typedef struct {
     const sliding_t *sliding;    /* the pair as it is configured */
     int32_t friction_unm;        /* of the sliding pair; >= 0 */
     int32_t torque_limit_unm;    /* of the motor; >= 0 */
-    int32_t standstill_band_unm;       /* an error below this is left alone; >= 0 */
+    int32_t standstill_band_unm; /* an error below this is left alone; >= 0 */
     uint32_t motor_inertia_gmm2; /* with its pulley */
     uint32_t integral_gain_mhz;  /* of force control; 0: no integral */
     uint32_t ticks_per_s;        /* 1000 .. 20000 */

@@ -6,23 +6,23 @@
 /* Every number of the law. Found on developing seeds of the compensation benchmark unless a source
  * is given; "1/x" divides, "2^-3" counts eighths. The range is where the arithmetic holds. */
 static const struct {
-    int32_t damping_per_s; /* 1/s, 0 .. 1000: D / J, below what 2 ms of encoder delay allow */
-    int32_t move_damping;  /* 1, 1 .. 10: times that in a move, whose plan knows the speed */
-    int32_t standstill_band;     /* 1/x of friction, 1 .. 1000: error left alone at standstill: less
-                              than stiction makes it jump */
-    int32_t correcting;    /* 1, 1 .. 10: at standstill an error is corrected so much slower,
-                              the load cell is late */
-    int32_t sure_limit_q3; /* 2^-3 of the limit, 1 .. 8: friction is known to 15 %, so the motor
-                              is sure to turn over this part of its limit */
-    int32_t lands_within;  /* 1/x of friction, 1 .. 100: where turning over twice the friction
-                              ends, as well as that is known */
-    int32_t momentum;      /* 1, 1 .. 8: times its error that a change of direction may bring */
-    int32_t unlearning;    /* 1, 1 .. 8: so much faster a shift that pushes is taken back; the
-                              pair's resonance bounds it, as it bounds force control */
-    int32_t felt_part;     /* 1/x of friction, 1 .. 1000: left to be felt while the load moves:
-                              covers what the encoders are late by, to the passive side */
-    int32_t felt_cell;     /* 1/x of friction, 1 .. 1000: the same with a cell, which takes back
-                              what pushes */
+    int32_t damping_per_s;   /* 1/s, 0 .. 1000: D / J, below what 2 ms of encoder delay allow */
+    int32_t move_damping;    /* 1, 1 .. 10: times that in a move, whose plan knows the speed */
+    int32_t standstill_band; /* 1/x of friction, 1 .. 1000: error left alone at standstill: less
+                          than stiction makes it jump */
+    int32_t correcting;      /* 1, 1 .. 10: at standstill an error is corrected so much slower,
+                                the load cell is late */
+    int32_t sure_limit_q3;   /* 2^-3 of the limit, 1 .. 8: friction is known to 15 %, so the motor
+                                is sure to turn over this part of its limit */
+    int32_t lands_within;    /* 1/x of friction, 1 .. 100: where turning over twice the friction
+                                ends, as well as that is known */
+    int32_t momentum;        /* 1, 1 .. 8: times its error that a change of direction may bring */
+    int32_t unlearning;      /* 1, 1 .. 8: so much faster a shift that pushes is taken back; the
+                                pair's resonance bounds it, as it bounds force control */
+    int32_t felt_part;       /* 1/x of friction, 1 .. 1000: left to be felt while the load moves:
+                                covers what the encoders are late by, to the passive side */
+    int32_t felt_cell;       /* 1/x of friction, 1 .. 1000: the same with a cell, which takes back
+                                what pushes */
 } NUMBERS = {
     .damping_per_s = 100,
     .move_damping = 3,
@@ -217,8 +217,9 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
     }
     const bool moved_back =
         slip_direction_step(&law->slip, inputs, wanted_unm, error_unm, law->declined);
-    const int32_t left_alone_unm = (law->standstill_band_unm + law->slip.friction_unm / NUMBERS.standstill_band)
-                                   << law->slip.back_off;
+    const int32_t left_alone_unm =
+        (law->standstill_band_unm + law->slip.friction_unm / NUMBERS.standstill_band)
+        << law->slip.back_off;
     law->resting = motion == 0 && magnitude(error_unm) <= left_alone_unm;
     if (inputs->cell) {
         learn(law, error_unm, motion, inputs->limited);

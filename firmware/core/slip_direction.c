@@ -234,7 +234,8 @@ static bool choose_direction(slip_direction_t *slip, const law_inputs_t *inputs,
 
 void slip_direction_call(slip_direction_t *slip, const law_inputs_t *inputs, int32_t wanted_unm,
                          int32_t error_unm) {
-    const int32_t towards = (error_unm > slip->standstill_band_unm) - (error_unm < -slip->standstill_band_unm);
+    const int32_t towards =
+        (error_unm > slip->standstill_band_unm) - (error_unm < -slip->standstill_band_unm);
     if (towards != 0) {
         slip->direction = towards;
         take(slip, EVENT_DIRECTION_FOUND);

@@ -48,7 +48,7 @@ typedef struct {
     int32_t load_zero_counts;
     uint32_t saturations;              /* of the drive's own arithmetic since configuration */
     int32_t motor_arc_nm, load_arc_nm; /* from where the model started */
-    uint8_t tension_place; /* along the cables, that this tick publishes */
+    uint8_t tension_place;             /* along the cables, that this tick publishes */
     int32_t commanded_ua;              /* in the last tick */
     int32_t current_max_ua;            /* of the board */
     supervision_t supervision;

@@ -31,10 +31,10 @@ typedef enum {
 
 typedef struct {
     int32_t torque_unm;
-    uint32_t slew_remainder;     /* of the last division of the slew by the tick rate */
-    int32_t stop_step_unm;  /* a tick, while it stops */
-    torque_course_t course; /* of the last tick */
-    bool limited;           /* the torque limit cuts the wanted torque */
+    uint32_t slew_remainder; /* of the last division of the slew by the tick rate */
+    int32_t stop_step_unm;   /* a tick, while it stops */
+    torque_course_t course;  /* of the last tick */
+    bool limited;            /* the torque limit cuts the wanted torque */
 } torque_command_t;
 
 /* The bridge is off: no torque, nothing to remember. */
