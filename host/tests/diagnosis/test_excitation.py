@@ -56,7 +56,7 @@ def test_strokes() -> None:
     assert found["load_range"].value == pytest.approx(0.2 / (0.02 * 10.0), rel=0.01)
     for name in ("reversal", "speed_range", "load_range", "long_time", "acceleration"):
         assert found[name].present, name
-    assert not found["rest"].present
+    assert not found["standstill"].present
     assert not found["temperature_range"].present
 
 
@@ -64,8 +64,8 @@ def test_pauses() -> None:
     share = np.clip((TIME_S % 2.0) / 1.2, 0.0, 1.0)  # 0.8 s of pause every 2 s
     found = inventory(run(0.3 * np.where(TIME_S % 4 < 2, share, 1 - share)))
     # The velocity looks 50 ms either way.
-    assert found["rest"].value == pytest.approx(0.8, abs=0.11)
-    assert found["rest"].present
+    assert found["standstill"].value == pytest.approx(0.8, abs=0.11)
+    assert found["standstill"].present
 
 
 def test_one_speed_is_no_range() -> None:
@@ -119,4 +119,4 @@ def test_an_effect_shows_where_all_it_needs_is_there() -> None:
     assert shows(found, ("reversal", "speed_range"))
     assert not shows(found, ("reversal", "temperature_range"))
     assert shows(found, ())
-    assert "too little" in next(one.text for one in found if one.name == "rest")
+    assert "too little" in next(one.text for one in found if one.name == "standstill")

@@ -110,7 +110,7 @@ def test_at_its_typical_strength_it_shows_and_repeats(
     effect: Effect, variant: Variant, mode: Mode
 ) -> None:
     model = plain().with_effect(effect.name, variant.typical)
-    inputs = given(mode, rest_s=0.2 if "rest" in effect.excited_by else 0.0)
+    inputs = given(mode, rest_s=0.2 if "standstill" in effect.excited_by else 0.0)
     base = simulate(plain(), mode, inputs)
     if (effect.name, mode) in REFUSED:
         with pytest.raises(ModelError, match="accepted"):

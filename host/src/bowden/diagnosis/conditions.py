@@ -15,7 +15,7 @@ from bowden.signals.motion import Motion
 
 _Floats = NDArray[np.float64]
 
-REST_SHARE = 0.02  # of the fastest speed: below it the pair counts as at standstill
+STANDSTILL_SHARE = 0.02  # of the fastest speed: below it the pair counts as at standstill
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Condition:
 
 
 def split_by_motion(residual: _Floats, motion: Motion) -> tuple[Condition, ...]:
-    """Split a residual by speed (rest, slow, medium, fast) and direction (outward, inward).
+    """Split a residual by speed (standstill, slow, medium, fast) and direction (outward, inward).
 
     Parameters
     ----------
@@ -76,12 +76,12 @@ def motion_bands(motion: Motion) -> list[tuple[str, NDArray[np.bool_]]]:
     Standstill, and thirds of what is faster in each direction: every sample meets exactly one.
     """
     name, speed = motion.end, np.abs(motion.velocity_rad_s)
-    rest = float(REST_SHARE * speed.max(initial=0.0))
-    moving = speed > rest
+    slowest = float(STANDSTILL_SHARE * speed.max(initial=0.0))
+    moving = speed > slowest
     parts: list[tuple[str, NDArray[np.bool_]]] = [(f"{name} at standstill", ~moving)]
     if moving.any():
         edges = [
-            rest,
+            slowest,
             *(_two_digits(q) for q in np.quantile(speed[moving], [1 / 3, 2 / 3])),
             np.inf,
         ]

@@ -1,4 +1,4 @@
-"""What recordings contain: reversals, speeds, loads, rests; so which effects they can show at all.
+"""What recordings contain: reversals, speeds, loads, standstills: which effects they can show.
 
 Takes a model and recordings, returns the vocabulary of `bowden.model.effects` as numbers and as
 yes or no. An effect that needs what is not there can neither be found nor excluded.
@@ -252,7 +252,7 @@ _COUNTED: dict[str, _Counted] = {
     "speed_range": (_speed_range, "", 3.0, False, "fast over slow cable speed"),
     "slow_motion": (_slow_seconds, "s", 0.5, False, "cable slower than 20 mm/s"),
     "load_range": (_load_range, "", 0.1, False, "motor torque range over pretension torque"),
-    "rest": (_longest_pause, "s", 0.4, False, "longest pause"),
+    "standstill": (_longest_pause, "s", 0.4, False, "longest pause"),
     "temperature_range": (_temperature_range, "K", 2.0, False, "temperature range"),
     "long_time": (_longest, "s", 20.0, False, "longest recording"),
     "many_cycles": (_travel, "m", 1.0, False, "cable travel"),

@@ -43,10 +43,10 @@ def grown_from(
 def _with_effect(
     material: Material, searched: Model, parent: Hypothesis, screened: ScreenedCandidate
 ) -> Hypothesis | None:
-    """Fit a screened candidate, the other numbers as it moves them or as they were.
+    """Fit a screened candidate, from the other numbers as it moves them or as they were.
 
-    Whichever is likelier: where the model is jagged, the step predicted for them is wrong. None
-    where the effect ends as one that does nothing: that is the parent once more.
+    The likelier start is taken: where the model is jagged, the step predicted for them is wrong.
+    None where the effect ends as one that does nothing: that is the parent once more.
     """
     known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
     effects, like = [*known, (screened.candidate, screened.values)], screened.origin.best
@@ -81,7 +81,7 @@ def refitted_from(
 ) -> Hypothesis:
     """Fit a set from where another ended, the calibrated numbers doing what its effects did.
 
-    As it is where no model runs there.
+    Where no model runs there, the set is returned as it is.
     """
     effects = [(effect, one.values(i)) for i, effect in enumerate(one.effects)]
     gone = [i for i, effect in enumerate(other.effects) if effect.key not in one.key]

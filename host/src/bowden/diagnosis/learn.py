@@ -2,8 +2,8 @@
 
 Where the posterior says that something unlisted is there, every place and argument is screened on
 top of the best sets of effects, and the most promising laws are fitted with the simulator inside,
-as long as they could still be the likeliest. What predicts unseen stretches best is the law. How
-smooth it is the evidence says. `verdict` words it, `law_candidates` lists what is looked at.
+as long as they could still be the likeliest. The law is the one that predicts unseen stretches
+best; the evidence sets its smoothness. `law_candidates` lists what is tried, `verdict` words it.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ def with_laws(
 def _parents(found: Found) -> list[Hypothesis]:
     """Return the calibrated model and the likeliest single effect.
 
-    Sets of more effects than there are bend to what none of them is: a law is not looked for on top
-    of those.
+    A set with more effects than the rig has imitates the missing law with their numbers: no law is
+    looked for on top of it.
     """
     every = [one.hypothesis for one in found.weighed]
     base = next(one for one in every if not one.effects)
@@ -113,7 +113,7 @@ def _parents(found: Found) -> list[Hypothesis]:
 def _laws_on(material: Material, searched: Model, parent: Hypothesis) -> list[Hypothesis]:
     """Return the likeliest laws on top of a set of effects, fitted to the end.
 
-    Each set has its own: beside a named effect that turns out idle a law counts without it.
+    The likeliest of each set: beside a named effect that turns out idle a law counts without it.
     """
     begun = [_begun(material, searched, parent, one) for one in _proposed(material, parent)]
     rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun)]
@@ -148,7 +148,7 @@ def _begun(
 
 
 def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:
-    """Fit a law to the end, as smooth as the evidence has it."""
+    """Fit a law to the end, with the smoothness of the largest evidence."""
     *known, law = first.effects
     assert isinstance(law, LawCandidate)
     law = replace(law, bend=_likeliest_bend(first, law))
@@ -156,7 +156,7 @@ def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothe
 
 
 def _fitted(material: Material, searched: Model, one: Hypothesis, rounds: int) -> Hypothesis | None:
-    """Fit a law on from where it is."""
+    """Continue the fit of a law from where it is."""
     effects = [(effect, one.values(i)) for i, effect in enumerate(one.effects)]
     begun = start_of(material, searched, effects, one.coordinates(), one.best)
     return None if begun is None else begun.fitted(rounds)

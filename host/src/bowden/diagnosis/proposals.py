@@ -51,8 +51,8 @@ def screened_from(
 ) -> Screening:
     """Screen every effect that a set doesn't have, from where its fit ended.
 
-    And from the file's values where calibration is strained: it may stand in for an effect. The
-    best of each place, by what a fit from there would gain.
+    Where calibration is strained it may imitate an effect; then every effect is also screened from
+    the file's values, and the best of each place is kept, by what a fit from there would gain.
     """
     screen = Screen(parent)
     here = screening(screen)
@@ -95,8 +95,8 @@ def as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis
 def proposed(screening: Screening) -> list[ScreenedCandidate]:
     """Choose what is fitted on top of a set: what would matter and has the largest gains.
 
-    By the gain under the parent's covariance, and by the gain with its discrepancy estimated anew;
-    then those from the file's values.
+    The best by the gain under the parent's covariance, the best by the gain with its discrepancy
+    estimated anew, and those from the file's values.
     """
     screen, parent = screening.screen, screening.screen.parent
     others = [one for one in screening.here if one.candidate.name not in parent.names]

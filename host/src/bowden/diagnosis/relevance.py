@@ -38,8 +38,8 @@ def matters(one: Hypothesis) -> bool:
 def idle(one: Hypothesis) -> list[int]:
     """Return which effects of a set do nothing in practice.
 
-    Beyond what calibration would do within its tolerances, less than a single observation's error
-    and what the laws of the others may be off by at that observation: such an effect is no other
+    What such an effect does beyond calibration within its tolerances is less than the error of a
+    single observation, the inaccuracy of the other effects' laws included: it is no other
     explanation of the data, however many samples agree on the little that is left.
     """
     sizes = zip(shares(one, beside_laws=True), strains(one), strict=True)

@@ -1,8 +1,8 @@
-"""Search the sets of effects: add, drop and swap, as many as the prediction of unseen data carries.
+"""Search the sets of effects: add, drop and swap effects while that makes a set likelier.
 
-From the calibrated model every candidate is screened, the most promising are fitted, and the best
-sets are grown as long as that makes them likelier. What a candidate does to a rig depends on what
-else the rig has: candidates are looked at again from each set that leaves much.
+Every candidate is screened from the calibrated model, the most promising ones are fitted, and the
+best sets are grown. What a candidate does to a rig depends on what else the rig has: candidates are
+screened again from each set that leaves much.
 """
 
 from __future__ import annotations
@@ -141,8 +141,8 @@ def search(
 def _parents(grown: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Return which sets are grown further, of those in order of merit.
 
-    Beside a set that holds only its equals, nearer than what one more effect costs: they stand for
-    each other with any further effect, too.
+    Beside a set that holds, only those that are less likely by no more than one effect costs: these
+    explain each other's data with any further effect, too.
     """
     best = grown[0]
     equal = _merit(best) + max((penalty(one.effect) for one in best.effects), default=0.0)
@@ -185,8 +185,8 @@ def _comparable(
 ) -> list[tuple[Hypothesis, UnseenPrediction]]:
     """Fit the finalists to the end under one covariance and predict what was held out.
 
-    Where the likelihood is jagged a fit may end in a notch, and what a further effect gains may be
-    the way out of it: each that is near starts once more from where the likeliest ended.
+    A jagged likelihood may hold a fit in a notch, and a further effect may seem to gain what is
+    only the way out of it: each set near the likeliest starts once more from where that ended.
     """
     base = done[frozenset()]
     ranked = sorted((one for one in done.values() if matters(one)), key=_merit)[:COMPARED]

@@ -6,7 +6,7 @@ the estimates. Just after a reversal a count of the load encoder changes the loa
 reading changes, the angle is on the edge between two counts, to within what it moves in a sample.
 Only inside a turn or at standstill is it unknown within a count. So: a path through boxes one count
 wide (`smooth_path`), which never leaves them, and whose best estimate turns only where the counts
-do: friction and play remember a turn of a hundredth of a count for as long as the pair rests.
+do: friction and play remember a turn of a hundredth of a count as long as the pair stands still.
 
 Channels with white noise are smoothed in the same way and turn only where their readings show it,
 because friction depends on extremes: noise on an input would be rectified. The measured side of a
@@ -73,7 +73,7 @@ class Estimated:
         """Yield other paths that fit the samples as well, drawn at random, without end.
 
         Their distance from `values` is correlated as the estimate's error is: from edge to edge of
-        a count, over a whole rest.
+        a count, over a whole standstill.
         """
         return repeat(self.values) if self._path is None else self._path.draws(generator)
 
@@ -89,25 +89,24 @@ class _Path:
     unit: float
     turns: tuple[tuple[int, int, float], ...]
     box: tuple[_Floats, _Floats] | None = None
-    rests: tuple[Standstill, ...] = ()
+    standstills: tuple[Standstill, ...] = ()
 
     def estimate(self) -> tuple[_Floats, _Floats]:
         mean, variance = self.smooth.at(self.node, self.share)
         sigma = np.sqrt(np.maximum(variance, 0.0))
         if self.box is not None:  # in which nothing can be worse known than by half of it
             sigma = np.minimum(sigma, 0.5 * (self.box[1] - self.box[0]))
-        for rest in self.rests:
-            reached = rest.stand(mean, 0.0, USUAL_BRAKING, USUAL_BRAKING)
-            sigma[rest.first : rest.last + 1] = np.maximum(
-                sigma[rest.first : rest.last + 1] * (1.0 - reached), reached * _UNIFORM
-            )
+        for standstill in self.standstills:
+            reached = standstill.stand(mean, 0.0, USUAL_BRAKING, USUAL_BRAKING)
+            within = slice(standstill.first, standstill.last + 1)
+            sigma[within] = np.maximum(sigma[within] * (1.0 - reached), reached * _UNIFORM)
         return self._back(one_way(self._inside(mean), self.turns)), self.unit * sigma
 
     def draws(self, generator: np.random.Generator) -> Iterator[_Floats]:
         for one in self.smooth.draws(generator):
             mean, _ = one.at(self.node, self.share)
-            for rest in self.rests:
-                rest.draw(mean, generator)
+            for standstill in self.standstills:
+                standstill.draw(mean, generator)
             # Within counts a path may turn unseen; behind noise it would tremble for ever.
             yield self._back(mean if self.box else one_way(mean, self.turns))
 
@@ -137,8 +136,9 @@ def dequantise(
     expected_quantum : float, optional
         One count as the model file has it; used where the data agree or say nothing.
     felt : ndarray of shape (2, n), optional
-        The measured torques at that end and at the other, over their noise: what seems to rest
-        while the first drifts, or comes back without the second, may move within its count.
+        The measured torques at that end and at the other, over their noise: an end that seems to
+        stand still may move within its count while the first drifts, or comes back without the
+        second.
     order : int
         Derivatives that a path behind white noise has, with itself: an angle's or a torque's.
 
@@ -245,7 +245,7 @@ def _within_counts(
         unit=quantum,
         turns=runs.turns(count),
         box=(count - margin, count + margin),
-        rests=runs.rests(count, felt),
+        standstills=runs.standstills(count, felt),
     )
     return Estimated(*path.estimate(), quantum, quantum * noise, path)
 

@@ -3,8 +3,8 @@
 Takes a model, a mode and a recording; simulates it some two dozen times; returns frozen results.
 What is pushed through the model are paths that fit the given channels' readings as well as the best
 estimate does (`dequantise`), so that errors keep their correlation: from edge to edge of a count,
-over a whole rest. Friction makes the noise local: just after a reversal a count changes the torque
-a hundred times as much as while the pair slides (the square-root law, PHYSICS, Experiment 2).
+over a whole standstill. Friction makes the noise local: just after a reversal a count changes the
+torque a hundred times as much as while the pair slides (square-root law, PHYSICS, Experiment 2).
 """
 
 from __future__ import annotations

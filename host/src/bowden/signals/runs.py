@@ -1,4 +1,4 @@
-"""Stretches of a path: where it turns, where it rests, where it needs many nodes.
+"""Stretches of a path: where it turns, where it stands still, where it needs many nodes.
 
 Pure functions over arrays, for `dequantise`. Lengths in counts, times in samples.
 """
@@ -17,11 +17,11 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
 NODES_A_RUN = 6  # in a run of equal counts: enough to bend within it
-REST_RATIO = 6.0  # a run so much longer than both neighbours is a rest; a turning parabola: < 4.9
-REST_SAMPLES = 20
+STANDSTILL_RATIO = 6.0  # a run so much longer than both neighbours; of a turning parabola: < 4.9
+STANDSTILL_SAMPLES = 20
 DRIFTS = 4.0  # standard deviations of a sample's noise
-PARTS = 12  # of a rest, whose means tell whether the torque comes back
-BRAKING_SHARE = 0.3  # of a rest at most is spent coming to it, and leaving
+PARTS = 12  # of a standstill, whose means tell whether the torque comes back
+BRAKING_SHARE = 0.3  # of a standstill at most is spent coming to it, and leaving
 SHOWN = 6.0  # standard deviations of a difference: such a turn is not of noise
 PARABOLA = 2.0  # an even acceleration
 POWERS = (1.0, 3.0)  # of time, with which motions begin and end: at once (1), with even jerk (3)
@@ -32,11 +32,11 @@ BRAKING = (0.5, 3.0)  # as far as draws go: operators start and stop more or les
 class Standstill:
     """A standstill within one count: first and last sample, samples a count before and after.
 
-    What rests stands still: the least movement back would count as a reversal. It is unknown where
-    in the count it stands, nor when exactly it began to move, but it came and left without turning
-    twice. One that a recording begins or ends with may be no rest at all: a motion that is still
-    slow, or one that has turned already. Nor may one in which the torque at that end `drifts`. And
-    where that torque goes one way and comes back by itself (`returns`), the operator did so, too.
+    The least movement back would count as a reversal. Where in the count the end stands is unknown,
+    and so is when exactly it began to move, but it came and left without turning twice. At the
+    beginning or the end of a recording equal counts may be no standstill: a motion that is still
+    slow, or one that has turned already; nor are they one where the torque at that end `drifts`.
+    Where that torque alone changes one way and comes back (`returns`), the operator did so, too.
     """
 
     first: int
@@ -64,8 +64,8 @@ class Standstill:
         offset : float
             -0.5..0.5.
         arrival, leaving : float
-            How long braking and starting take, against even acceleration between the place of rest
-            and the edge.
+            How long braking and starting take, against even acceleration between the place where
+            it stands and the edge.
         powers : (float, float)
             Of time, with which it arrives and leaves: 2 for an even acceleration, 3 for an even
             jerk.
@@ -73,7 +73,7 @@ class Standstill:
         Returns
         -------
         ndarray of shape (last - first + 1,)
-            How far the path has come to the place of rest, 0..1.
+            How far the path has come to the place where it stands, 0..1.
         """
         place = self.count + offset
         coming = self._within(arrival, path[self.first] - place, self.before, powers[0])
@@ -151,7 +151,7 @@ class Runs:
     first: _Index
     last: _Index
     number: _Index
-    rest: NDArray[np.bool_]
+    is_standstill: NDArray[np.bool_]
 
     @classmethod
     def of(cls, count: _Floats) -> Runs:
@@ -161,16 +161,18 @@ class Runs:
         last = np.concatenate([change, [count.size - 1]])
         length = last - first + 1.0
         before, after = np.append(0.0, length[:-1]), np.append(length[1:], 0.0)
-        longest = (length > REST_SAMPLES) & (length > REST_RATIO * np.maximum(before, after))
-        # An operator at standstill on the edge between two counts makes two.
-        first_of_two = (length[:-1] > REST_RATIO * before[:-1]) & (
-            length[1:] > REST_RATIO * after[1:]
+        longest = (length > STANDSTILL_SAMPLES) & (
+            length > STANDSTILL_RATIO * np.maximum(before, after)
         )
-        first_of_two &= np.minimum(length[:-1], length[1:]) > REST_SAMPLES
+        # An operator at standstill on the edge between two counts makes two.
+        first_of_two = (length[:-1] > STANDSTILL_RATIO * before[:-1]) & (
+            length[1:] > STANDSTILL_RATIO * after[1:]
+        )
+        first_of_two &= np.minimum(length[:-1], length[1:]) > STANDSTILL_SAMPLES
         two = np.concatenate([first_of_two, [False]]) | np.concatenate([[False], first_of_two])
-        rest = longest | two
+        is_standstill = longest | two
         number = np.repeat(np.arange(first.size), last - first + 1)
-        return cls(first, last, number, rest)
+        return cls(first, last, number, is_standstill)
 
     def nodes(self) -> _Index:
         """Choose samples that bear the path: all where it is fast, few where it hardly moves."""
@@ -189,9 +191,9 @@ class Runs:
     def relative_intensity(self, nodes: _Index, count: _Floats) -> _Floats:
         """Return how strongly each step between nodes may bend, and turn at a corner.
 
-        Where counts turn or rest, how long a motion takes for a count changes no faster than time
-        passes: it is what the run beside took, and how long ago that was. White jerk moves a path
-        by the power 5/2 of time, white acceleration by 3/2.
+        In turns and standstills, the time that a motion takes for a count changes no faster than
+        time passes: it is what the run beside took, and how long ago that was. White jerk moves a
+        path by the power 5/2 of time, white acceleration by 3/2.
 
         Returns
         -------
@@ -207,9 +209,9 @@ class Runs:
         return np.asarray(takes[:, None] ** -np.array([5.0, 3.0]))
 
     def kinds(self, nodes: _Index, count: _Floats) -> _Index:
-        """Return of each step between nodes its stroke, 1 and more, or 0 in turns and rests."""
+        """Return the stroke of each step between nodes: 1 and more, 0 in turns and standstills."""
         still, number = self._still(nodes, count)
-        return np.where(still, 0, np.cumsum(self._turns(count) | self.rest)[number] + 1)
+        return np.where(still, 0, np.cumsum(self._turns(count) | self.is_standstill)[number] + 1)
 
     def _turns(self, count: _Floats) -> NDArray[np.bool_]:
         """Return of each run whether counts turn in it."""
@@ -217,8 +219,8 @@ class Runs:
         return np.concatenate([[False], way[1:] != way[:-1], [False]])[: self.first.size]
 
     def _still(self, nodes: _Index, count: _Floats) -> tuple[NDArray[np.bool_], _Index]:
-        """Return of each step whether counts turn or rest in a run that it touches, and which."""
-        still = self._turns(count) | self.rest
+        """Return of each step whether it touches a run that turns or stands still, and which."""
+        still = self._turns(count) | self.is_standstill
         late, early = self.number[nodes[1:]], self.number[nodes[:-1]]
         return still[late] | still[early], np.where(still[late], late, early)
 
@@ -234,8 +236,8 @@ class Runs:
             (count.size - 1, count.size - 1, float(way[-1])),
         )
 
-    def rests(self, count: _Floats, felt: _Floats | None = None) -> tuple[Standstill, ...]:
-        """List the rests; `felt`: the torques at that end and the other over their noise."""
+    def standstills(self, count: _Floats, felt: _Floats | None = None) -> tuple[Standstill, ...]:
+        """List the standstills; `felt`: the torques at that end and the other over their noise."""
         length = np.concatenate([[0.0], self.last - self.first + 1.0, [0.0]])
         return tuple(
             Standstill(
@@ -247,21 +249,21 @@ class Runs:
                 felt is not None and _drifts(felt[0, self.first[k] : self.last[k] + 1]),
                 felt is not None and _returns(*felt[:, self.first[k] : self.last[k] + 1]),
             )
-            for k in np.flatnonzero(self.rest)
+            for k in np.flatnonzero(self.is_standstill)
         )
 
 
 def _drifts(felt: _Floats) -> bool:
-    """Return whether a torque moves while its end seems to rest, coming and leaving aside."""
+    """Return whether a torque moves while its end seems to stand still; braking aside."""
     edge = int(BRAKING_SHARE * felt.size)
     parts = np.array_split(felt[edge : felt.size - edge], 4)
     return bool(np.ptp([float(np.mean(part)) for part in parts]) > DRIFTS)
 
 
 def _returns(here: _Floats, there: _Floats) -> bool:
-    """Return whether a torque goes one way and comes back while its end seems to rest.
+    """Return whether a torque goes one way and comes back while its end seems to stand still.
 
-    And the torque at the other end, which it would follow, stands still.
+    The torque at the other end, which it would follow, must not change meanwhile.
     """
     parts = [float(np.mean(part)) for part in np.array_split(here, PARTS)]
     ways = float(np.abs(np.diff(parts)).sum()) - abs(parts[-1] - parts[0])

@@ -12,7 +12,7 @@ count says only "x is in this box"; expectation propagation (Minka 2001) finds t
 stand for all boxes together, and the noise that blurs the boxes' edges. Either noise of the path
 has an intensity of its own in each step, Student-t distributed about a usual one: a corner is a
 rare, strong event. Each stroke has usual ones of its own, distributed about those of all strokes;
-turns and rests share theirs (`runs`). They are the fixed point of expectation maximisation,
+turns and standstills share theirs (`runs`). They are the fixed point of expectation maximisation,
 iterated by what the data determine (MacKay 1992): a path without corners, or without bends, loses
 that noise within some ten rounds. Draws take turns, the path given the intensities and those given
 the path (Geman and Geman 1984), because a path is less sure than its likeliest intensities say.
@@ -148,7 +148,7 @@ def path_through_boxes(
     relative_intensity : ndarray of shape (m - 1, 2)
         Intensities of each step against the usual ones of its kind.
     kind : ndarray of int, shape (m - 1,)
-        Steps of one kind share usual intensities: 0 in turns and rests, of each stroke another.
+        Steps of one kind share usual intensities: 0 in turns and standstills, else the stroke.
 
     Returns
     -------
@@ -162,7 +162,7 @@ def path_through_boxes(
 def path_through_noise(step: _Floats, values: _Floats, order: int) -> SmoothPath:
     """Find the path of an order behind values with white noise of standard deviation 1.
 
-    An angle has strokes and rests, whose ends noise hides: stretches of time share usual
+    An angle has strokes and standstills, whose ends noise hides: stretches of time share usual
     intensities instead. All of a torque has the same.
     """
     nodes = wiener.Nodes(step, np.empty(0), np.ones(values.size), values.copy())

@@ -1,7 +1,7 @@
 """Friction that grows at standstill and wears off again in sliding.
 
 A state z from 0 (worn off, friction `mu_d`) to 1 (long at standstill) follows the ageing law of
-rate-and-state friction, which needs no threshold between rest and motion:
+rate-and-state friction, which needs no threshold between standstill and motion:
 
     dz/dt = (1 - z)/dwell_s - z |v|/distance_m,      mu (1 + a z)
 
@@ -77,7 +77,7 @@ def rested(
 
 def _numbers(rise: str, rests: str, rubs: str) -> tuple[Parameter, ...]:
     return (
-        Parameter(rise, "", 0.0, 3.0, 0.0, 0.3, "rise of mu after a long rest", least=0),
+        Parameter(rise, "", 0.0, 3.0, 0.0, 0.3, "rise of mu after a long standstill", least=0),
         Parameter(rests, "s", 0.05, 100.0, None, 1.0, "time to rest", scale="log", least=1e-6),
         Parameter(
             rubs, "m", 2e-4, 0.1, None, 0.005, "travel that rubs it off", scale="log", least=1e-9
@@ -131,8 +131,8 @@ EFFECT = Effect(
     ),
     law="mu (1 + a z), dz/dt = (1 - z)/dwell - z |v|/distance; or the first term at standstill "
     "only; or mu (1 + per_log ln(1 + age/age_s)), d age/dt = 1 - |v| age/age_m place by place",
-    signature="a peak of torque on the first motion after a rest",
-    excited_by=("reversal", "rest"),
+    signature="a peak of torque on the first motion after a standstill",
+    excited_by=("reversal", "standstill"),
     confused_with=("stribeck_friction", "viscoelastic_cable"),
     form_error=ONE_OF_SEVERAL,
     known_to=TO_A_TENTH,

@@ -38,7 +38,7 @@ Excitation = Literal[
     "speed_range",  # slow and fast strokes
     "slow_motion",  # below about 20 mm/s at the cable
     "load_range",  # motor torques from zero to the limit
-    "rest",  # pauses of a second and more
+    "standstill",  # pauses of a second and more
     "temperature_range",  # with a conduit_temperature_c column
     "long_time",  # minutes and more
     "many_cycles",  # metres of travel

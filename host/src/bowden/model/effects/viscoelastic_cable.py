@@ -50,7 +50,7 @@ EFFECT = Effect(
     signature="angles and torques creep at standstill; slower strokes are softer",
     excited_by=(
         "reversal",
-        "rest",
+        "standstill",
         "speed_range",
     ),
     confused_with=(
