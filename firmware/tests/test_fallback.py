@@ -224,7 +224,7 @@ def test_a_change_of_the_level_moves_the_torque_by_no_more_than_the_step(
     """Each tick brings the torques of two laws; which of them runs changes at any time."""
     fallback = fallback_with(step_unm=step)
     second, before, given_before = False, laws[0], 0
-    lib.fallback_rest(fallback)
+    lib.fallback_idle(fallback)
     given_before = lib.fallback_blend(fallback, laws[0][0], False)
     for now in laws[1:]:
         changed = now[2]
