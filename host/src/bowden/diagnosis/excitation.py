@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bowden.estimation.gate.answer import thinned
 from bowden.model import Inputs, Mode, Model, ModelError, simulate
 from bowden.model.effects.effect import Excitation as Word
+from bowden.model.trajectory import TEMPERATURE
 from bowden.recording.recording import Recording
 from bowden.signals.motion import Motion, velocity
 
@@ -26,7 +27,6 @@ TURN_SHARE = 0.1  # of the range, where that is less: a locked load only winds u
 REST_MM_S = 0.5  # at the cable; slower is standstill
 PAUSE_S = 0.2
 SLOW_MM_S = 20.0
-TEMPERATURE = "conduit_temperature_c"
 
 
 @dataclass(frozen=True)

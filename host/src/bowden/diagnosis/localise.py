@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.conditions import motion_bands
 from bowden.model import Trajectory
+from bowden.model.trajectory import TEMPERATURE
 from bowden.recording.recording import Recording
 from bowden.signals.motion import Motion
 from bowden.signals.noise import effective_samples
@@ -34,7 +35,6 @@ SIGNIFICANT = 0.05  # for all places together (Bonferroni)
 ANGLE_BANDS, MAP_ANGLES = 6, 14
 SINCE_S = (-np.inf, 0.05, 0.2, 0.6, np.inf)
 FREQUENCIES_HZ = (0.0, 0.3, 1.0, 3.0, 10.0, np.inf)
-TEMPERATURE = "conduit_temperature_c"
 
 
 @dataclass(frozen=True)

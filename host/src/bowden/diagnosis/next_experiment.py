@@ -26,7 +26,6 @@ NEARLY_AS_GOOD = 0.8  # of the best separation: then the simpler experiment, ear
 TELLS_APART = 2.0  # times the noise, sample by sample
 SHOWS = 1.0  # times the noise: less shows nothing
 AMPLITUDE_RAD = float(np.radians(40.0))
-TEMPERATURE = "conduit_temperature_c"
 
 
 @dataclass(frozen=True)

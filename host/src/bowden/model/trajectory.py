@@ -19,6 +19,9 @@ SLACK_A = 1
 SLACK_B = 2
 NOT_CARRIED = 4
 
+TEMPERATURE = "conduit_temperature_c"
+"""Series that every mode takes as given, where it was recorded."""
+
 
 def speed_of(angle: str) -> str:
     """Return the name of an angle's speed."""
@@ -113,7 +116,7 @@ class Inputs:
         return time, motor, load
 
     def _beside(self, mode: Mode) -> dict[str, FloatArray]:
-        given = {name: getattr(self, name) for name in ("conduit_temperature_c", *mode.speeds)}
+        given = {name: getattr(self, name) for name in (TEMPERATURE, *mode.speeds)}
         return {name: values for name, values in given.items() if values is not None}
 
 

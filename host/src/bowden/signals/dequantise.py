@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.model import Mode, Model
-from bowden.model.trajectory import speed_of
+from bowden.model.trajectory import TEMPERATURE, speed_of
 from bowden.recording.recording import Recording
 from bowden.signals.noise import noise_sigma
 from bowden.signals.runs import Runs, Standstill, one_way, shown_turns
@@ -45,6 +45,7 @@ BAND_SIGMAS = 3.0
 CLEAN_SHARE = 1e-7  # of the channel's range: noise below it is rounding of a simulation
 _GRID_TOLERANCE = 0.08  # RMS distance from the grid, in counts
 _UNIFORM = 1.0 / np.sqrt(12.0)
+_TORQUES = ("motor_torque_nm", "load_torque_nm")
 
 
 @dataclass(frozen=True)
@@ -259,7 +260,7 @@ class Estimates:
     recording : Recording
         With estimates in place of readings.
     channels : dict of str to Estimated
-        Those of the four that the recording has.
+        Those of the four that the recording has, and a conduit's temperature.
     """
 
     recording: Recording
@@ -267,7 +268,7 @@ class Estimates:
 
     def draws(self, mode: Mode, seed: np.random.SeedSequence) -> Iterator[Recording]:
         """Yield recordings whose given channels could as well have been, without end."""
-        names = mode.columns
+        names = [name for name in (*mode.columns, TEMPERATURE) if name in self.channels]
         generators = map(np.random.default_rng, seed.spawn(len(names)))
         paths = [self.channels[name].draws(g) for name, g in zip(names, generators, strict=True)]
         for drawn in zip(*paths, strict=True):
@@ -276,7 +277,7 @@ class Estimates:
 
 
 def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimates:
-    """Estimate both angles and the torques that the mode takes as given.
+    """Estimate both angles and whatever else the mode takes as given.
 
     Parameters
     ----------
@@ -295,13 +296,14 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
         "motor_angle_rad": rig.motor_encoder_counts_per_turn,
         "load_angle_rad": rig.load_encoder_counts_per_turn,
     }
+    given = (*mode.columns, TEMPERATURE)
     channels: dict[str, Estimated] = {}
-    for name in ("motor_torque_nm", "load_torque_nm", "motor_angle_rad", "load_angle_rad"):
+    for name in (*_TORQUES, "motor_angle_rad", "load_angle_rad", TEMPERATURE):
         if name not in recording.channels:
             continue
         values = recording[name]
         turn = counts.get(name)
-        if name.endswith("_rad") or name in mode.columns:
+        if name.endswith("_rad") or name in given:
             one = 2.0 * np.pi / turn.value if turn is not None else None
             felt = _felt(channels, name, mode)
             order = ANGLE_ORDER if name.endswith("_rad") else TORQUE_ORDER

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from bowden.model import Inputs, Mode, Model, Trajectory, simulate
 from bowden.model.effects.derivative import velocity
-from bowden.model.trajectory import speed_of
+from bowden.model.trajectory import TEMPERATURE, speed_of
 from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
-
-TEMPERATURE = "conduit_temperature_c"
 
 PREDICTED = {mode: mode.predicted for mode in Mode}
 """The two series that a mode predicts; the first is the one whose gap counts."""
