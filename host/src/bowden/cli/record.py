@@ -17,7 +17,7 @@ from pathlib import Path
 
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drives
 from bowden.cli.keys import has_keys, pressed_keys
-from bowden.cli.output import add_json_argument, console, print_json, progress
+from bowden.cli.output import add_json_argument, print_json, progress
 from bowden.cli.record_summary import show_summary, summary
 from bowden.drive.capture import Capture, record
 from bowden.drive.client import Drive
@@ -162,11 +162,11 @@ def record_to(
     nodes = ", ".join(str(drive.node_id) for drive in drives)
     how_long = "until stopped" if span.duration_s is None else f"for {span.duration_s:g} s"
     keys_help = " (m marks, q ends)" if has_keys() else ""
-    console().print(f"recording node {nodes} {how_long} into {path}{keys_help}", soft_wrap=True)
+    begun = f"recording node {nodes} {how_long} into {path}{keys_help}"
     ended: list[Capture] = []
     try:
         with (
-            _progress(span.duration_s) as tell,
+            _progress(begun, span.duration_s) as tell,
             pressed_keys() as keys,
             _capture_path(path) as capture_path,
         ):
@@ -244,11 +244,15 @@ def _to_csv(capture: Path, output: Path) -> None:
 
 
 @contextmanager
-def _progress(duration_s: float | None) -> Iterator[Callable[[Progress], None]]:
+def _progress(begun: str, duration_s: float | None) -> Iterator[Callable[[Progress], None]]:
+    """Show the progress; say that it has begun when the drives are there and send."""
+    lines = [begun]
     with progress("{task.fields[rate]:.0f} samples/s", "{task.fields[lost]} lost") as display:
         task = display.add_task("recording", total=duration_s, rate=0.0, lost=0)
 
         def tell(now: Progress) -> None:
+            while lines:
+                display.console.print(lines.pop(), soft_wrap=True)
             end_s = now.elapsed_s if duration_s is None else duration_s
             display.update(
                 task,
