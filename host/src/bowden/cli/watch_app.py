@@ -31,7 +31,7 @@ from bowden.drive.live_state import (
 from bowden.drive.meanings import CompensationLaw, ModeOfOperation
 from bowden.drive.power import Run
 
-REFRESH_S = 0.25
+REFRESH_S = 0.35
 _CONFIRM_S = 3.0
 _CURVE_EVERY = 3  # pictures: the curve is what costs most to draw
 _PLOTTED_SAMPLES, _PLOTTED = 4000, 100
