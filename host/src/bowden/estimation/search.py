@@ -132,9 +132,11 @@ def _scan(
 def _look_around(problem: Problem, best: Optimum) -> Optimum:
     """Look along each principal axis at every scale, from a posterior sigma to the unit step.
 
-    With friction that is higher at standstill the cost is jagged: a search ends in the nearest
-    notch. What the data hardly tell apart has its notches along one axis, not along two numbers;
-    and as valleys bend, every place is looked at as it is and with all other numbers following.
+    Friction that remembers makes the cost jagged: a search ends in the nearest notch. Where the
+    cost falls again on the way from an optimum another valley begins, and its bottom may be the
+    deeper one wherever the line meets it. What the data hardly tell apart has its notches along one
+    axis, not along two numbers; and as valleys bend, every place is looked at as it is and with all
+    other numbers following.
     """
     for _ in range(MOST_LOOKS):
         axes = _parameter_axes(problem, best)
@@ -142,20 +144,49 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
         points = [place.x for place in places]
         residuals = problem.residuals_at(points, best.noises)
         followed = _followed(problem, best, axes, places, residuals)
-        points += followed
-        residuals += problem.residuals_at(followed, best.noises)
-        costs = _costs_of(problem, points, residuals, best.noises, best.scales)
+        costs = np.stack(
+            [
+                _costs_of(problem, points, residuals, best.noises, best.scales),
+                _costs(problem, followed, best.noises, best.scales),
+            ]
+        )
         here = about(problem, best.x, best)
-        lowest = int(np.argmin(costs))
-        found = None
-        if costs[lowest] < here - ENOUGH:
-            found = descend(problem, points[lowest], best.noises, best.scales)
-        if found is None or found.cost >= best.cost - ENOUGH:
+        starts = _other_valleys(places, np.stack([points, followed]), costs, here)
+        if not starts:
+            break
+        found = _best_of(problem, starts, best.noises, best.scales)
+        if found.cost >= best.cost - ENOUGH:
             break
         best = found
-    good = [best.x, *(one for one, cost in zip(points, costs, strict=True) if cost < here + WANTED)]
-    reach = np.stack(good)[:, : problem.size]
+    good = np.stack([best.x, *np.stack([points, followed])[costs < here + WANTED]])
+    reach = good[:, : problem.size]
     return replace(best, as_good=np.stack([reach.min(axis=0), reach.max(axis=0)], axis=1))
+
+
+def _other_valleys(
+    places: Sequence[_Place], points: _Floats, costs: _Floats, here: float
+) -> list[_Floats]:
+    """Return the lowest places of other valleys: where the cost has fallen on the way outwards.
+
+    Parameters
+    ----------
+    places : sequence of _Place
+        Of one line after the other, outwards.
+    points : ndarray of shape (2, n, k)
+        Each place as it is, and with the other numbers following.
+    costs : ndarray of shape (2, n)
+    here : float
+        Cost at the optimum, where all lines begin.
+    """
+    lower = np.argmin(costs, axis=0)
+    found = []
+    for line in sorted({place.line for place in places}):
+        (rows,) = np.nonzero([place.line == line for place in places])
+        profile = np.array([here, *costs[lower[rows], rows], math.inf])
+        inner, middle, outer = profile[:-2], profile[1:-1], profile[2:]
+        for k in rows[(middle < inner - ENOUGH) & (middle <= outer)]:
+            found.append((float(costs[lower[k], k]), points[lower[k], k]))
+    return [point for _, point in sorted(found, key=lambda pair: pair[0])[:MOST_VALLEYS]]
 
 
 def _parameter_axes(problem: Problem, best: Optimum) -> _Floats:
@@ -172,21 +203,25 @@ def _parameter_axes(problem: Problem, best: Optimum) -> _Floats:
 
 
 class _Place(NamedTuple):
-    """A point that lies along an axis from an optimum."""
+    """A point that lies along an axis from an optimum, on the line to one side of it."""
 
     x: _Floats
     axis: int
+    line: tuple[int, float]
 
 
 def _along(problem: Problem, best: Optimum, axes: _Floats) -> list[_Place]:
-    """Return places to both sides of an optimum along each axis, octave by octave."""
+    """Return places to both sides of an optimum along each axis, octave by octave outwards."""
     found = []
     unit = problem.unit[: problem.size]
     for k, axis in enumerate(axes.T):
         widest = float(np.min(unit / np.maximum(np.abs(axis[: problem.size]), 1e-300)))
         octaves = max(1, math.ceil(math.log2(max(widest, 2.0))))
-        for reach in 2.0 ** np.arange(octaves + 1):
-            found += [_Place(problem.feasible(best.x + s * reach * axis), k) for s in (-1.0, 1.0)]
+        for side in (-1.0, 1.0):
+            reaches = side * 2.0 ** np.arange(octaves + 1)
+            found += [
+                _Place(problem.feasible(best.x + reach * axis), k, (k, side)) for reach in reaches
+            ]
     return found
 
 
@@ -200,19 +235,20 @@ def _followed(
     """Return places with what a Gauss-Newton step of all other axes and nuisances makes of them.
 
     With the derivatives of the optimum: across a valley they hold along it. `simulated`: the
-    residuals at each place.
+    residuals at each place; where no rig answers the place stays.
     """
     usual = principal_axes(problem, best.hessian)
     slopes = jacobians(problem, best.x, best.residuals, best.noises, usual)
     nuisances = np.diag(problem.unit)[:, problem.size :]
     found = []
-    for (x, k), residuals in zip(places, simulated, strict=True):
+    for (x, k, _), residuals in zip(places, simulated, strict=True):
+        step = np.zeros(x.size)
         if residuals is not None:
             free = np.concatenate([np.delete(axes, k, axis=1), nuisances], axis=1)
             like = (best.noises, best.scales)
             hessian, gradient = normal_equations(problem, x, residuals, slopes, like)
             step = free @ np.linalg.lstsq(free.T @ hessian @ free, free.T @ gradient, rcond=None)[0]
-            found.append(problem.feasible(x - step))
+        found.append(problem.feasible(x - step))
     return found
 
 
@@ -240,7 +276,10 @@ def _best_of(
     ended = sorted(able, key=lambda one: one.cost)[:2]
     if not any(one is able[0] for one in ended):
         ended.append(able[0])
-    found = [descend(problem, one.x, noises, one.scales) for one in ended]
+    found = [
+        descend(problem, one.x, noises, one.scales, axes=principal_axes(problem, one.hessian))
+        for one in ended
+    ]
     return min((one for one in found if one is not None), key=lambda one: one.cost)
 
 

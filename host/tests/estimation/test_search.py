@@ -1,0 +1,118 @@
+"""The search on landscapes that are drawn, so that the lowest place is known without a simulator.
+
+A recording's real covariance weighs residuals that are a given function of one number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from bowden.estimation.covariance import Covariance, Data, covariance
+from bowden.estimation.parameters import parameters_of
+from bowden.estimation.problem import Problem
+from bowden.estimation.search import solve
+from bowden.model import Mode, parse_model
+from numpy.typing import NDArray
+
+from ..rigs import TABLE_1, experiment_2
+
+_Floats = NDArray[np.float64]
+
+MODE = Mode.TORQUE_POSITION
+MODEL = parse_model(TABLE_1)
+NUMBER = "rig.cable.pretension_n"
+
+
+@dataclass(frozen=True)
+class Landscape(Problem):
+    """A problem whose residuals are `heights`, independent of each other, in standard deviations.
+
+    Two of them; the argument is the number's distance from the file's value in prior sigma.
+    """
+
+    heights: Callable[[float], tuple[float, float]]
+    noise: Covariance
+
+    def residuals_at(
+        self,
+        points: Sequence[_Floats],
+        noises: Sequence[Covariance],
+        known: Sequence[Mapping[int, _Floats]] | None = None,
+    ) -> list[list[_Floats] | None]:
+        """Noise of the size that it has, and the heights in two directions that are random."""
+        del noises, known
+        sigma = np.sqrt(self.noise.own)
+        drawn = np.random.default_rng(0).normal(size=(sigma.size, 3))
+        usual, *patterns = np.linalg.qr(drawn)[0].T * sigma
+        found: list[list[_Floats] | None] = []
+        for x in points:
+            high = self.heights(float((x[0] - self.start()[0]) / self.unit[0]))
+            shift = sum(h * p for h, p in zip(high, patterns, strict=True))
+            found.append([usual * np.sqrt(sigma.size) + shift])
+        return found
+
+    def noises(self, x: _Floats) -> list[Covariance]:
+        """The same everywhere: only the sensors'."""
+        del x
+        return [self.noise]
+
+
+@pytest.fixture(scope="module")
+def draw() -> Callable[[Callable[[float], tuple[float, float]]], Landscape]:
+    """Return what makes a problem of heights."""
+    true = experiment_2(MODEL, seconds=3.0)
+    rng = np.random.default_rng(1)
+    noisy = true.load_torque_nm + rng.normal(0.0, 1e-3, true.time_s.size)
+    data = Data.of(true.with_channels({}, load_torque_nm=noisy), 0, MODEL, MODE)
+    whole = covariance(data, MODEL)
+    noise = replace(
+        whole,
+        offset=np.zeros_like(whole.offset),
+        inputs=tuple(np.zeros_like(one) for one in whole.inputs),
+    )
+    parameters = parameters_of(MODEL, [NUMBER])
+    return lambda heights: Landscape(
+        (data,), parameters, (), (None,), ThreadPoolExecutor(1), heights, noise
+    )
+
+
+def found(problem: Landscape) -> float:
+    """Where the search ends, in prior sigma from the file's value."""
+    return float((solve(problem).x[0] - problem.start()[0]) / problem.unit[0])
+
+
+def cost(problem: Landscape, at: float) -> float:
+    first, second = problem.heights(at)
+    return 0.5 * (first**2 + second**2 + at**2)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_deepest_of_many_valleys_is_found(draw: Callable[..., Landscape], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    bottom, width = rng.uniform(-1.0, 1.0), rng.uniform(0.1, 0.3)
+    period, depth = rng.uniform(0.05, 0.25), rng.uniform(2.0, 6.0)
+    problem = draw(
+        lambda u: ((u - bottom) / width, depth * float(np.sin(np.pi * (u - bottom) / period)))
+    )
+    lowest = min(cost(problem, float(at)) for at in np.linspace(-2.0, 2.0, 20_001))
+    # A descent ends where a step gains less than 0.02; the grid is finer than that.
+    assert cost(problem, found(problem)) < lowest + 0.1
+
+
+@pytest.mark.parametrize("from_s", [-1.0, 0.0, 1.0])
+def test_an_interval_is_that_of_the_valley_whatever_its_floor(
+    draw: Callable[..., Landscape], from_s: float
+) -> None:
+    """Over the floor's ripples slopes are three times as steep as the valley's sides."""
+    width = 0.3
+    problem = draw(
+        lambda u: ((u - from_s) / width + 0.03 * float(np.sin((u - from_s) / 0.00255)), 0.0)
+    )
+    best = solve(problem)
+    sigma = float(np.sqrt(problem.covariance(best.hessian)[0, 0])) / problem.unit[0]
+    # The ripple changes half a sigma's rise, 0.5, by 0.03 at most; the prior's sigma is 1.
+    assert sigma == pytest.approx((width**-2 + 1.0) ** -0.5, rel=0.06)
