@@ -126,7 +126,8 @@ def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) ->
     problem, best = material.problem(one.problem.parameters, effects), one.best
     for _ in range(CORRECTED):
         own = corrected(material, problem, best.x, with_laws_doubted(one, noises))
-        found = _descend(problem, best, own)
+        axes = principal_axes(problem, best.hessian)
+        found = _descend(problem, best, own, axes=axes)
         if found is None:
             return one
         settled = float(np.max(np.abs(found.x - best.x) / problem.unit)) < SETTLED
@@ -138,9 +139,15 @@ def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) ->
 
 
 def _descend(
-    problem: Problem, start: Optimum, noises: Sequence[Covariance], rounds: int = ROUNDS
+    problem: Problem,
+    start: Optimum,
+    noises: Sequence[Covariance],
+    rounds: int = ROUNDS,
+    axes: _Floats | None = None,
 ) -> Optimum | None:
-    return descend(problem, start.x, noises, start.scales, rounds=rounds, secants=SECANTS)
+    return descend(
+        problem, start.x, noises, start.scales, rounds=rounds, secants=SECANTS, axes=axes
+    )
 
 
 SECANTS = 4  # steps after each with derivatives of its own: a search fits hundreds of sets

@@ -38,9 +38,13 @@ def descend(
     *,
     rounds: int = ROUNDS,
     secants: int = 0,
+    axes: _Floats | None = None,
 ) -> Optimum | None:
     """Search from one point; None where the model has no answer there.
 
+    `axes`: over which derivatives are taken first, the `principal_axes` of an optimum nearby. Where
+    none is known the first round finds them and does not end the search: derivatives over any
+    other steps give a wrong Hessian, and wrong intervals.
     `secants`: steps after each on derivatives that the last step has corrected. Each costs one
     simulation; where the cost is jagged such a search may end in another notch.
     """
@@ -50,15 +54,16 @@ def descend(
         return None
     here = _settled(problem, x, residuals, noises, scales)
     hessian = np.diag(problem.unit**-2.0)
-    damping, axes = 1e-4, np.diag(DERIVATIVE * problem.unit)
+    damping, known = 1e-4, axes is not None
+    over = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
     for _ in range(rounds):
-        slopes = jacobians(problem, here.x, here.residuals, noises, axes)
+        slopes = jacobians(problem, here.x, here.residuals, noises, over)
         gained = math.inf
         for step in range(1 + secants):
             hessian, gradient = normal_equations(
                 problem, here.x, here.residuals, slopes, (noises, here.scales)
             )
-            axes = principal_axes(problem, hessian) if step == 0 else axes
+            over = principal_axes(problem, hessian) if step == 0 else over
             there, damping = _lower(problem, here, noises, (hessian, gradient), damping)
             gained, move = here.cost - there.cost, there.x - here.x
             promised = -float(gradient @ move + 0.5 * move @ hessian @ move)
@@ -66,8 +71,9 @@ def descend(
             here = _settled(problem, there.x, there.residuals, noises, there.scales)
             if gained <= max(ENOUGH, KEPT * promised):
                 break
-        if step == 0 and gained < ENOUGH:
+        if known and step == 0 and gained < ENOUGH:
             break
+        known = True
     return Optimum(here.x, here.cost, hessian, list(here.residuals), list(noises), here.scales)
 
 
