@@ -21,7 +21,6 @@ pytestmark = NEEDS_ELF
 
 CAN_ESR = 0x40006418
 
-
 BOTH = {0x5210, 0x7200}
 
 

@@ -28,7 +28,7 @@ def triangle(period_s: float, amplitude: float) -> np.ndarray:
 
 
 def stop_and_go() -> np.ndarray:
-    """Half a second of ramp, half a second of rest, anywhere within a count."""
+    """Half a second of ramp, half a second of standstill, anywhere within a count."""
     corner = np.random.default_rng(1).uniform(-0.6, 0.6, 7)
     share = np.clip((TIME_S % 1.0) / 0.5, 0.0, 1.0)
     second = TIME_S.astype(int)
@@ -67,8 +67,8 @@ def test_sigma_is_what_the_error_is(name: str) -> None:
     found = dequantise(TIME_S, counted(angle))
     scaled = np.abs(found.values - angle) / found.sigma
     # The prior allows corners anywhere, so smooth motion is known better than it says; at
-    # standstill the error is uniform: 58 % within one sigma, all within 1.73. Errors of a rest are
-    # all one error.
+    # standstill the error is uniform: 58 % within one sigma, all within 1.73. All errors of one
+    # standstill are the same.
     assert np.mean(scaled < 1.0) > 0.5
     assert np.mean(scaled < 2.0) > 0.95
 
@@ -83,17 +83,17 @@ def test_corners_stay_corners() -> None:
     assert np.abs(found.values - angle)[near].max() < 1.0 * COUNT
 
 
-def test_a_rest_is_flat() -> None:
+def test_a_standstill_is_flat() -> None:
     """Drift within a count at standstill would be motion that friction remembers."""
     angle = stop_and_go()
     found = dequantise(TIME_S, counted(angle))
     for second in range(6):
-        resting = np.abs(TIME_S - (second + 0.775)) < 0.175
-        assert np.ptp(found.values[resting]) < 0.25 * COUNT
+        standing = np.abs(TIME_S - (second + 0.775)) < 0.175
+        assert np.ptp(found.values[standing]) < 0.25 * COUNT
 
 
 def test_a_recording_may_begin_with_motion_that_is_still_slow() -> None:
-    """Half a second inside the first count, then fast: no rest, and friction feels it at once."""
+    """Half a second inside the first count, then fast, and friction feels it at once."""
     slow = 0.5 * COUNT * np.clip(TIME_S / 0.5, 0.0, 1.0) ** 3
     fast = 0.2 * np.clip(TIME_S - 0.5, 0.0, None) ** 2
     found = dequantise(TIME_S, counted(slow + fast))
@@ -101,7 +101,7 @@ def test_a_recording_may_begin_with_motion_that_is_still_slow() -> None:
     drawn = draws(found, 96)
     moved = np.array([abs(one[half_way] - one[0]) for one in drawn]) / COUNT
     # By then it has moved a sixteenth of a count; a draw in three or more has moved so much, too,
-    # and a few have not moved yet: it may as well have been a rest.
+    # and a few have not moved yet: it may as well have stood still.
     assert np.mean(moved > 1 / 16) > 1 / 3
     assert np.mean(moved < 1e-6) > 1 / 8
 
@@ -117,7 +117,7 @@ def test_a_recording_may_end_with_motion_that_has_turned() -> None:
 
 
 def test_a_stroke_that_stops_within_a_long_run_is_not_drawn_beyond_its_turn() -> None:
-    """It brakes within 70 ms and leaves slowly: 0.2 s of one count, too few for a rest."""
+    """It brakes within 70 ms and leaves slowly: 0.2 s of one count, too few for a standstill."""
     gone = TIME_S - 3.0
     fast = 1.45e4 * np.clip(-gone, 0.0, 0.07) ** 2 + 2030.0 * np.clip(-gone - 0.07, 0.0, None)
     stroke = np.where(gone < 0.0, -fast, -9.0 * gone**2)
@@ -141,34 +141,34 @@ def test_a_slow_stroke_is_drawn_as_smooth_as_it_is_beside_fast_ones() -> None:
 
 
 @pytest.mark.parametrize("drifts", [False, True])
-def test_what_seems_to_rest_may_move_where_its_torque_drifts(drifts: bool) -> None:
+def test_what_seems_to_stand_may_move_where_its_torque_drifts(drifts: bool) -> None:
     """Half a second of standstill: slow motion within it shows in the torque only."""
     angle = stop_and_go()
     felt = 100.0 * np.sin(2 * np.pi * TIME_S) if drifts else np.zeros(TIME_S.size)
     found = dequantise(TIME_S, counted(angle), felt=np.stack([felt, np.zeros(TIME_S.size)]))
-    resting = (TIME_S > 2.7) & (TIME_S < 2.85)  # it rests from 2.5 to 3.0 s
-    moved = np.array([np.ptp(one[resting]) for one in draws(found, 24)])
+    standing = (TIME_S > 2.7) & (TIME_S < 2.85)  # it stands from 2.5 to 3.0 s
+    moved = np.array([np.ptp(one[standing]) for one in draws(found, 24)])
     assert bool(np.mean(moved > 0.02 * COUNT) > 1 / 3) is drifts
 
 
 @pytest.mark.parametrize("alone", [True, False])
-def test_an_operator_moves_back_at_a_rest_where_only_their_torque_returns(alone: bool) -> None:
+def test_an_operator_moves_back_where_only_their_torque_returns(alone: bool) -> None:
     """A torque that follows the other end's is no evidence of the operator's motion."""
     hump = 200.0 * np.clip(1.0 - ((TIME_S - 2.9) / 0.08) ** 2, 0.0, None)
     felt = np.stack([hump, np.zeros(TIME_S.size) if alone else hump])
     found = dequantise(TIME_S, counted(stop_and_go()), felt=felt)
-    resting = (TIME_S > 2.55) & (TIME_S < 2.95)
+    standing = (TIME_S > 2.55) & (TIME_S < 2.95)
 
     def backs_up(path: FloatArray) -> bool:
         way = path * np.sign(path[-1] - path[0])
         return bool(np.max(np.maximum.accumulate(way) - way) > 0.02 * COUNT)
 
-    backs = np.mean([backs_up(one[resting]) for one in draws(found, 24)])
+    backs = np.mean([backs_up(one[standing]) for one in draws(found, 24)])
     assert backs > 1 / 4 if alone else backs == 0.0
 
 
-def test_an_operator_at_rest_on_the_edge_between_two_counts_is_at_standstill() -> None:
-    """In either count it is a rest; taken for slow motion, draws would wander through both."""
+def test_an_operator_on_the_edge_between_two_counts_is_at_standstill() -> None:
+    """At standstill in either count; taken for slow motion, draws would wander through both."""
     middle = (COUNT * 100.5) + COUNT * 0.2 * np.sign(TIME_S - 3.0)
     angle = middle + 0.4 * np.clip(np.abs(TIME_S - 3.0) - 0.5, 0.0, None) * np.sign(TIME_S - 3.0)
     found = dequantise(TIME_S, counted(angle))
@@ -212,11 +212,11 @@ def test_the_path_never_leaves_its_counts(
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=30, deadline=None)
 def test_the_estimate_turns_only_where_the_counts_do(seed: int) -> None:
-    """A turn back of a hundredth of a count is worth 60 mN m, for as long as the pair rests."""
+    """A turn back of a hundredth of a count is worth 60 mN m, for as long as the pair stands."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(3000) * 1e-3
     angle, at, place = np.zeros(time_s.size), 0, 0.0
-    while at < time_s.size:  # strokes that stop gently, some after another the same way, and rests
+    while at < time_s.size:  # strokes that stop gently, some after another the same way, and stand
         count = int(rng.integers(100, 600))
         way = float(rng.uniform(-0.05, 0.05))
         share = np.minimum(np.arange(time_s.size - at) / count, 1.0)
@@ -242,7 +242,7 @@ def test_draws_scatter_as_sigma_says_and_together_as_errors_do() -> None:
     spread = np.sqrt(np.mean(errors**2)) / np.sqrt(np.mean(found.sigma**2))
     assert spread == pytest.approx(1.0, abs=0.2)  # clipping to the counts takes a little
     inside = errors[:, (TIME_S > 2.6) & (TIME_S < 2.9)]
-    assert np.mean(np.std(inside, axis=1)) < 0.3 * np.std(inside)  # one error for a whole rest
+    assert np.mean(np.std(inside, axis=1)) < 0.3 * np.std(inside)  # one error for all of it
 
 
 def test_the_same_seed_draws_the_same_path() -> None:
