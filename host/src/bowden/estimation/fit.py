@@ -6,9 +6,7 @@ is decided here, once: from three recordings on, every third recording; before, 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +24,7 @@ from bowden.model.experiments.variants import with_segments
 from bowden.model.model_file import Numerics
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED
+from bowden.workers import workers
 
 _Floats = NDArray[np.float64]
 
@@ -94,7 +93,7 @@ def fit(
     """
     every = [*recordings, *held_out]
     parameters = replace(parameters, model=as_fitted(parameters.model, mode))
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with workers() as pool:
         data = tuple(
             pool.map(
                 lambda pair: Data.of(pair[1], pair[0], parameters.model, mode, seed),

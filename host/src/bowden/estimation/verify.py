@@ -7,9 +7,7 @@ for none that exceeds the noise. `cli.verify` prints the answer.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -26,6 +24,7 @@ from bowden.estimation.search import WRONG
 from bowden.model import Mode, Model, ModelError
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED
+from bowden.workers import workers
 
 MOST = 1.0  # usual noise: a discrepancy that a model may have and still explain a channel
 
@@ -136,7 +135,7 @@ def verify(
     for one in recordings:
         require_mode(one, mode, "verifying")
     fixed = Parameters(as_fitted(model, mode), (), np.zeros((0, 0)))
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with workers() as pool:
         data = tuple(Data.of(one, k, fixed.model, mode, seed) for k, one in enumerate(recordings))
         nuisances = usual_nuisances(mode, recordings, [one.estimates for one in data], zeros)
         problem = Problem(data, fixed, nuisances, tuple(None for _ in data), pool)

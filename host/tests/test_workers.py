@@ -1,0 +1,19 @@
+"""Threads beside each other, each with linear algebra of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from bowden.workers import workers
+from threadpoolctl import threadpool_info
+
+
+def _blas_threads() -> set[int]:
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+def test_blas_keeps_to_one_thread_beside_the_workers_and_gets_its_threads_back() -> None:
+    np.linalg.solve(np.eye(2), np.ones(2))
+    before = _blas_threads()
+    with workers() as pool:
+        assert set().union(*pool.map(lambda _: _blas_threads(), range(4))) == {1}
+    assert _blas_threads() == before
