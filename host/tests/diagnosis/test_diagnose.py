@@ -106,7 +106,7 @@ def test_nothing_is_invented_for_a_complete_model() -> None:
     found = diagnosed("")
     assert found.verdict == "complete"
     assert found.effects == ()
-    assert "Nothing is missing" in found.sentence
+    assert "Calibration within the tolerances explains these recordings" in found.sentence
 
 
 def test_an_effect_below_the_noise_of_a_sample_gets_no_name() -> None:

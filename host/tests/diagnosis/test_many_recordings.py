@@ -22,3 +22,8 @@ def test_five_recordings_get_a_verdict() -> None:
     assert found.verdict == "named"
     assert [one.name for one in found.effects] == ["viscous_friction"]
     assert {one.source for one in found.series} == {"made by the model"}
+    # Four folds of blocks, and each whole recording by fits that have seen none of it.
+    assert found.validation is not None
+    held_out = [one.held_out for one in found.validation.splits]
+    assert sum(text.startswith("recording") for text in held_out) == 5
+    assert [one.explanation for one in found.validation.splits] == ["viscous_friction"] * 9

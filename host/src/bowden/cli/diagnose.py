@@ -162,6 +162,8 @@ def show(diagnosis: Diagnosis) -> None:
     ]
     if odds:
         out.print(f"odds: {', '.join(odds)}", soft_wrap=True)
+    if diagnosis.validation:
+        out.print(f"validation: {diagnosis.validation.text}", soft_wrap=True)
     if diagnosis.ranking:
         table = Table("candidate", box=box.SIMPLE_HEAD, pad_edge=False)
         for name in ("gain", "held-out gap"):

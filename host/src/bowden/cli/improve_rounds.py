@@ -222,7 +222,7 @@ def in_words(state: ImproveState) -> str:
     rounds = state.rounds
     why = {
         "": f"{len(rounds)} rounds done; the last model is in the drive, not yet recorded with",
-        "complete": "the gap is at the noise floor: nothing is missing",
+        "complete": "the gap is at the noise floor",
         "nothing found": "something is missing that no model explains",
         "nothing for the drive": "the drive can take nothing of what was found",
         "bad data": "the recording cannot be trusted",

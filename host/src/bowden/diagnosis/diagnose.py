@@ -10,9 +10,7 @@ they predict what they have not seen, `verdict` words the posterior, `localise` 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
 import numpy as np
@@ -30,6 +28,7 @@ from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, Series, Verdict
 from bowden.diagnosis.rules.diagnose import diagnose_by_rules
 from bowden.diagnosis.search import Found, Progress, search
+from bowden.diagnosis.validation import validate
 from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking
 from bowden.diagnosis.waterfall import gap_steps
 from bowden.diagnosis.wording import as_solved_before, sentence_of, stopped
@@ -39,6 +38,7 @@ from bowden.model import Mode, Model
 from bowden.model.effects import LEARNED
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED, simulate_recording
+from bowden.workers import workers
 
 Method = Literal["prediction", "rules"]
 
@@ -96,7 +96,7 @@ def diagnose(
             contents=contents,
             progress=tell,
         )
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with workers() as pool:
         material = make_material(recordings, model, mode, seed, pool)
         found = search(
             material,
@@ -113,10 +113,12 @@ def diagnose(
         tell("computing the verdict", 0.95)
         base = next(one for one in found.weighed if not one.hypothesis.effects)
         series = series_of(material, base, decision.chosen)
+        screened = {one.candidate.name for one in found.screened}
+        validation = validate(found.weighed, decision.chosen, len(screened), seed)
     gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
     hidden = invisible(found)
     verdict: Verdict = decision.verdict
-    if verdict == "complete" and len({x.candidate.name for x in found.screened}) <= len(hidden):
+    if verdict == "complete" and len(screened) <= len(hidden):
         verdict = "insufficient_excitation"
     where = _where(base, recordings, mode, series, seed)
     advice = _advice(found.weighed, mode, series)
@@ -158,6 +160,7 @@ def diagnose(
         ),
         learned=learned,
         law_odds=law_odds,
+        validation=validation,
     )
 
 

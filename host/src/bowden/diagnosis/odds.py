@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LAWS, LawCandidate
 from bowden.diagnosis.predict import UnseenPrediction
-from bowden.model.effects import CATALOGUE, Effect
+from bowden.model.effects import CATALOGUE, LEARNED, Effect
 
 _Floats = NDArray[np.float64]
 
@@ -112,3 +112,14 @@ def posterior(
         for i, one in enumerate(found)
     ]
     return sorted(weighed, key=lambda one: -(one.weight + one.beyond))
+
+
+def explanations(every: Sequence[Weighed]) -> dict[str, float]:
+    """Return the posterior of each explanation, likeliest first; "unlisted" is always there."""
+    found = {"unlisted": sum(one.beyond for one in every)}
+    for one in every:
+        names = " + ".join(one.hypothesis.names) or "nothing"
+        if LEARNED in one.hypothesis.names:
+            names = "unlisted"
+        found[names] = found.get(names, 0.0) + one.weight
+    return dict(sorted(found.items(), key=lambda pair: -pair[1]))

@@ -70,17 +70,23 @@ class UnseenPrediction:
             np.logaddexp(self.small + math.log1p(-share), self.large + math.log(share))
         )
 
+    def of_blocks(self, chosen: NDArray[np.bool_]) -> UnseenPrediction:
+        """Return what is said of some blocks only; `residuals` and `folds` stay whole."""
+        return replace(self, small=self.small[chosen], large=self.large[chosen])
 
-def predict_unseen(one: Hypothesis) -> UnseenPrediction:
+
+def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPrediction:
     """Refit a hypothesis to each fold's training blocks and predict the others.
 
     Parameters
     ----------
     one : Hypothesis
+    by_recording : bool, default False
+        Hold out whole recordings, each once, in place of every fourth block.
     """
     problem, best = one.problem, one.best
     count = [len(data.observations.blocks) for data in problem.data]
-    fold = _folds(count)
+    fold = [np.full(n, k) for k, n in enumerate(count)] if by_recording else _folds(count)
     small = [np.zeros(number) for number in count]
     large = [np.zeros(number) for number in count]
     residuals = [np.array(r) for r in best.residuals]
@@ -160,7 +166,7 @@ def _refitted(
 
 
 def _folds(count: list[int]) -> list[NDArray[np.intp]]:
-    """Deal the blocks to folds: every fourth to the same; of three recordings, whole ones too."""
+    """Deal the blocks to folds: every fourth to the same, of all recordings in a row."""
     found, start = [], 0
     for number in count:
         found.append((start + np.arange(number)) % min(FOLDS, sum(count)))

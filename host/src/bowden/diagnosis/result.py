@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.excitation import Excitation
 from bowden.diagnosis.localise import Place, ResidualMap
+from bowden.diagnosis.validation import Validation
 from bowden.diagnosis.waterfall import BudgetStep
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
@@ -150,6 +151,8 @@ class Diagnosis:
         With "unlisted", where a law predicts unseen stretches better than no law.
     law_odds : dict of str to float
         Probability of each place and argument, given that one of them is the law.
+    validation : Validation or None
+        What each split says by itself, and whether residuals are white and independent of inputs.
     """
 
     verdict: Verdict
@@ -175,6 +178,7 @@ class Diagnosis:
     budget: tuple[BudgetStep, ...]
     learned: Learned | None = None
     law_odds: dict[str, float] = field(default_factory=dict)
+    validation: Validation | None = None
 
     def to_document(self) -> dict[str, object]:
         """Return what ``bowden diagnose --json`` prints; the keys of CONTRACTS and more."""
@@ -204,6 +208,7 @@ class Diagnosis:
             "odds": self.odds,
             "budget": [asdict(one) for one in self.budget],
             **self._learned(),
+            **({"validation": asdict(self.validation)} if self.validation else {}),
             "next_experiment": self.next_experiment,
             "next_command": self.next_command,
             "notes": list(self.notes),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.contribution import shares
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.odds import Weighed
+from bowden.diagnosis.odds import Weighed, explanations
 from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
 from bowden.diagnosis.search import Found
@@ -86,17 +86,6 @@ def decide(found: Found) -> Decision:
         named.values(), key=lambda one: (-round(one.confidence, 2), -sizes.get(one.name, 0.0))
     )
     return Decision(verdict, tuple(order), chosen, _ties(_credible(every)), odds)
-
-
-def explanations(every: Sequence[Weighed]) -> dict[str, float]:
-    """Return the posterior of each explanation, likeliest first; "unlisted" is always there."""
-    found = {"unlisted": sum(one.beyond for one in every)}
-    for one in every:
-        names = " + ".join(one.hypothesis.names) or "nothing"
-        if LEARNED in one.hypothesis.names:
-            names = "unlisted"
-        found[names] = found.get(names, 0.0) + one.weight
-    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
 
 def odds_of_laws(every: Sequence[Weighed]) -> dict[str, float]:

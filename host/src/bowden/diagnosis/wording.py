@@ -107,8 +107,8 @@ def sentence_of(
         )
     if verdict == "complete":
         return (
-            f"Nothing is missing beyond what calibration within the tolerances explains: the "
-            f"held-out gap in {channel} is {before}, the noise floor {floor}."
+            f"Calibration within the tolerances explains these recordings: the held-out gap in "
+            f"{channel} is {before}, the noise floor {floor}, and no effect predicts them better."
         )
     return "These recordings would show no effect of the catalogue at its usual size."
 

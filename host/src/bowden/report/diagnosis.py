@@ -18,12 +18,12 @@ from bowden.estimation.gap import Gap
 from bowden.model import format_model
 from bowden.model.effects import CATALOGUE
 from bowden.report import diagnosis_plots as plots
+from bowden.report.evidence import evidence_sections
 from bowden.report.learned_law import learned_section
 from bowden.report.page import (
     Section,
     command,
     figure,
-    folded,
     items,
     listing,
     page,
@@ -31,7 +31,7 @@ from bowden.report.page import (
     table,
     tiles,
 )
-from bowden.report.words import NAMES, percent, quantity_with_unit
+from bowden.report.words import NAMES, explanation_of, percent, quantity_with_unit, title_of
 
 POINTS_A_TRACE = 5000
 DETAILED = 4  # recordings that get plots
@@ -69,8 +69,7 @@ def diagnosis_report(diagnosis: Diagnosis, facts: Mapping[str, str] | None = Non
         *_effects(diagnosis),
         *_before_and_after(diagnosis),
         *_where(diagnosis),
-        *_ranking(diagnosis),
-        *_calibration(diagnosis),
+        *evidence_sections(diagnosis),
         *_next(diagnosis),
         *_data(diagnosis),
         Section(
@@ -135,7 +134,7 @@ def _budget(diagnosis: Diagnosis) -> list[Section]:
         return []
     body = [figure(plots.waterfall(diagnosis.budget, diagnosis.gap.quantity), "waterfall")]
     odds = [
-        [_explanation(names), percent(share)]
+        [explanation_of(names), percent(share)]
         for names, share in diagnosis.odds.items()
         if share >= LEAST_SHOWN
     ]
@@ -143,15 +142,6 @@ def _budget(diagnosis: Diagnosis) -> list[Section]:
     if diagnosis.next_command:
         body += [paragraph("To type next:"), command(diagnosis.next_command)]
     return [Section("Where the gap goes", body)]
-
-
-def _explanation(names: str) -> str:
-    """Return an explanation of the posterior in words."""
-    if names == "nothing":
-        return "no effect is missing"
-    if names == "unlisted":
-        return "an effect outside the catalogue"
-    return " and ".join(_title(name) for name in names.split(" + "))
 
 
 def _effects(diagnosis: Diagnosis) -> list[Section]:
@@ -194,10 +184,10 @@ def _parameter_row(one: NamedEffect, name: str, value: Value) -> list[str]:
 def _confused(diagnosis: Diagnosis, name: str) -> str:
     """Return the effects that it is mistaken for: with these data, and in general."""
     here = sorted(
-        {_title(x) for group in diagnosis.cannot_tell_apart if name in group for x in group}
-        - {_title(name)}
+        {title_of(x) for group in diagnosis.cannot_tell_apart if name in group for x in group}
+        - {title_of(name)}
     )
-    usual = [_title(x) for x in CATALOGUE[name].confused_with if x in CATALOGUE]
+    usual = [title_of(x) for x in CATALOGUE[name].confused_with if x in CATALOGUE]
     separated = [x for x in usual if x not in here]
     text = ""
     if here:
@@ -205,11 +195,6 @@ def _confused(diagnosis: Diagnosis, name: str) -> str:
     if separated:
         text += f"Often mistaken for {_series_of(separated)}; these recordings distinguish them."
     return text.strip()
-
-
-def _title(name: str) -> str:
-    title = CATALOGUE[name].title if name in CATALOGUE else name.replace("_", " ")
-    return title[0].lower() + title[1:]
 
 
 def _series_of(names: list[str]) -> str:
@@ -270,71 +255,6 @@ def _where(diagnosis: Diagnosis) -> list[Section]:
     elif diagnosis.where:
         body.append(paragraph("No condition holds more of it than chance would put there."))
     return [Section("Where it shows", body)] if body else []
-
-
-def _ranking(diagnosis: Diagnosis) -> list[Section]:
-    if not diagnosis.ranking:
-        return []
-    rows = [
-        [
-            _title(one.name) + (f" ({one.variant})" if one.variant else ""),
-            f"{one.score:.1f}",
-            _amount(diagnosis.gap, one.held_out_gap),
-        ]
-        for one in diagnosis.ranking
-    ]
-    groups = [" = ".join(map(_title, group)) for group in diagnosis.cannot_tell_apart]
-    alike = (
-        [paragraph("What these recordings cannot separate:"), items(groups[:12])] if groups else []
-    )
-    named = {one.name for one in diagnosis.effects}
-    return [
-        Section(
-            "Candidates",
-            [
-                paragraph(
-                    "Every effect of the catalogue was screened; the most promising were fitted "
-                    "together with the calibration. The gain is that of the best set that holds "
-                    "it: how much more likely it makes stretches that its fit has not seen than "
-                    "the calibrated model does (natural logarithm, all stretches together)."
-                ),
-                figure(plots.ranking(diagnosis.ranking, named), "ranking"),
-                *alike,
-                folded("all candidates", table(["", "gain", "held-out gap"], rows)),
-            ],
-        )
-    ]
-
-
-def _calibration(diagnosis: Diagnosis) -> list[Section]:
-    if not diagnosis.calibration:
-        return []
-    rows = [
-        [
-            one.path,
-            f"{one.before:.4g}",
-            f"{one.value:.4g}",
-            "–" if one.low is None else f"{one.low:.3g} .. {one.high:.3g}",
-            "to its bound"
-            if one.at_bound
-            else (f"{one.change_in_sigmas:+.1f} σ" if one.change_in_sigmas is not None else "–"),
-        ]
-        for one in diagnosis.calibration
-    ]
-    return [
-        Section(
-            "Calibration",
-            [
-                paragraph(
-                    "What the model file gives a tolerance was moved first, held back by it, so "
-                    "that a miscalibration is not called a missing effect. More than 3 σ would be "
-                    "a finding of its own."
-                ),
-                figure(plots.calibration(diagnosis.calibration), "calibration"),
-                table(["", "file", "now", "95 % interval", "moved"], rows),
-            ],
-        )
-    ]
 
 
 def _next(diagnosis: Diagnosis) -> list[Section]:

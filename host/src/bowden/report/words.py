@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from bowden.diagnosis.compare import Comparison
+from bowden.model.effects import CATALOGUE
 from bowden.recording.channels import MAIN_CHANNELS, channel
 
 NAMES = {name: channel(name).words for name in MAIN_CHANNELS}
@@ -103,3 +104,18 @@ def _digits(value: float, digits: int) -> str:
     rounded = float(f"{value:.{digits - 1}e}")
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
     return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def title_of(name: str) -> str:
+    """Return the title of an effect within a sentence."""
+    title = CATALOGUE[name].title if name in CATALOGUE else name.replace("_", " ")
+    return title[0].lower() + title[1:]
+
+
+def explanation_of(names: str) -> str:
+    """Return an explanation of the posterior in words."""
+    if names == "nothing":
+        return "no effect is missing"
+    if names == "unlisted":
+        return "an effect outside the catalogue"
+    return " and ".join(title_of(name) for name in names.split(" + "))
