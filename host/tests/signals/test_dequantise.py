@@ -9,6 +9,7 @@ import pytest
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimated, dequantise, estimate_channels, grid
+from bowden.signals.runs import chatters
 from bowden.signals.smooth_path import TORQUE_ORDER
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -204,6 +205,8 @@ def test_the_path_never_leaves_its_counts(
     read = counted(angle)
     found = dequantise(time_s, read, expected_quantum=COUNT)
     inside = 0.5 * COUNT * (1 + 1e-9) + 3.0 * found.noise
+    if chatters(np.round(read / COUNT)):
+        inside += COUNT  # at readings that alternate, which count is the right one is open
     assert np.all(np.abs(found.values - read) <= inside)
     assert np.all(np.isfinite(found.sigma))
     assert np.all(np.abs(draws(found, 1)[0] - read) <= inside)

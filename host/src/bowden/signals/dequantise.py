@@ -26,7 +26,7 @@ from bowden.model import Mode, Model
 from bowden.model.trajectory import TEMPERATURE, speed_of
 from bowden.recording.recording import Recording
 from bowden.signals.noise import noise_sigma
-from bowden.signals.runs import Runs, Standstill, one_way, shown_turns
+from bowden.signals.runs import Runs, Standstill, chatters, one_way, shown_turns, without_chatter
 from bowden.signals.smooth_path import (
     ANGLE_ORDER,
     TORQUE_ORDER,
@@ -228,15 +228,23 @@ def _within_counts(
     zero = float(values[0])
     count = np.round((values - zero) / quantum)
     usual = float(np.median(np.diff(time_s)))
-    runs = Runs.of(count)
-    nodes = runs.nodes()
+    nodes = Runs.of(count).nodes()
     step = np.diff(time_s[nodes]) / usual
-    # At a turn friction changes its sign and the acceleration jumps.
-    relative, kind = runs.relative_intensity(nodes, count), runs.kinds(nodes, count)
-    smooth = path_through_boxes(step, count[nodes], EDGE_NOISE, relative, kind)
-    noise = float(np.sqrt(smooth.noise**2 - EDGE_NOISE**2))
     before = np.clip(np.searchsorted(nodes, np.arange(count.size), "right") - 1, 0, nodes.size - 2)
     share = (time_s - time_s[nodes[before]]) / (step[before] * usual)
+
+    def smoothed(settled: _Floats) -> SmoothPath:
+        # At a turn friction changes its sign and the acceleration jumps.
+        runs = Runs.of(settled)
+        relative, kind = runs.relative_intensity(nodes, settled), runs.kinds(nodes, settled)
+        return path_through_boxes(step, count[nodes], EDGE_NOISE, relative, kind)
+
+    smooth, settled = smoothed(count), count
+    if chatters(count):  # strokes and standstills are those of the counts without their noise
+        settled = without_chatter(np.round(smooth.at(before, share)[0]))
+        smooth = smoothed(settled)
+    runs = Runs.of(settled)
+    noise = float(np.sqrt(smooth.noise**2 - EDGE_NOISE**2))
     margin = 0.5 + BAND_SIGMAS * noise
     path = _Path(
         smooth=smooth,
@@ -244,9 +252,9 @@ def _within_counts(
         share=share,
         zero=zero,
         unit=quantum,
-        turns=runs.turns(count),
-        box=(count - margin, count + margin),
-        standstills=runs.standstills(count, felt),
+        turns=Runs.of(count).turns(count),
+        box=(np.minimum(count, settled) - margin, np.maximum(count, settled) + margin),
+        standstills=runs.standstills(settled, felt),
     )
     return Estimated(*path.estimate(), quantum, quantum * noise, path)
 

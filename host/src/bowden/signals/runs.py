@@ -26,6 +26,8 @@ SHOWN = 6.0  # standard deviations of a difference: such a turn is not of noise
 PARABOLA = 2.0  # an even acceleration
 POWERS = (1.0, 3.0)  # of time, with which motions begin and end: at once (1), with even jerk (3)
 BRAKING = (0.5, 3.0)  # as far as draws go: operators start and stop more or less gently
+CHATTER_SAMPLES = 8  # readings' errors are independent: so many alike on an edge are one in 250
+PASSED = 0.25  # of the runs beside: the turn passes the edge by an eighth of a count, 2.5 sigma
 
 
 @dataclass(frozen=True)
@@ -142,6 +144,51 @@ def _excursion(size: int, generator: np.random.Generator) -> _Floats:
     middle, width = generator.uniform(0.0, 1.0), generator.uniform(0.05, 0.5)
     away = (np.linspace(0.0, 1.0, size) - middle) / width
     return np.asarray(np.maximum(1.0 - away**2, 0.0) ** 2)
+
+
+def chatters(count: _Floats) -> bool:
+    """Return whether counts cross an edge back and forth and back: noise does, a motion hardly."""
+    back = _taken_back(count)[1]
+    return bool(np.any(back[1:] & back[:-1]))
+
+
+def _taken_back(count: _Floats) -> tuple[_Index, NDArray[np.bool_]]:
+    """Return where runs begin, and of each inner one whether it is as short as noise and goes back.
+
+    The changes at both its ends are then across the same edge.
+    """
+    first = np.concatenate([[0], np.flatnonzero(np.diff(count)) + 1, [count.size]])
+    level, length = count[first[:-1]], np.diff(first)
+    back = (level[2:] == level[:-2]) & (np.abs(level[1:-1] - level[:-2]) == 1.0)
+    return first, back & (length[1:-1] <= CHATTER_SAMPLES)
+
+
+def without_chatter(count: _Floats) -> _Floats:
+    """Return counts that cross each edge once where noise made them cross it back and forth.
+
+    An edge is no sharper than the noise of its readings: while a motion passes it, or stands on it,
+    counts alternate. What alternates takes the count that most of it has, with one crossing where
+    it begins and ends on different sides; so does a turn that passes an edge by less than noise.
+    """
+    found = count.copy()
+    first, back = _taken_back(count)
+    level = count[first[:-1]]
+    begins = np.flatnonzero(np.diff(back.astype(np.int8), prepend=0) == 1)
+    ends = np.flatnonzero(np.diff(back.astype(np.int8), append=0) == -1)
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        # Runs from `begin` + 1 to `end` + 1 lie between the first run and the last on that edge.
+        start, stop = int(first[begin + 1]), int(first[end + 2])
+        here, there = level[begin], level[end + 2]
+        inner, size = count[start:stop], stop - start
+        stayed = int(np.count_nonzero(inner == here))
+        beside = min(start - int(first[begin]), int(first[end + 3]) - stop)
+        if here != there:
+            found[start : start + stayed], found[start + stayed : stop] = here, there
+        elif stayed > size / 2 or size < PASSED * beside:
+            found[start:stop] = here
+        else:
+            found[start:stop] = level[begin + 1]
+    return found
 
 
 @dataclass(frozen=True)
