@@ -7,6 +7,7 @@ export each as SVG or CSV, and each table as LaTeX. Follows the reader's light o
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -122,14 +123,26 @@ def paragraph(text: str) -> str:
     return f"<p>{escape(text)}</p>"
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table; the first column is text, the others are aligned as numbers."""
+def table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], links: Sequence[str | None] = ()
+) -> str:
+    """Return a table; the first column is text, the others are aligned as numbers.
+
+    Parameters
+    ----------
+    header : sequence of str
+    rows : sequence of sequence of str
+    links : sequence of str or None, optional
+        Where the first cell of each row leads.
+    """
     head = "".join(
         f'<th scope="col">{escape(cell)}</th>' if cell else "<td></td>" for cell in header
     )
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-    )
+    body = ""
+    for row, link in itertools.zip_longest(rows, links):
+        first, *others = map(escape, row)
+        cells = [f'<a href="{escape(link)}">{first}</a>' if link else first, *others]
+        body += "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
     return (
         f'<div class="tabular"><div class="scroll" tabindex="0"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{_exports('tex')}</div>"
