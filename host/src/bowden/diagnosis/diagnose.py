@@ -27,10 +27,10 @@ from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.numbers_known import estimates_of, with_posterior
 from bowden.diagnosis.odds import Weighed
-from bowden.diagnosis.result import Diagnosis, Series, Verdict
+from bowden.diagnosis.result import Diagnosis, Series
 from bowden.diagnosis.rules.diagnose import diagnose_by_rules
 from bowden.diagnosis.search import Found, Progress, search
-from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking
+from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking, stated
 from bowden.diagnosis.waterfall import gap_steps
 from bowden.diagnosis.wording import as_solved_before, sentence_of, stopped
 from bowden.estimation.gate.check import check_data
@@ -115,9 +115,7 @@ def diagnose(
         series = series_of(material, base, decision.chosen)
     gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
     hidden = invisible(found)
-    verdict: Verdict = decision.verdict
-    if verdict == "complete" and len({x.candidate.name for x in found.screened}) <= len(hidden):
-        verdict = "insufficient_excitation"
+    verdict = stated(decision, found)
     where = _where(base, recordings, mode, series, seed)
     advice = _advice(found.weighed, mode, series)
     gap = max(gaps, key=lambda one: one.before / one.noise_floor if one.noise_floor else 0.0)
