@@ -86,6 +86,8 @@ def test_a_bad_recording_does_not_lose_the_others(capsys: pytest.CaptureFixture[
     for cell in ("named", "load_cell_offset.offset_nm = 0.31 N m (0.29 .. 0.33)", "43.3", "1.08"):
         assert cell in row
     assert "2 of 5 diagnosed" in err
+    assert any(line.startswith("impossible.csv: ") for line in err.splitlines())
+    assert "nowhere.csv: nowhere.csv" not in err
     assert [one.get("report") for one in found] == [
         "pages/run.html", "pages/wrong.html", None, None, "pages/run-2.html",
     ]  # fmt: skip

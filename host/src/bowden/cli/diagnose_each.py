@@ -230,7 +230,7 @@ def _show(args: argparse.Namespace, done: Sequence[Outcome]) -> None:
     out.print(table)
     for one in done:
         if one.row.problem:
-            out.print(f"{one.row.recording}: {one.row.problem}", soft_wrap=True)
+            out.print(one.row.refusal, soft_wrap=True)
     bad = sum(not one.diagnosed for one in done)
     out.print(
         f"{len(done) - bad} of {len(args.recordings)} diagnosed; bad data or bad input: {bad}"

@@ -64,6 +64,12 @@ class DiagnosisRow:
         return cls(recording, verdict, effects, before, after, seconds, problem)
 
     @property
+    def refusal(self) -> str:
+        """Recording and problem in one sentence; a message on a file names it already."""
+        named = self.problem.startswith(self.recording)
+        return self.problem if named or not self.problem else f"{self.recording}: {self.problem}"
+
+    @property
     def lines(self) -> list[tuple[str, ...]]:
         """Its lines of a table: one an effect's number."""
         first, *others = self.effects or ("–",)
@@ -86,7 +92,7 @@ def diagnoses_report(rows: Sequence[DiagnosisRow], facts: Mapping[str, str]) -> 
     verdicts = Counter(one.verdict for one in rows)
     lines = [line for one in rows for line in one.lines]
     links = [link for one in rows for link in (one.page, *[None] * (len(one.lines) - 1))]
-    problems = [f"{one.recording}: {one.problem}" for one in rows if one.problem]
+    problems = [one.refusal for one in rows if one.problem]
     return page(
         "Diagnoses, recording by recording",
         f"{counted(len(rows), 'recording', 'recordings')}, each diagnosed by itself.",

@@ -30,6 +30,7 @@ h1 { font-size: 26px; line-height: 1.25; font-weight: 650; margin: 0 0 4px; }
 h2 { font-size: 20px; font-weight: 620; margin: 44px 0 6px; }
 h3 { font-size: 16px; font-weight: 620; margin: 30px 0 2px; }
 p { margin: 6px 0 12px; max-width: 46em; }
+a { color: var(--blue); }
 .subtitle { color: var(--soft); margin-bottom: 24px; max-width: none; }
 .verdict { font-size: 19px; line-height: 1.5; border-left: 4px solid var(--blue);
   padding: 4px 0 4px 18px; margin: 20px 0 24px; max-width: none; }
