@@ -73,7 +73,7 @@ def test_the_page_tells_what_a_constant_changes() -> None:
     usual = Stated("named", ("wear",), {"wear": 0.96, "nothing": 0.04}, 10.0)
     tie = Stated("ambiguous", ("wear",), {"wear": 0.9, "nothing": 0.1}, 20.0)
     changed = {(one.module, one.name, f): usual for one in constants() for f in sensitivity.FACTORS}
-    text = page([Tried("single", usual, {**changed, ("odds", "MORE", 0.5): tie})], "", 7, 12.0)
+    text = page([Tried("single", usual, {**changed, ("odds", "MORE", 0.5): tie})], "", 7, 1, 12.0)
     (row,) = [line for line in text.splitlines() if line.startswith("| `odds.MORE`")]
     assert row.endswith("| 1 of 1 | 0 of 1 | 0.06 | 0.00 | 2.00 | 1.00 |")
     idle = text[text.index("In these cases") :]

@@ -42,7 +42,7 @@ PAGE: Final = """\
 
 Written by `{command}`; do not edit.
 
-Version {version}, {date}, seed {seed}: {count} cases of {length:g} s at 1 kHz ({kinds}),
+Version {version}, {date}, seed {seed}: {count} of {asked} cases of {length:g} s at 1 kHz ({kinds}),
 recorded by the independent solver (`hil_tests/hidden_effects`). Each constant in the decision
 path of `bowden.diagnosis` is halved and doubled, all others as they are. Whole numbers round half
 up; {odds} are scaled by their odds. With the constants as they are the verdicts were: {verdicts}.
@@ -153,8 +153,8 @@ def _is_same(one: Numbers, other: Numbers) -> bool:
     return bool(np.all(np.asarray(one) == np.asarray(other)))
 
 
-def page(found: Sequence[Tried], command: str, seed: int, length_s: float) -> str:
-    """Return the documentation's page."""
+def page(found: Sequence[Tried], command: str, seed: int, asked: int, length_s: float) -> str:
+    """Return the documentation's page; of so many cases as were asked for, those that are done."""
     every = constants()
     idle = [one for one in every if _is_idle(one, found)]
     return PAGE.format(
@@ -163,6 +163,7 @@ def page(found: Sequence[Tried], command: str, seed: int, length_s: float) -> st
         date=datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
         seed=seed,
         count=len(found),
+        asked=asked,
         length=length_s,
         kinds=", ".join(f"{n} {kind}" for kind, n in Counter(one.kind for one in found).items()),
         odds=", ".join(f"`{name}`" for name in ODDS),
@@ -255,7 +256,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found.append(one)
             with replace_whole(args.page) as temporary:
                 temporary.write_text(
-                    page(found, command, args.seed, args.length_s), encoding="utf-8"
+                    page(found, command, args.seed, args.cases, args.length_s), encoding="utf-8"
                 )
             usual = one.usual
             sys.stderr.write(
