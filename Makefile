@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels transcripts bench bench-faults bench-diagnosis bench-feel bench-calibration bench-data-gate lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels transcripts bench bench-faults bench-diagnosis bench-feel bench-calibration bench-data-gate bench-sensitivity lock clean
 .PHONY: setup setup-firmware setup-baselines setup-browser native
 
 help: ## list the targets
@@ -86,6 +86,9 @@ bench-calibration: setup ## are stated intervals true? (SEED=...); hours; build/
 
 bench-data-gate: setup ## does the data gate name faults and leave good recordings alone? (SEED=...); an hour; docs/data-gate.md
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m hil_tests.benchmarks.data_gate --seed $(SEED) --page docs/data-gate.md $(BENCH_FLAGS)
+
+bench-sensitivity: setup ## how a verdict depends on each constant of the diagnosis (SEED=...); an hour; docs/diagnosis-constants.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m hil_tests.benchmarks.sensitivity --seed $(SEED) --page docs/diagnosis-constants.md $(BENCH_FLAGS)
 
 lock: setup ## resolve requirements.lock and requirements-baselines.lock anew (needs uv)
 	$(COMPILE) --no-emit-package bowden --no-emit-package bowden-rig --no-emit-package bowden-bench \

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bowden.cli import parallel
 from bowden.cli import sweep as command
 from bowden.cli.main import main
 from bowden.model import format_model
@@ -154,7 +155,7 @@ def test_random_draws_repeat_with_their_seed(model: Path, tmp_path: Path) -> Non
 def test_a_scheduler_that_is_not_there_is_one_line(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(command, "_CONNECT_WITHIN_S", 0.2)
+    monkeypatch.setattr(parallel, "_CONNECT_WITHIN_S", 0.2)
     output = tmp_path / "out.csv"
     assert main(arguments(model, output, "--scheduler", "tcp://127.0.0.1:9")) == 2
     shown = capsys.readouterr().err

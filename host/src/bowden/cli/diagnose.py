@@ -5,6 +5,10 @@ compared by how well they predict stretches that their fit has not seen. The ver
 named, complete, unlisted (something that no catalogue entry explains), ambiguous,
 insufficient_excitation, or bad_data: the data gate found units, signs or sensors wrong, nothing was
 fitted, no model is written, and the exit status is 2. The same seed gives the same answer.
+
+With --each every recording (or session) is diagnosed by itself, several at the same time on the
+cores of this machine or on a Dask cluster. One table shows all; those that cannot be diagnosed are
+reported in their rows, and the exit status is then 2.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bowden.cli.diagnose_each import diagnose_each, recordings_to_judge
 from bowden.cli.figure_arguments import (
     add_figures_arguments,
     refuse_missing_forms,
@@ -27,6 +32,8 @@ from bowden.cli.model_arguments import (
     settle_of,
 )
 from bowden.cli.output import add_json_argument, console, print_json, stages
+from bowden.cli.parallel import add_scheduler_argument
+from bowden.errors import BadInput
 
 if TYPE_CHECKING:
     from bowden.diagnosis.result import Diagnosis
@@ -34,6 +41,7 @@ if TYPE_CHECKING:
 EXAMPLES = """examples:
   bowden diagnose rig.yaml run.csv --report diagnosis.html
   bowden diagnose rig.yaml one.blf two.blf --write-model extended.yaml --json > diagnosis.json
+  bowden diagnose --each rig.yaml day_*.csv --report pages --json > diagnoses.json
 """
 
 _RANKED = 6
@@ -46,10 +54,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
+    parser.add_argument(
+        "--each", action="store_true", help="diagnose each recording or session file by itself"
+    )
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="with --each: so many at the same time (default: all)"
+    )
+    add_scheduler_argument(parser)
     add_mode_argument(parser)
     add_settle_argument(parser)
     parser.add_argument(
-        "--report", metavar="OUT.html", type=Path, help="write a report that opens anywhere"
+        "--report",
+        metavar="OUT.html",
+        type=Path,
+        help="write a report that opens anywhere; with --each a folder of them, and index.html",
     )
     parser.add_argument(
         "--write-model", metavar="OUT.yaml", type=Path, help="write the model with its effects"
@@ -75,18 +93,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, write model and report, print the verdict."""
     from bowden.diagnosis.diagnose import diagnose  # noqa: PLC0415  (keeps --help fast)
-    from bowden.errors import BadInput  # noqa: PLC0415
-    from bowden.recording.enabled import until_disabled  # noqa: PLC0415
-    from bowden.recording.session import read_recordings  # noqa: PLC0415
 
-    if args.seed < 0:
-        raise BadInput("--seed", str(args.seed), "0 or more")
-    if not args.time_limit > 0.0:
-        raise BadInput("--time-limit", f"{args.time_limit:g} s", "more than 0 s")
+    _check(args)
     refuse_missing_forms(args)
     model = read_model(args.model)
-    session = read_recordings(args.recordings).since(settle_of(args))
-    recordings = [until_disabled(one) for one in session.recordings]
+    if args.each:
+        return diagnose_each(args)
+    recordings = recordings_to_judge(args.recordings, settle_of(args))
     with stages("diagnosing") as tell:
         diagnosis = diagnose(
             model,
@@ -112,6 +125,22 @@ def run(args: argparse.Namespace) -> int:
         written = str(args.write_model) if args.write_model and trusted else None
         print_json(diagnosis.to_document() | {"model": written})
     return 0 if trusted else 2
+
+
+def _check(args: argparse.Namespace) -> None:
+    if args.seed < 0:
+        raise BadInput("--seed", str(args.seed), "0 or more")
+    if not args.time_limit > 0.0:
+        raise BadInput("--time-limit", f"{args.time_limit:g} s", "more than 0 s")
+    if args.jobs is not None and args.jobs < 1:
+        raise BadInput("--jobs", str(args.jobs), "1 or more")
+    for name in ("jobs", "scheduler"):
+        if getattr(args, name) is not None and not args.each:
+            raise BadInput(f"--{name}", "no --each", "--each, which it is for")
+    for name in ("write_model", "figures"):
+        if getattr(args, name) is not None and args.each:
+            option = f"--{name.replace('_', '-')}"
+            raise BadInput(option, "--each", "one diagnosis; with --each the pages hold both")
 
 
 def write_extended(diagnosis: Diagnosis, path: Path, recordings: list[str]) -> None:

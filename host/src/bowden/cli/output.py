@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -101,16 +102,37 @@ def stages(first: str) -> Iterator[Callable[[str, float], None]]:
             task = bar.add_task(first, total=1.0)
             yield lambda stage, share: bar.update(task, description=stage, completed=share)
         return
-    began = last = time.monotonic()
+    began, now = time.monotonic(), (first, 0.0)
 
     def tell(stage: str, share: float) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if now - last >= LINE_EVERY_S:
-            last = now
-            print(f"{now - began:.0f} s: {stage}, {100.0 * share:.0f} %", file=sys.stderr)
+        nonlocal now
+        now = stage, share
 
-    yield tell
+    def show() -> None:
+        stage, share = now
+        passed = time.monotonic() - began
+        print(f"{passed:.0f} s: {stage}, {100.0 * share:.0f} %", file=sys.stderr, flush=True)
+
+    with _repeated(show, LINE_EVERY_S):
+        yield tell
+
+
+@contextmanager
+def _repeated(action: Callable[[], None], every_s: float) -> Iterator[None]:
+    """Do something again and again, from a thread: a stage may take minutes."""
+    ended = Event()
+
+    def work() -> None:
+        while not ended.wait(every_s):
+            action()
+
+    thread = Thread(target=work, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def plain(value: object) -> object:

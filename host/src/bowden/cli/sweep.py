@@ -13,10 +13,11 @@ import io
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from bowden.cli.model_arguments import add_model_argument, read_model
 from bowden.cli.output import add_json_argument, console, print_json, progress
+from bowden.cli.parallel import add_scheduler_argument, on_cluster, on_this_machine
 from bowden.errors import BadInput
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ EXAMPLES = """examples:
       --vary rig.cable.pretension_n=0.5:3 --scheduler tcp://node1:8786
 """
 
-_CONNECT_WITHIN_S = 10
 _MOST_A_TASK = 50
 
 
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", metavar="OUT.csv", type=Path, required=True)
     parser.add_argument("--random", metavar="N", type=int, help="N random draws in place of a grid")
     parser.add_argument("--seed", metavar="S", type=int, help="of the draws (default: 0)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler (extra [cluster])")
+    add_scheduler_argument(parser)
     add_json_argument(parser)
 
 
@@ -135,52 +135,24 @@ def _note(journal: io.TextIOBase, line: object) -> None:
 
 
 def _on_this_machine(sweep: Sweep, tasks: Sequence[Sequence[int]]) -> Iterator[list[Row]]:
-    from joblib import Parallel, delayed  # noqa: PLC0415  (keeps --help fast)
+    from bowden.model.sweep import run_points  # noqa: PLC0415  (keeps --help fast)
 
-    from bowden.model import format_model  # noqa: PLC0415
-    from bowden.model.sweep import run_points  # noqa: PLC0415
-
-    text = format_model(sweep.model)
-    results: Iterator[list[Row]] = Parallel(n_jobs=-1, return_as="generator_unordered")(
-        delayed(run_points)(text, sweep.experiment, _points(sweep, task)) for task in tasks
-    )
-    return results
+    return on_this_machine(run_points, _arguments(sweep, tasks))
 
 
 def _on_cluster(
     sweep: Sweep, tasks: Sequence[Sequence[int]], scheduler: str
 ) -> Iterator[list[Row]]:
-    try:
-        from distributed import Client, as_completed  # noqa: PLC0415  (an extra, large)
-    except ModuleNotFoundError as missing:
-        raise BadInput(
-            "--scheduler",
-            f"an installation without {missing.name}",
-            "pip install 'bowden[cluster]', or no --scheduler",
-        ) from missing
+    from bowden.model.sweep import run_points  # noqa: PLC0415  (keeps --help fast)
 
-    from bowden.model import format_model  # noqa: PLC0415
-    from bowden.model.sweep import run_points  # noqa: PLC0415
+    return on_cluster(run_points, _arguments(sweep, tasks), scheduler)
+
+
+def _arguments(sweep: Sweep, tasks: Sequence[Sequence[int]]) -> list[tuple[object, ...]]:
+    from bowden.model import format_model  # noqa: PLC0415  (keeps --help fast)
 
     text = format_model(sweep.model)
-    try:
-        client: Any = cast(Any, Client)(scheduler, timeout=_CONNECT_WITHIN_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise BadInput(
-            "--scheduler", f"no Dask scheduler at {scheduler}", "tcp://HOST:8786"
-        ) from error
-
-    def rows() -> Iterator[list[Row]]:
-        with client:
-            futures = [
-                client.submit(run_points, text, sweep.experiment, _points(sweep, task), pure=False)
-                for task in tasks
-            ]
-            for future in cast(Any, as_completed)(futures, loop=client.loop):
-                yield future.result()
-                future.release()
-
-    return rows()
+    return [(text, sweep.experiment, _points(sweep, task)) for task in tasks]
 
 
 def _points(sweep: Sweep, indices: Sequence[int]) -> list[tuple[int, dict[str, float]]]:

@@ -18,7 +18,7 @@ from bowden.model.effects import CATALOGUE
 from bowden.model.effects.effect import Effect, Parameter, Variant
 
 BELOW = 100.0  # a weak effect may be that much weaker than the weakest that is usual
-MOST_SHAPES = 24
+MOST_SHAPES = 24  # of an effect that are simulated
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,11 @@ from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.numbers_known import estimates_of, with_posterior
 from bowden.diagnosis.odds import Weighed
-from bowden.diagnosis.result import Diagnosis, Series, Verdict
+from bowden.diagnosis.result import Diagnosis, Series
 from bowden.diagnosis.rules.diagnose import diagnose_by_rules
 from bowden.diagnosis.search import Found, Progress, search
 from bowden.diagnosis.validation import validate
-from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking
+from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking, stated
 from bowden.diagnosis.waterfall import gap_steps
 from bowden.diagnosis.wording import as_solved_before, sentence_of, stopped
 from bowden.estimation.gate.check import check_data
@@ -113,13 +113,11 @@ def diagnose(
         tell("computing the verdict", 0.95)
         base = next(one for one in found.weighed if not one.hypothesis.effects)
         series = series_of(material, base, decision.chosen)
-        screened = {one.candidate.name for one in found.screened}
-        validation = validate(found.weighed, decision.chosen, len(screened), seed)
+        looked_at = len({one.candidate.name for one in found.screened})
+        validation = validate(found.weighed, decision.chosen, looked_at, seed)
     gaps = tuple(gap_in(name, series) for name in PREDICTED[mode])
     hidden = invisible(found)
-    verdict: Verdict = decision.verdict
-    if verdict == "complete" and len(screened) <= len(hidden):
-        verdict = "insufficient_excitation"
+    verdict = stated(decision, found)
     where = _where(base, recordings, mode, series, seed)
     advice = _advice(found.weighed, mode, series)
     gap = max(gaps, key=lambda one: one.before / one.noise_floor if one.noise_floor else 0.0)

@@ -151,7 +151,7 @@ def _descend(
 
 
 SECANTS = 4  # steps after each with derivatives of its own: a search fits hundreds of sets
-CORRECTED = 4  # times at most
+CORRECTED = 4  # times at most that a fit is repeated with the correction of where it ended
 SETTLED = 0.05  # unit steps: the correction doesn't change within that
 
 

@@ -25,8 +25,8 @@ _Floats = NDArray[np.float64]
 PRIOR_UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
 MORE = 0.25  # of rigs that miss some effects miss one more
 AFFECTED = (0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
-RESAMPLES = 2000
-NONE = 1e-9  # of its usual strength
+RESAMPLES = 2000  # draws of the Bayesian bootstrap
+NONE = 1e-9  # of its usual strength: an effect counts as no weaker in its prior
 
 
 @dataclass(frozen=True)

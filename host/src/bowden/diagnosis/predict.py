@@ -24,11 +24,9 @@ from bowden.estimation.problem import Problem, fitted_parts, objective
 
 _Floats = NDArray[np.float64]
 
-FOLDS = 4
-# Usual noise: sizes of what a model leaves that is right in practice, and of what an unlisted
-# effect does besides.
-LISTED = (0.0, 0.25, 0.5, 1.0)
-UNLISTED = (0.0, 2.0, 8.0, 32.0, 128.0)
+FOLDS = 4  # that the blocks are dealt to
+LISTED = (0.0, 0.25, 0.5, 1.0)  # times usual noise: what a model leaves that is right in practice
+UNLISTED = (0.0, 2.0, 8.0, 32.0, 128.0)  # times usual noise: what an unlisted effect does besides
 OUTLIER = 0.03  # of the blocks: noise is not what it was taken for (17 of 592, nothing hidden)
 DAMPING = (1e-6, 1e-2, 1.0)  # of a step, in turn
 

@@ -12,7 +12,7 @@ from bowden.diagnosis.contribution import shares, strains
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.predict import LISTED
 
-STRAINED = 2.5  # tolerances
+STRAINED = 2.5  # tolerances by which calibration moves a number: more may stand in for an effect
 ERROR = 1.0  # of a single observation, or a tolerance: the region of practical equivalence
 
 

@@ -34,7 +34,7 @@ from bowden.model import Model, ModelError
 
 MOST = 4  # effects in a set: of the rigs that miss some, MORE**4 = 0.4 % miss more
 FINISHED = 3  # of the fitted sets at each step
-PARENTS = 2
+PARENTS = 2  # sets that are grown further at each step
 
 Progress = Callable[[str, float], None]
 
@@ -173,7 +173,7 @@ def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
     return material.noise(one.model, numbers)
 
 
-COMPARED = 8
+COMPARED = 8  # sets at most, beside the calibrated model, by their predictions
 NEAR = 50.0  # nats: by as much are sums over blocks too sure (`odds` averages over them)
 
 

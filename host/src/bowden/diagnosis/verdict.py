@@ -23,8 +23,8 @@ from bowden.model.effects import LEARNED
 
 _Floats = NDArray[np.float64]
 
-SURE = 0.95
-LIKELIER = 0.5
+SURE = 0.95  # of the posterior: an effect is named
+LIKELIER = 0.5  # of the posterior: an explanation is likelier than all others
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
 
 
@@ -201,3 +201,11 @@ def invisible(found: Found) -> tuple[str, ...]:
     """Return the effects that would not show in these recordings at their usual size."""
     seen = {one.candidate.name for one in found.screened if one.visible > VISIBLE}
     return tuple(sorted({one.candidate.name for one in found.screened} - seen))
+
+
+def stated(decision: Decision, found: Found) -> Verdict:
+    """Return the verdict: nothing missing is no finding where no effect would show."""
+    names = {one.candidate.name for one in found.screened}
+    if decision.verdict == "complete" and len(names) <= len(invisible(found)):
+        return "insufficient_excitation"
+    return decision.verdict

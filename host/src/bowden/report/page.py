@@ -7,6 +7,7 @@ export each as SVG or CSV, and each table as LaTeX. Follows the reader's light o
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ h1 { font-size: 26px; line-height: 1.25; font-weight: 650; margin: 0 0 4px; }
 h2 { font-size: 20px; font-weight: 620; margin: 44px 0 6px; }
 h3 { font-size: 16px; font-weight: 620; margin: 30px 0 2px; }
 p { margin: 6px 0 12px; max-width: 46em; }
+a { color: var(--blue); }
 .subtitle { color: var(--soft); margin-bottom: 24px; max-width: none; }
 .verdict { font-size: 19px; line-height: 1.5; border-left: 4px solid var(--blue);
   padding: 4px 0 4px 18px; margin: 20px 0 24px; max-width: none; }
@@ -122,14 +124,26 @@ def paragraph(text: str) -> str:
     return f"<p>{escape(text)}</p>"
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table; the first column is text, the others are aligned as numbers."""
+def table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], links: Sequence[str | None] = ()
+) -> str:
+    """Return a table; the first column is text, the others are aligned as numbers.
+
+    Parameters
+    ----------
+    header : sequence of str
+    rows : sequence of sequence of str
+    links : sequence of str or None, optional
+        Where the first cell of each row leads.
+    """
     head = "".join(
         f'<th scope="col">{escape(cell)}</th>' if cell else "<td></td>" for cell in header
     )
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-    )
+    body = ""
+    for row, link in itertools.zip_longest(rows, links):
+        first, *others = map(escape, row)
+        cells = [f'<a href="{escape(link)}">{first}</a>' if link else first, *others]
+        body += "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
     return (
         f'<div class="tabular"><div class="scroll" tabindex="0"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{_exports('tex')}</div>"
