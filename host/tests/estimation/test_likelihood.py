@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bowden.estimation.covariance import DRAWS, Data, covariance
@@ -79,7 +81,7 @@ def test_a_speed_is_that_of_the_path_whatever_is_simulated_and_varies_with_it() 
     few = Data.of(read, 0, MODEL, MODE, step_s=16e-3)
     path = np.gradient(whole["load_angle_rad"], whole.time_s)
     np.testing.assert_array_equal(few.given["load_speed_rad_per_s"], path[few.kept])
-    off = [one["load_speed_rad_per_s"] - path[few.kept] for one in few.paths()]
+    off = [one["load_speed_rad_per_s"] - path[few.kept] for one in few.paths]
     # A count of 0.63 mrad is passed every 0.3 ms or more slowly: known to a few per cent of 2 rad/s
     assert 0.0 < np.sqrt(np.mean(np.square(off))) < 0.1
 
@@ -132,6 +134,36 @@ def test_a_right_model_leaves_what_the_covariance_says() -> None:
     chi = [np.mean(b.rows[:, 0] ** 2) for b in whiten(data, noise, scales, zero[:, None])]
     assert np.mean([0.5 < one < 1.2 for one in chi]) > 0.6
     assert np.median(chi) == pytest.approx(0.85, abs=0.3)
+
+
+def test_a_block_is_whitened_alike_whatever_was_whitened_before() -> None:
+    # Factors are kept by their scales: none may stand in for another, and shares of the laws that
+    # are put in later (`replace`) begin without any.
+    _, read = run(seconds=2.0)
+    data = Data.of(read, 0, MODEL, MODE)
+    noise = covariance(data, MODEL)
+    row = np.ones((data.observations.time_s.size, 1))
+    law = replace(noise, law=noise.sigma)
+    every = [RIGHT, Scales((0.3, 0.0)), Scales((0.0, 0.3)), Scales((0.0, 0.0), law=0.3)]
+    fresh = [
+        [one.rows for one in whiten(data, replace(law), scales, row)] for scales in every
+    ]  # of a copy, which keeps nothing
+    for scales, expected in [*zip(every, fresh, strict=True)] * 2:
+        found = whiten(data, law, scales, row)
+        assert all(np.array_equal(a.rows, b) for a, b in zip(found, expected, strict=True))
+    sums = [float(np.sum(np.square(np.concatenate(rows)))) for rows in fresh]
+    assert len(set(sums)) == len(every)
+
+
+def test_paths_are_drawn_once_and_hold_what_a_simulation_reads() -> None:
+    _, read = run(seconds=2.0)
+    data = Data.of(read.with_channels(bus_voltage_v=np.ones(read.time_s.size)), 0, MODEL, MODE)
+    model = MODEL.with_values({"rig.cable.pretension_n": 11.0})
+    covariance(data, MODEL)
+    drawn = data.paths
+    covariance(data, model)  # about another model: the same paths, or its cost would jump
+    assert data.paths is drawn
+    assert set(drawn[0].channels) == {*MODE.columns, *MODE.speeds}
 
 
 def test_a_discrepancy_is_found_where_something_is_missing() -> None:

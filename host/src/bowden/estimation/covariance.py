@@ -9,18 +9,21 @@ correction counts as error.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.estimation.kept import Kept
 from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import Observations, observe
 from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
+from bowden.model.trajectory import TEMPERATURE
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
@@ -35,6 +38,7 @@ ANY_SHAPE = 1.0 / (DRAWS + 1)  # share of their variance: one further draw may h
 ROUGH_S = 1.0  # and lasts so long
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
 FINEST_S = 1e-3  # shortest step between simulated samples
+MOST_FACTORS_BYTES = 48_000_000  # a recording: 16 scales over 20 s; ten minutes keep few
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
 
 
@@ -99,11 +103,14 @@ class Data:
         """Return whether samples are left out of `given`."""
         return self.kept.size < self.estimates.recording.time_s.size
 
-    def paths(self) -> Iterator[Recording]:
-        """Yield other paths that explain the readings as well, the same ones each time."""
+    @cached_property
+    def paths(self) -> tuple[Recording, ...]:
+        """Other paths that explain the readings as well, of what a simulation reads."""
         seed = np.random.SeedSequence([self.seed, self.number])
-        for drawn in islice(self.estimates.draws(self.mode, seed), DRAWS):
-            yield drawn.select(self.kept)
+        read = {*self.mode.columns, *self.mode.speeds, TEMPERATURE}
+        unread = self.estimates.recording.channels.keys() - read
+        drawn = islice(self.estimates.draws(self.mode, seed), DRAWS)
+        return tuple(one.without_channels(unread).select(self.kept) for one in drawn)
 
     def predict(
         self,
@@ -190,6 +197,11 @@ class Covariance:
     sigma: _Floats
     law: _Floats | None = None
 
+    @cached_property
+    def factors(self) -> Kept[tuple[_Floats, float]]:
+        """Factors of the blocks that were made last; `likelihood` keeps them here."""
+        return Kept(MOST_FACTORS_BYTES)
+
     @property
     def single(self) -> _Floats:
         """Variance of a single observation: the sensor's, and what is doubted of the simulation."""
@@ -224,7 +236,7 @@ def covariance(
     """
     seen = data.observations
     best = data.predict(model, numbers)
-    paths = np.array([data.predict(model, numbers, one) for one in data.paths()]) - best
+    paths = np.array([data.predict(model, numbers, one) for one in data.paths]) - best
     columns, offset = [paths / np.sqrt(DRAWS)], np.zeros(best.size)
     if "motor_torque_nm" in data.mode.columns:
         held = data.predict(model, numbers, held_torque(data.given)) - best

@@ -75,19 +75,31 @@ def whiten(
     for k, rows in enumerate(data.observations.blocks):
         if only is not None and k not in only:
             continue
-        matrix = noise.inputs[k].copy()
-        if max(scales.discrepancy) > 0.0:
-            matrix += _unknown(data, noise, scales, k)
-        if noise.law is not None and scales.law > 0.0:
-            law = scales.law * noise.law[rows]
-            matrix += data.observations.correlations[k] * (law[:, None] * law)
-        matrix.ravel()[:: rows.size + 1] += noise.own[rows]
+        factor, half_log_det = noise.factors.get((scales, k)) or _factor(data, noise, scales, k)
         # By LAPACK itself: a fit whitens ten thousand small blocks.
-        factor, wrong = dpotrf(matrix, lower=True)
-        if wrong:
-            raise np.linalg.LinAlgError(f"block {k}: its covariance is not positive definite")
         white, _ = dtrtrs(factor, columns[rows], lower=True)
-        found.append(Whitened(white, float(np.log(factor.diagonal()).sum())))
+        found.append(Whitened(white, half_log_det))
+    return found
+
+
+def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> tuple[_Floats, float]:
+    """Return the Cholesky factor of a block's covariance and half its log-determinant; keep both.
+
+    A fit whitens many residuals under few scales.
+    """
+    rows = data.observations.blocks[block]
+    matrix = noise.inputs[block].copy()
+    if max(scales.discrepancy) > 0.0:
+        matrix += _unknown(data, noise, scales, block)
+    if noise.law is not None and scales.law > 0.0:
+        law = scales.law * noise.law[rows]
+        matrix += data.observations.correlations[block] * (law[:, None] * law)
+    matrix.ravel()[:: rows.size + 1] += noise.own[rows]
+    factor, wrong = dpotrf(matrix, lower=True)
+    if wrong:
+        raise np.linalg.LinAlgError(f"block {block}: its covariance is not positive definite")
+    found = factor, float(np.log(factor.diagonal()).sum())
+    noise.factors.keep((scales, block), found, factor.nbytes)
     return found
 
 
