@@ -88,7 +88,7 @@ def test_a_speed_is_that_of_the_path_whatever_is_simulated_and_varies_with_it() 
     few = Data.of(read, 0, MODEL, MODE, step_s=16e-3)
     path = np.gradient(whole["load_angle_rad"], whole.time_s)
     np.testing.assert_array_equal(few.given["load_speed_rad_per_s"], path[few.kept])
-    off = [one["load_speed_rad_per_s"] - path[few.kept] for one in few.paths]
+    off = [one["load_speed_rad_per_s"] - path[few.kept] for one in few.paths()]
     # A count of 0.63 mrad is passed every 0.3 ms or more slowly: known to a few per cent of 2 rad/s
     assert 0.0 < np.sqrt(np.mean(np.square(off))) < 0.1
 
@@ -193,15 +193,19 @@ def test_a_block_is_whitened_alike_whatever_was_whitened_before() -> None:
     assert len(set(sums)) == len(every)
 
 
-def test_paths_are_drawn_once_and_hold_what_a_simulation_reads() -> None:
+def test_paths_are_the_same_each_time_and_hold_what_a_simulation_reads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Other paths about another model, and its cost would jump."""
     _, read = run(seconds=2.0)
     data = Data.of(read.with_channels(bus_voltage_v=np.ones(read.time_s.size)), 0, MODEL, MODE)
-    model = MODEL.with_values({"rig.cable.pretension_n": 11.0})
-    covariance(data, MODEL)
-    drawn = data.paths
-    covariance(data, model)  # about another model: the same paths, or its cost would jump
-    assert data.paths is drawn
-    assert set(drawn[0].channels) == {*MODE.columns, *MODE.speeds}
+    kept = list(data.paths())
+    assert [a is b for a, b in zip(data.paths(), kept, strict=True)] == [True] * DRAWS
+    monkeypatch.setattr("bowden.estimation.covariance.MOST_PATHS_BYTES", 0)
+    for again, before in zip(data.paths(), kept, strict=True):  # drawn anew: too large to keep
+        assert set(again.channels) == {*MODE.columns, *MODE.speeds}
+        assert again is not before
+        assert all(np.array_equal(again[name], before[name]) for name in again.channels)
 
 
 def test_a_discrepancy_is_found_where_something_is_missing() -> None:

@@ -9,7 +9,7 @@ correction counts as error.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -38,6 +38,7 @@ ANY_SHAPE = 1.0 / (DRAWS + 1)  # share of their variance: one further draw may h
 ROUGH_S = 1.0  # and lasts so long
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
 FINEST_S = 1e-3  # shortest step between simulated samples
+MOST_PATHS_BYTES = 100_000_000  # of a recording: 87 s at 1 kHz
 MOST_FACTORS_BYTES = 48_000_000  # a recording: 16 scales over 20 s; ten minutes keep few
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
 
@@ -103,14 +104,29 @@ class Data:
         """Return whether samples are left out of `given`."""
         return self.kept.size < self.estimates.recording.time_s.size
 
+    def paths(self) -> Iterable[Recording]:
+        """Return other paths that explain the readings as well, of what a simulation reads.
+
+        The same ones each time: kept, or drawn again where they would fill the memory.
+        """
+        size_bytes = DRAWS * self.kept.size * len(self._read) * np.dtype(np.float64).itemsize
+        return self._paths if size_bytes <= MOST_PATHS_BYTES else self._drawn()
+
     @cached_property
-    def paths(self) -> tuple[Recording, ...]:
-        """Other paths that explain the readings as well, of what a simulation reads."""
-        seed = np.random.SeedSequence([self.seed, self.number])
+    def _paths(self) -> tuple[Recording, ...]:
+        return tuple(self._drawn())
+
+    @property
+    def _read(self) -> set[str]:
+        """Channels that a simulation may read."""
         read = {*self.mode.columns, *self.mode.speeds, TEMPERATURE}
-        unread = self.estimates.recording.channels.keys() - read
-        drawn = islice(self.estimates.draws(self.mode, seed), DRAWS)
-        return tuple(one.without_channels(unread).select(self.kept) for one in drawn)
+        return read & self.estimates.recording.channels.keys()
+
+    def _drawn(self) -> Iterator[Recording]:
+        unread = self.estimates.recording.channels.keys() - self._read
+        seed = np.random.SeedSequence([self.seed, self.number])
+        for one in islice(self.estimates.draws(self.mode, seed), DRAWS):
+            yield one.without_channels(unread).select(self.kept)
 
     def predict(
         self,
@@ -236,7 +252,7 @@ def covariance(
     """
     seen = data.observations
     best = data.predict(model, numbers)
-    paths = np.array([data.predict(model, numbers, one) for one in data.paths]) - best
+    paths = np.array([data.predict(model, numbers, one) for one in data.paths()]) - best
     columns, offset = [paths / np.sqrt(DRAWS)], np.zeros(best.size)
     if "motor_torque_nm" in data.mode.columns:
         held = data.predict(model, numbers, held_torque(data.given)) - best
