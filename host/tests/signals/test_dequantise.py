@@ -152,6 +152,24 @@ def test_what_seems_to_stand_may_move_where_its_torque_drifts(drifts: bool) -> N
     assert bool(np.mean(moved > 0.02 * COUNT) > 1 / 3) is drifts
 
 
+@pytest.mark.parametrize("torque", ["steady", "drifts", "moves early", "unknown"])
+@pytest.mark.parametrize("end", ["beginning", "end"])
+def test_an_end_of_a_recording_stands_where_its_torque_is_steady(torque: str, end: str) -> None:
+    """Equal counts alone may be slow motion there; a hundredth of a count would move the torque."""
+    angle = 0.3 * np.clip(TIME_S - 2.0, 0.0, None)
+    change = np.clip(TIME_S, 0.0, 0.3 if torque == "moves early" else 2.0)
+    felt = np.stack([100.0 * change * (torque != "steady"), np.zeros(TIME_S.size)])
+    standing = TIME_S < 1.8  # it may begin to move a while before the first count
+    if end == "end":
+        angle, felt, standing = -angle[::-1], felt[:, ::-1], standing[::-1]
+    found = dequantise(TIME_S, counted(angle), felt=None if torque == "unknown" else felt)
+    moved = np.array([np.ptp(one[standing]) for one in draws(found, 24)])
+    if torque == "steady":
+        assert moved.max() < 1e-9 * COUNT
+    else:
+        assert np.mean(moved > 0.02 * COUNT) > 1 / 3
+
+
 @pytest.mark.parametrize("alone", [True, False])
 def test_an_operator_moves_back_where_only_their_torque_returns(alone: bool) -> None:
     """A torque that follows the other end's is no evidence of the operator's motion."""

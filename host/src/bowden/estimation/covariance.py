@@ -9,18 +9,21 @@ correction counts as error.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.estimation.kept import Kept
 from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import Observations, observe
 from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
+from bowden.model.trajectory import TEMPERATURE
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
@@ -35,6 +38,8 @@ ANY_SHAPE = 1.0 / (DRAWS + 1)  # share of their variance: one further draw may h
 ROUGH_S = 1.0  # and lasts so long
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
 FINEST_S = 1e-3  # shortest step between simulated samples
+MOST_PATHS_BYTES = 100_000_000  # of a recording: 87 s at 1 kHz
+MOST_FACTORS_BYTES = 48_000_000  # a recording: 16 scales over 20 s; ten minutes keep few
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
 
 
@@ -99,11 +104,29 @@ class Data:
         """Return whether samples are left out of `given`."""
         return self.kept.size < self.estimates.recording.time_s.size
 
-    def paths(self) -> Iterator[Recording]:
-        """Yield other paths that explain the readings as well, the same ones each time."""
+    def paths(self) -> Iterable[Recording]:
+        """Return other paths that explain the readings as well, of what a simulation reads.
+
+        The same ones each time: kept, or drawn again where they would fill the memory.
+        """
+        size_bytes = DRAWS * self.kept.size * len(self._read) * np.dtype(np.float64).itemsize
+        return self._paths if size_bytes <= MOST_PATHS_BYTES else self._drawn()
+
+    @cached_property
+    def _paths(self) -> tuple[Recording, ...]:
+        return tuple(self._drawn())
+
+    @property
+    def _read(self) -> set[str]:
+        """Channels that a simulation may read."""
+        read = {*self.mode.columns, *self.mode.speeds, TEMPERATURE}
+        return read & self.estimates.recording.channels.keys()
+
+    def _drawn(self) -> Iterator[Recording]:
+        unread = self.estimates.recording.channels.keys() - self._read
         seed = np.random.SeedSequence([self.seed, self.number])
-        for drawn in islice(self.estimates.draws(self.mode, seed), DRAWS):
-            yield drawn.select(self.kept)
+        for one in islice(self.estimates.draws(self.mode, seed), DRAWS):
+            yield one.without_channels(unread).select(self.kept)
 
     def predict(
         self,
@@ -189,6 +212,11 @@ class Covariance:
     floor: _Floats
     sigma: _Floats
     law: _Floats | None = None
+
+    @cached_property
+    def factors(self) -> Kept[tuple[_Floats, float]]:
+        """Factors of the blocks that were made last; `likelihood` keeps them here."""
+        return Kept(MOST_FACTORS_BYTES)
 
     @property
     def single(self) -> _Floats:

@@ -22,6 +22,7 @@ from bowden.estimation.search import Progress, solve
 from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.model.model_file import Numerics
+from bowden.model.trajectory import TEMPERATURE
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED
 from bowden.workers import workers
@@ -92,6 +93,8 @@ def fit(
         The model of the file cannot run a recording.
     """
     every = [*recordings, *held_out]
+    if not parameters.model.effects:  # nothing reads it, and its path need not be estimated
+        every = [one.without_channels([TEMPERATURE]) for one in every]
     parameters = replace(parameters, model=as_fitted(parameters.model, mode))
     with workers() as pool:
         data = tuple(

@@ -4,7 +4,9 @@
 two things of it are read off the residual itself: how large an unknown discrepancy is in each
 channel, and how much of what the laws of a name differ by these recordings show. Where the model is
 right the discrepancy vanishes; where it is not, it keeps precise observations from driving the fit.
-A covariance from K draws makes each block a Student t of K degrees of freedom.
+A covariance from K draws may be too small, and makes a block that fits worse than it says a Student
+t of K degrees of freedom. It is not too large: most of it is the sensors' noise, which is known. So
+a block that fits better is Gaussian, and no block tells more than its noise allows.
 """
 
 from __future__ import annotations
@@ -75,19 +77,31 @@ def whiten(
     for k, rows in enumerate(data.observations.blocks):
         if only is not None and k not in only:
             continue
-        matrix = noise.inputs[k].copy()
-        if max(scales.discrepancy) > 0.0:
-            matrix += _unknown(data, noise, scales, k)
-        if noise.law is not None and scales.law > 0.0:
-            law = scales.law * noise.law[rows]
-            matrix += data.observations.correlations[k] * (law[:, None] * law)
-        matrix.ravel()[:: rows.size + 1] += noise.own[rows]
+        factor, half_log_det = noise.factors.get((scales, k)) or _factor(data, noise, scales, k)
         # By LAPACK itself: a fit whitens ten thousand small blocks.
-        factor, wrong = dpotrf(matrix, lower=True)
-        if wrong:
-            raise np.linalg.LinAlgError(f"block {k}: its covariance is not positive definite")
         white, _ = dtrtrs(factor, columns[rows], lower=True)
-        found.append(Whitened(white, float(np.log(factor.diagonal()).sum())))
+        found.append(Whitened(white, half_log_det))
+    return found
+
+
+def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> tuple[_Floats, float]:
+    """Return the Cholesky factor of a block's covariance and half its log-determinant; keep both.
+
+    A fit whitens many residuals under few scales.
+    """
+    rows = data.observations.blocks[block]
+    matrix = noise.inputs[block].copy()
+    if max(scales.discrepancy) > 0.0:
+        matrix += _unknown(data, noise, scales, block)
+    if noise.law is not None and scales.law > 0.0:
+        law = scales.law * noise.law[rows]
+        matrix += data.observations.correlations[block] * (law[:, None] * law)
+    matrix.ravel()[:: rows.size + 1] += noise.own[rows]
+    factor, wrong = dpotrf(matrix, lower=True)
+    if wrong:
+        raise np.linalg.LinAlgError(f"block {block}: its covariance is not positive definite")
+    found = factor, float(np.log(factor.diagonal()).sum())
+    noise.factors.keep((scales, block), found, factor.nbytes)
     return found
 
 
@@ -102,13 +116,15 @@ def block_cost(block: Whitened) -> float:
     """Return -log density of a block's residual (its first column), up to a constant."""
     size = block.rows.shape[0]
     square = float(block.rows[:, 0] @ block.rows[:, 0])
-    return float(0.5 * (DRAWS + size) * math.log1p(square / DRAWS) + block.half_log_det)
+    beyond = (DRAWS + size) * math.log1p(max(square - size, 0.0) / (DRAWS + size))
+    return float(0.5 * (min(square, size) + beyond) + block.half_log_det)
 
 
 def block_weight(block: Whitened) -> float:
     """Return what a block's squares count in the normal equations: less where it fits badly."""
     size = block.rows.shape[0]
-    return float((DRAWS + size) / (DRAWS + block.rows[:, 0] @ block.rows[:, 0]))
+    square = float(block.rows[:, 0] @ block.rows[:, 0])
+    return float((DRAWS + size) / (DRAWS + max(square, size)))
 
 
 Part = tuple[Data, Covariance, _Floats, tuple[int, ...] | None]

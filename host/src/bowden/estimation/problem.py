@@ -85,12 +85,14 @@ class Problem:
 
         `known`: for each point, residuals of recordings by their place that need no simulation.
         """
-        models: list[Model | None] = []
+        made: dict[bytes, Model | None] = {}  # a nuisance number moves no model
         for x in points:
-            try:
-                models.append(self.parameters.model_at(x[: self.size]))
-            except ModelError:
-                models.append(None)
+            if (key := x[: self.size].tobytes()) not in made:
+                try:
+                    made[key] = self.parameters.model_at(x[: self.size])
+                except ModelError:
+                    made[key] = None
+        models = [made[x[: self.size].tobytes()] for x in points]
 
         def one(job: tuple[int, int]) -> _Floats | None:
             point, k = job

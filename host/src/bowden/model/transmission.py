@@ -110,7 +110,7 @@ class FrictionLaw:
         return self.is_rate_independent and plain
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Transmission:
     """One pull-pull pair: two equal cables, a motor pulley and a load pulley.
 

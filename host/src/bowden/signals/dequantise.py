@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import repeat
 
 import numpy as np
@@ -56,8 +57,6 @@ class Estimated:
     ----------
     values : ndarray of shape (n,)
         In the channel's unit.
-    sigma : ndarray of shape (n,)
-        Local standard deviation of the estimate's error, likewise.
     quantum : float or None
         One count; None when the channel is not quantised.
     noise : float
@@ -65,10 +64,14 @@ class Estimated:
     """
 
     values: _Floats
-    sigma: _Floats
     quantum: float | None
     noise: float
     _path: _Path | None = None
+
+    @cached_property
+    def sigma(self) -> _Floats:
+        """Local standard deviation of the estimate's error, in the channel's unit; shape (n,)."""
+        return np.full(self.values.size, self.noise) if self._path is None else self._path.sigma()
 
     def draws(self, generator: np.random.Generator) -> Iterator[_Floats]:
         """Yield other paths that fit the samples as well, drawn at random, without end.
@@ -92,20 +95,26 @@ class _Path:
     box: tuple[_Floats, _Floats] | None = None
     standstills: tuple[Standstill, ...] = ()
 
-    def estimate(self) -> tuple[_Floats, _Floats]:
-        mean, variance = self.smooth.at(self.node, self.share)
-        sigma = np.sqrt(np.maximum(variance, 0.0))
+    def estimate(self) -> _Floats:
+        mean = self.smooth.at(self.node, self.share)
+        for standstill in self.standstills:
+            _stand(standstill, mean)
+        return self._back(one_way(self._inside(mean), self.turns))
+
+    def sigma(self) -> _Floats:
+        sigma = np.sqrt(np.maximum(self.smooth.variance_at(self.node, self.share), 0.0))
         if self.box is not None:  # in which nothing can be worse known than by half of it
             sigma = np.minimum(sigma, 0.5 * (self.box[1] - self.box[0]))
+        mean = self.smooth.at(self.node, self.share)
         for standstill in self.standstills:
-            reached = standstill.stand(mean, 0.0, USUAL_BRAKING, USUAL_BRAKING)
+            reached = _stand(standstill, mean)
             within = slice(standstill.first, standstill.last + 1)
             sigma[within] = np.maximum(sigma[within] * (1.0 - reached), reached * _UNIFORM)
-        return self._back(one_way(self._inside(mean), self.turns)), self.unit * sigma
+        return np.asarray(self.unit * sigma)
 
     def draws(self, generator: np.random.Generator) -> Iterator[_Floats]:
         for one in self.smooth.draws(generator):
-            mean, _ = one.at(self.node, self.share)
+            mean = one.at(self.node, self.share)
             for standstill in self.standstills:
                 standstill.draw(mean, generator)
             # Within counts a path may turn unseen; behind noise it would tremble for ever.
@@ -116,6 +125,11 @@ class _Path:
 
     def _back(self, mean: _Floats) -> _Floats:
         return np.asarray(self.zero + self.unit * self._inside(mean))
+
+
+def _stand(standstill: Standstill, mean: _Floats) -> _Floats:
+    """Let the best estimate (changed in place) stop in the middle of its count; see `stand`."""
+    return standstill.stand(mean, 0.0, USUAL_BRAKING, USUAL_BRAKING)
 
 
 def dequantise(
@@ -152,7 +166,7 @@ def dequantise(
     quantum = grid(values, expected_quantum)
     total = noise_sigma(values, time_s)
     if values.size < 4 or (quantum is None and total <= CLEAN_SHARE * float(np.ptp(values))):
-        return Estimated(values.copy(), np.full(values.size, total), None, total)
+        return Estimated(values.copy(), None, total)
     if quantum is None:
         return _denoised(time_s, values, total, order)
     # Rounding alone would make sigma^2 = q^2 / 12 while the channel moves.
@@ -219,7 +233,7 @@ def _denoised(time_s: _Floats, values: _Floats, sigma: float, order: int) -> Est
         unit=sigma,
         turns=shown_turns(smooth.states[:, 0], np.sqrt(smooth.variance)),
     )
-    return Estimated(*path.estimate(), None, sigma, path)
+    return Estimated(path.estimate(), None, sigma, path)
 
 
 def _within_counts(
@@ -256,7 +270,7 @@ def _within_counts(
         box=(np.minimum(count, settled) - margin, np.maximum(count, settled) + margin),
         standstills=runs.standstills(settled, felt),
     )
-    return Estimated(*path.estimate(), quantum, quantum * noise, path)
+    return Estimated(path.estimate(), quantum, quantum * noise, path)
 
 
 @dataclass(frozen=True)
@@ -320,7 +334,7 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
             )
         else:
             noise = noise_sigma(values, recording.time_s)
-            channels[name] = Estimated(values, np.full(values.size, noise), None, noise)
+            channels[name] = Estimated(values, None, noise)
     paths = {name: one.values for name, one in channels.items()}
     return Estimates(recording.with_channels(paths | speeds(recording.time_s, paths)), channels)
 

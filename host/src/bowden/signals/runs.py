@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,7 @@ class Standstill:
     and so is when exactly it began to move, but it came and left without turning twice. At the
     beginning or the end of a recording equal counts may be no standstill: a motion that is still
     slow, or one that has turned already; nor are they one where the torque at that end `drifts`.
+    Where it is known and does not drift they are (`is_shown`): the least motion would change it.
     Where that torque alone changes one way and comes back (`returns`), the operator did so, too.
     """
 
@@ -48,6 +49,7 @@ class Standstill:
     after: float
     drifts: bool = False
     returns: bool = False
+    is_shown: bool = False
 
     def stand(
         self,
@@ -90,7 +92,7 @@ class Standstill:
         arrival, leaving = np.exp(generator.uniform(float(low), float(high), 2))
         powers = (float(generator.uniform(*POWERS)), float(generator.uniform(*POWERS)))
         both = (self.before > 0.0) == (self.after > 0.0)  # seen from both sides, or a locked load
-        if both and not (self.drifts and self.before > 0.0):
+        if self.is_shown or (both and not (self.drifts and self.before > 0.0)):
             self.stand(path, offset, float(arrival), float(leaving), powers)
         else:
             # It may move at any time, or all the time.
@@ -286,24 +288,28 @@ class Runs:
     def standstills(self, count: _Floats, felt: _Floats | None = None) -> tuple[Standstill, ...]:
         """List the standstills; `felt`: the torques at that end and the other over their noise."""
         length = np.concatenate([[0.0], self.last - self.first + 1.0, [0.0]])
-        return tuple(
-            Standstill(
-                int(self.first[k]),
-                int(self.last[k]),
-                float(count[self.first[k]]),
-                float(length[k]),
-                float(length[k + 2]),
-                felt is not None and _drifts(felt[0, self.first[k] : self.last[k] + 1]),
-                felt is not None and _returns(*felt[:, self.first[k] : self.last[k] + 1]),
-            )
-            for k in np.flatnonzero(self.is_standstill)
-        )
+        found = []
+        for k in np.flatnonzero(self.is_standstill):
+            first, last = int(self.first[k]), int(self.last[k])
+            before, after = float(length[k]), float(length[k + 2])
+            one = Standstill(first, last, float(count[first]), before, after)
+            if felt is not None:
+                here, there = felt[:, first : last + 1]
+                drifts = _drifts(here, brakes=before > 0.0, starts=after > 0.0)
+                one = replace(
+                    one, drifts=drifts, returns=_returns(here, there), is_shown=not drifts
+                )
+            found.append(one)
+        return tuple(found)
 
 
-def _drifts(felt: _Floats) -> bool:
-    """Return whether a torque moves while its end seems to stand still; braking aside."""
+def _drifts(felt: _Floats, *, brakes: bool, starts: bool) -> bool:
+    """Return whether a torque moves while its end seems to stand still.
+
+    While that end brakes first, or starts at last, the torque does so in any case.
+    """
     edge = int(BRAKING_SHARE * felt.size)
-    parts = np.array_split(felt[edge : felt.size - edge], 4)
+    parts = np.array_split(felt[edge * brakes : felt.size - edge * starts], 4)
     return bool(np.ptp([float(np.mean(part)) for part in parts]) > DRIFTS)
 
 

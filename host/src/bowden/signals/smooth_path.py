@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
@@ -66,8 +67,6 @@ class SmoothPath:
         Steps, the intensities of either noise, and what each node's sample says.
     states : ndarray of shape (m, order)
         Posterior mean of x and its derivatives.
-    variance : ndarray of shape (m,)
-        Of the position, whatever the intensities are.
     relative_intensity : ndarray of shape (m - 1, 2)
         Intensities of each step against the usual ones of its kind.
     usual : ndarray of shape (m - 1, 2)
@@ -78,13 +77,21 @@ class SmoothPath:
 
     nodes: wiener.Nodes
     states: _Floats
-    variance: _Floats
     relative_intensity: _Floats
     usual: _Floats
     noise: float
 
-    def at(self, node: NDArray[np.intp], share: _Floats) -> tuple[_Floats, _Floats]:
-        """Return mean and variance between nodes.
+    @cached_property
+    def variance(self) -> _Floats:
+        """Variance of the position at the nodes, whatever the intensities are; shape (m,)."""
+        total = np.zeros(self.nodes.precision.size)
+        for one in islice(self.draws(np.random.default_rng(0)), SWEEPS):
+            found = wiener.smooth(one.nodes, self.states.shape[1])
+            total += found.variance + (found.states[:, 0] - self.states[:, 0]) ** 2
+        return np.asarray(total / SWEEPS)
+
+    def at(self, node: NDArray[np.intp], share: _Floats) -> _Floats:
+        """Return the mean between nodes.
 
         Parameters
         ----------
@@ -101,24 +108,22 @@ class SmoothPath:
             for i in range(n):
                 series = sum(math.comb(n - 1 + k, k) * w**k for k in range(n - i))
                 mean += (1 - w) ** n * series * (way * w) ** i / math.factorial(i) * ends[:, i]
+        return mean
+
+    def variance_at(self, node: NDArray[np.intp], share: _Floats) -> _Floats:
+        """Return the variance between nodes; parameters as of `at`."""
+        h, u = self.nodes.step[node], share
+        n = self.states.shape[1]
         between = (1 - u) * self.variance[node] + u * self.variance[node + 1]
         for each, m in enumerate((n, n - 1)):
             scale = (2 * m - 1) * math.factorial(m - 1) ** 2
             bridge = (h * u * (1 - u)) ** (2 * m - 1) / scale
             between += self.nodes.intensity[node, each] * bridge
-        return mean, between
+        return np.asarray(between)
 
     def draws(self, generator: np.random.Generator) -> Iterator[SmoothPath]:
         """Yield paths from the posterior in place of its mean, without end; one follows another."""
         return islice(self._sweeps(generator), FORGETTING, None)
-
-    def with_open_intensities(self) -> SmoothPath:
-        """Return the path with the variance that intensities which are drawn as well give it."""
-        total = np.zeros(self.variance.size)
-        for one in islice(self.draws(np.random.default_rng(0)), SWEEPS):
-            found = wiener.smooth(one.nodes, self.states.shape[1])
-            total += found.variance + (found.states[:, 0] - self.states[:, 0]) ** 2
-        return replace(self, variance=total / SWEEPS)
 
     def _sweeps(self, generator: np.random.Generator) -> Iterator[SmoothPath]:
         """Yield Gibbs' sweeps: a path given intensities, which were drawn given the one before."""
@@ -200,8 +205,7 @@ def _fitted(
         spread = relative_intensity * (FREEDOM * usual[kind] + felt)
         nodes = nodes._replace(intensity=spread / (FREEDOM + determined))
     found = wiener.smooth(nodes, order)
-    path = SmoothPath(nodes, found.states, found.variance, relative_intensity, usual[kind], noise)
-    return path.with_open_intensities()
+    return SmoothPath(nodes, found.states, relative_intensity, usual[kind], noise)
 
 
 def _usual(usual: _Floats, felt: _Floats, determined: _Floats, kind: _Index) -> _Floats:

@@ -19,6 +19,8 @@ dynamics that the quasi-static equations leave out, and the solver refuses.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from bowden.model.errors import ModelError
@@ -59,6 +61,7 @@ from bowden.model.transmission import Transmission
 _STRAIGHT_BELOW = 1e-8  # wrap (times mu) that counts as none: rounding of R/mu |T2 - T1| is worse
 _LARGEST_WRAP = 300.0  # exp of it, squared, still fits a float
 _LINEAR_ERROR = 1e-7  # of a linear initial profile, drawn as exponentials
+_PAIRS_KEPT = 32  # a fit runs one pair on many inputs
 _FIRST_ROOM = 256  # breakpoints; doubled when they run out
 
 
@@ -94,10 +97,8 @@ def simulate_mesh_free(
     ModelError
         A friction law that is not Coulomb's, or an initial profile that friction cannot hold.
     """
-    refuse_what_is_not_coulomb(transmission)
     seen_from_load = mode is Mode.POSITION_TORQUE
-    path = path_tables(transmission, seen_from_load)
-    profile = _initial_profile(transmission, path, seen_from_load)
+    path, profile = _virgin(transmission, seen_from_load)
     pair = _pair_at_rest(path, profile)
     stretch, carried = profile[-1, DISPLACEMENT], np.zeros(CARRIED_FIELDS)
     carried[MEAN] = profile[0, TENSION]
@@ -144,6 +145,14 @@ def simulate_mesh_free(
         load_tension_b_n=out[load_b],
         slack=slack.astype(np.uint8),
     )
+
+
+@lru_cache(maxsize=_PAIRS_KEPT)
+def _virgin(transmission: Transmission, seen_from_load: bool) -> tuple[FloatArray, FloatArray]:
+    """Path tables and initial profile; the same for every input, and kernels change neither."""
+    refuse_what_is_not_coulomb(transmission)
+    path = path_tables(transmission, seen_from_load)
+    return path, _initial_profile(transmission, path, seen_from_load)
 
 
 def refuse_what_is_not_coulomb(transmission: Transmission) -> None:
