@@ -25,7 +25,7 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
-from bowden.diagnosis.diagnose import Method, diagnose
+from bowden.diagnosis.diagnose import diagnose
 from bowden.diagnosis.result import Diagnosis
 from bowden.model import Mode, ModelError, parse_model
 from bowden.recording.atomic import replace_whole
@@ -41,8 +41,7 @@ from hil_tests.hidden_effects.recordings import Case, draw_case
 from hil_tests.hidden_effects.strength import WEAKEST
 from hil_tests.rig_cases import cases as rig_cases
 
-OURS, RULES = "bowden", "bowden --method rules"
-METHODS: tuple[tuple[str, Method], ...] = ((OURS, "prediction"), (RULES, "rules"))
+OURS = "bowden"
 REDRAWS = 5
 SOURCES = {"continuum": draw_case, "rig": rig_cases.draw_case}
 
@@ -56,7 +55,6 @@ class Job:
     names: tuple[str, ...]
     length_s: float = 30.0
     source: str = "continuum"
-    beside_rules: bool = False
     recordings: int = 1
 
 
@@ -156,18 +154,16 @@ def run(job: Job) -> dict[str, Result]:
         return Result(t.seed, t.source, t.kind, truth, t.strength, answer)
 
     answers: dict[str, Answer] = {}
-    for name, method in METHODS[: 1 + job.beside_rules]:
-        start = time.perf_counter()
-        try:
-            found = diagnose(model, recordings, Mode.TORQUE_POSITION, seed=job.seed, method=method)
-        except ModelError as error:
-            seconds = time.perf_counter() - start
-            answers[name] = Answer(f"failed: {error}", (), seconds=seconds)
-            continue
+    start = time.perf_counter()
+    try:
+        found = diagnose(model, recordings, Mode.TORQUE_POSITION, seed=job.seed)
+    except ModelError as error:
+        answers[OURS] = Answer(f"failed: {error}", (), seconds=time.perf_counter() - start)
+    else:
         seconds = time.perf_counter() - start
         inside = law_inside(case, found) if job.kind == "smooth_law" else math.nan
-        answers[name] = ours(found, seconds, over_truth(case, recordings, found), inside)
-        if name == OURS and not baselines.missing():
+        answers[OURS] = ours(found, seconds, over_truth(case, recordings, found), inside)
+        if not baselines.missing():
             answers |= baselines.answers(found, recordings[0])
     return {method: result(answer) for method, answer in answers.items()}
 
@@ -211,9 +207,6 @@ def main() -> int:
     parser.add_argument(
         "--source", choices=SOURCES, default="continuum", help="who makes the recordings"
     )
-    parser.add_argument(
-        "--beside-rules", action="store_true", help="answer each case by --method rules as well"
-    )
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="or a kind")
     parser.add_argument(
         "--recordings",
@@ -230,7 +223,7 @@ def main() -> int:
     args.output.parent.mkdir(parents=True, exist_ok=True)
     if args.recordings > 1 and args.source != "continuum":
         parser.error(f"--recordings: found {args.recordings}; accepted with --source rig: 1")
-    alike = Job(args.seed, "", (), args.length_s, args.source, args.beside_rules, args.recordings)
+    alike = Job(args.seed, "", (), args.length_s, args.source, args.recordings)
     todo = jobs(args.seed, args.cases_per_effect, args.only, alike)
     if lacking := baselines.missing():
         sys.stderr.write(f"no baselines without {', '.join(lacking)}: make setup-baselines\n")

@@ -270,12 +270,6 @@ def test_a_time_limit_ends_the_search_and_says_so() -> None:
     assert any("time limit" in one for one in found.notes)
 
 
-def test_the_predecessor_is_reachable_and_agrees_on_a_plain_case() -> None:
-    hidden = TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"])
-    found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1, method="rules")
-    assert [one.name for one in found.effects] == ["load_cell_offset"]
-
-
 def test_a_zero_far_from_half_a_count_is_an_effect_and_no_nuisance() -> None:
     hidden = TRUTH.with_effect("encoder_offset", {"offset_rad": 0.02})  # six counts
     found = diagnose(MODEL, [measured(hidden)], names=("encoder_offset", *NAMES), seed=1)

@@ -74,12 +74,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="0 or more (default: 0)")
     parser.add_argument(
-        "--method",
-        choices=["prediction", "rules"],
-        default="prediction",
-        help="how hypotheses are compared; rules is the slower predecessor (default: %(default)s)",
-    )
-    parser.add_argument(
         "--time-limit",
         type=float,
         default=float("inf"),
@@ -106,7 +100,6 @@ def run(args: argparse.Namespace) -> int:
             recordings,
             mode_of(args),
             seed=args.seed,
-            method=args.method,
             time_limit_s=args.time_limit,
             progress=tell,
         )

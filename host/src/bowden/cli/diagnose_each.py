@@ -20,7 +20,6 @@ from bowden.cli.parallel import on_cluster, on_this_machine
 from bowden.errors import BadInput
 
 if TYPE_CHECKING:
-    from bowden.diagnosis.diagnose import Method
     from bowden.recording.recording import Recording
     from bowden.report.diagnoses import DiagnosisRow
 
@@ -39,7 +38,7 @@ class Settings:
         Its text.
     effects_file : Path or None
         Effects of the user's own.
-    mode, method : str
+    mode : str
     seed : int
     time_limit_s : float
         Of each.
@@ -51,7 +50,6 @@ class Settings:
     model: str
     effects_file: Path | None = None
     mode: str = MODES[0]
-    method: Method = "prediction"
     seed: int = 0
     time_limit_s: float = float("inf")
     pages: bool = False
@@ -97,7 +95,6 @@ def _compute(args: argparse.Namespace, done: list[Outcome]) -> None:
         model=args.model.read_text(encoding="utf-8"),
         effects_file=args.effects,
         mode=args.mode,
-        method=args.method,
         seed=args.seed,
         time_limit_s=args.time_limit,
         pages=args.report is not None,
@@ -167,7 +164,6 @@ def diagnose_one(
             recordings,
             Mode(settings.mode),
             seed=settings.seed,
-            method=settings.method,
             time_limit_s=settings.time_limit_s,
         )
     except (BadInput, ModelError) as problem:

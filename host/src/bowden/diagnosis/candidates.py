@@ -23,7 +23,7 @@ MOST_SHAPES = 24  # of an effect that are simulated
 
 @dataclass(frozen=True)
 class EffectNumber:
-    """A parameter of an effect in a model, on the search's scale; a `fit.Movable`.
+    """A parameter of an effect in a model, on the search's scale; an `estimation` `FreeParameter`.
 
     Parameters
     ----------

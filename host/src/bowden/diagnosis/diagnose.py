@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -26,7 +25,6 @@ from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.numbers_known import estimates_of, with_posterior
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, Series
-from bowden.diagnosis.rules.diagnose import diagnose_by_rules
 from bowden.diagnosis.search import Found, Progress, search
 from bowden.diagnosis.validation import validate
 from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking, stated
@@ -40,8 +38,6 @@ from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED, simulate_recording
 from bowden.workers import workers
 
-Method = Literal["prediction", "rules"]
-
 
 def diagnose(
     model: Model,
@@ -50,7 +46,6 @@ def diagnose(
     *,
     seed: int = 0,
     names: Sequence[str] | None = None,
-    method: Method = "prediction",
     time_limit_s: float = math.inf,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -68,8 +63,6 @@ def diagnose(
         The result depends on nothing else.
     names : sequence of str, optional
         Candidates; the whole catalogue when absent.
-    method : {"prediction", "rules"}
-        How hypotheses are compared; ``rules`` is the predecessor.
     time_limit_s : float, optional
         After so long no further set of effects is fitted; a note says so.
     progress : callable (stage, share of the whole), optional
@@ -85,17 +78,6 @@ def diagnose(
     contents = excitation(model, recordings, mode)
     if stops(quality):
         return stopped(model, mode, quality, contents, seed)
-    if method == "rules":
-        return diagnose_by_rules(
-            model,
-            recordings,
-            mode,
-            seed=seed,
-            names=names,
-            quality=quality,
-            contents=contents,
-            progress=tell,
-        )
     with workers() as pool:
         material = make_material(recordings, model, mode, seed, pool)
         found = search(

@@ -25,9 +25,9 @@ from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.model.trajectory import TEMPERATURE
 from bowden.recording.recording import Recording
+from bowden.signals.alternatives import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
-from bowden.signals.propagate import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]

@@ -1,0 +1,46 @@
+"""What a recording and a model leave open: other readings of them that may be as right.
+
+`estimation.covariance` simulates them; their distance from the best estimate is part of the noise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bowden.model import Model
+from bowden.model.experiments.variants import with_damping, with_memory
+from bowden.recording.recording import Recording
+
+MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
+OTHERWISE = (1 / 3, 3.0)  # times numbers that are not known better
+UNDAMPED_OR_MORE = (0.0, 3.0)  # times the damping of an underdamped rotor
+HELD_OR_NOT = math.sqrt(2 / 3)  # half a sample late, early or neither, each as likely
+
+
+def held_torque(recording: Recording) -> Recording:
+    """Return a recording whose motor torque is half a sample late, as if it was held.
+
+    What a torque does between two samples is not recorded: a straight line and a step differ by
+    half a sample.
+    """
+    time_s, torque = recording.time_s, recording.motor_torque_nm
+    late = time_s - 0.5 * np.diff(time_s, prepend=time_s[0])
+    return recording.with_channels(motor_torque_nm=np.interp(late, time_s, torque))
+
+
+def open_numbers(model: Model) -> list[tuple[Model, float]]:
+    """Return models with other numbers that might be as right, and the share of each.
+
+    With which memory friction falls with speed, and how soon a motor's ringing ends, no recording
+    of a rig has told before.
+    """
+    pair, found = model.transmission, []
+    alike = math.sqrt(1 / len(OTHERWISE))
+    law = pair.friction
+    if law.stribeck_gain > 0.0 and law.memory_s > 0.0 and not law.memory_is_of_friction:
+        found += [(with_memory(model, k * law.memory_s), alike) for k in OTHERWISE]
+    if pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh":
+        found += [(with_damping(model, k * pair.damping_s), alike) for k in UNDAMPED_OR_MORE]
+    return found

@@ -1,0 +1,176 @@
+"""The covariance of observations: it covers the error that is really there, wherever it arises."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from bowden.estimation.covariance import Covariance, Data, covariance
+from bowden.model import Inputs, Mode, Model, parse_model, simulate
+from bowden.model.experiments.variants import with_damping, with_memory
+from bowden.recording.recording import Recording
+from bowden.signals.dequantise import EDGE_NOISE
+from bowden.signals.prediction import PREDICTED
+
+from ..rigs import TABLE_1
+
+MODEL = parse_model(TABLE_1)
+EXACT = parse_model(TABLE_1.replace("{segments: 50}", "{solver: mesh_free}"))
+TIME_S = np.arange(12_000) * 1e-3
+LOAD_COUNT, MOTOR_COUNT = 2 * np.pi / 10_000, 2 * np.pi / 2000
+MODE = Mode.TORQUE_POSITION
+
+
+def motion(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Load angle and motor torque."""
+    torque = 0.12 * np.sin(2 * np.pi * 0.31 * TIME_S)
+    if kind == "sine":
+        return 0.6 * np.sin(2 * np.pi * 0.4 * TIME_S), torque
+    if kind == "triangle":
+        return 0.5 * (4 * np.abs((0.25 * TIME_S) % 1 - 0.5) - 1) + 0.5, torque
+    corner = np.random.default_rng(5).uniform(-0.6, 0.6, 12)
+    corner[0] = 0.0
+    share = np.clip((TIME_S % 1.5) / 0.8, 0.0, 1.0)
+    step = (TIME_S // 1.5).astype(int)
+    smooth = 10 * share**3 - 15 * share**4 + 6 * share**5
+    return corner[step] + (corner[step + 1] - corner[step]) * smooth, torque
+
+
+@cache
+def measured(kind: str) -> Recording:
+    """What sensors make of a run of the exact solution."""
+    load, torque = motion(kind)
+    run = simulate(EXACT, MODE, Inputs(TIME_S, motor_torque_nm=torque, load_angle_rad=load))
+    generator = np.random.default_rng(1)
+
+    def counted(angle: np.ndarray, count: float) -> np.ndarray:
+        edges = generator.normal(0.0, EDGE_NOISE, angle.size)
+        return np.round(angle / count + edges) * count
+
+    return Recording(
+        TIME_S,
+        motor_angle_rad=counted(run.motor_angle_rad, MOTOR_COUNT),
+        load_angle_rad=counted(load, LOAD_COUNT),
+        motor_torque_nm=torque + generator.normal(0.0, 3e-4, TIME_S.size),
+        load_torque_nm=run.load_torque_nm + generator.normal(0.0, 5e-4, TIME_S.size),
+    )
+
+
+def noise_of(kind: str, model: Model = MODEL) -> tuple[Data, Covariance]:
+    data = Data.of(measured(kind), 0, model, MODE)
+    return data, covariance(data, model)
+
+
+def apart(data: Data, *models: Model) -> np.ndarray:
+    return np.asarray(np.abs(np.subtract(*(data.predict(one) for one in models))))
+
+
+@pytest.mark.parametrize("kind", ["sine", "triangle", "rests"])
+@pytest.mark.parametrize("channel", [0, 1])
+def test_sigma_covers_the_error_of_a_right_model(kind: str, channel: int) -> None:
+    data, noise = noise_of(kind)
+    rows = data.observations.channel == channel
+    gap = data.observations.measured - data.predict(MODEL) - noise.offset
+    scaled = np.abs(gap[rows] - channel * np.mean(gap[rows])) / noise.sigma[rows]
+    # 68 and 95 % of a normal error. Errors persist from reversal to reversal, so a run of 12 s
+    # is worth some dozens of independent ones: +-10 % either way; too wide is no harm to a verdict.
+    assert np.mean(scaled < 1.0) > 0.6
+    assert np.mean(scaled < 2.0) > 0.87
+
+
+def test_a_count_matters_much_more_after_a_reversal() -> None:
+    data, noise = noise_of("sine")
+    rows = data.observations.channel == 0
+    time_s, sigma = data.observations.time_s[rows], noise.sigma[rows]
+    load, _ = motion("sine")
+    speed = np.gradient(load, TIME_S)
+    turns = TIME_S[1:][np.diff(np.sign(speed)) != 0]
+    since = (time_s - turns[:, None])[:, :]
+    after = np.any((since > 0.0) & (since < 15e-3), axis=0)
+    sliding = np.abs(np.interp(time_s, TIME_S, speed)) > 0.9 * speed.max()
+    assert np.median(sigma[after]) > 10 * np.median(sigma[sliding])
+    # While the pair slides, friction is constant and only the load cell and the motor torque count:
+    # 0.5 mN m, and 5.2 times what smoothing leaves of 0.3 mN m.
+    assert np.median(sigma[sliding]) < 1.5e-3
+
+
+def test_the_same_seed_gives_the_same_covariance() -> None:
+    data, noise = noise_of("triangle")
+    again = covariance(Data.of(measured("triangle"), 0, MODEL, MODE), MODEL)
+    other = covariance(Data.of(measured("triangle"), 0, MODEL, MODE, seed=1), MODEL)
+    np.testing.assert_array_equal(again.sigma, noise.sigma)
+    assert np.any(other.sigma != noise.sigma)
+    assert data.observations.time_s.size == noise.sigma.size
+
+
+def test_a_clean_recording_still_has_a_positive_sigma() -> None:
+    load, torque = motion("sine")
+    run = simulate(EXACT, MODE, Inputs(TIME_S, motor_torque_nm=torque, load_angle_rad=load))
+    clean = Recording(
+        TIME_S,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load,
+        motor_torque_nm=torque,
+        load_torque_nm=run.load_torque_nm,
+    )
+    data = Data.of(clean, 0, EXACT, MODE)
+    sigma = covariance(data, EXACT).sigma
+    assert np.all(sigma > 0.0)
+    # Half a sample of the torque's slope, 0.6 mN m at most, times the ratio of the pulleys.
+    assert np.sqrt(np.mean(sigma[data.observations.channel == 0] ** 2)) < 2e-3
+
+
+def test_a_torque_that_is_held_from_sample_to_sample_is_within_the_noise() -> None:
+    """Steps or straight lines between its samples: a recording does not say."""
+    load, _ = motion("sine")
+    torque = 0.1 * np.sign(np.sin(2 * np.pi * 0.7 * TIME_S))
+    late = TIME_S - 0.5e-3
+    found = []
+    for given in (torque, np.interp(late, TIME_S, torque)):
+        inputs = Inputs(TIME_S, motor_torque_nm=given, load_angle_rad=load)
+        found.append(simulate(EXACT, MODE, inputs).load_torque_nm)
+    # Noise decides that all samples count as observations, not only those after a change.
+    cell = np.random.default_rng(4).normal(0.0, 1e-4, TIME_S.size)
+    clean = Recording(
+        TIME_S,
+        motor_angle_rad=np.zeros_like(load),
+        load_angle_rad=load,
+        motor_torque_nm=torque,
+        load_torque_nm=found[0] + cell,
+    )
+    data = Data.of(clean, 0, EXACT, MODE)
+    rows = data.observations.channel == 0
+    sigma = covariance(data, EXACT).sigma[rows]
+    step = np.interp(data.observations.time_s[rows], TIME_S, np.abs(found[1] - found[0]))
+    # All of half a sample where the noise is that of a choice between none, early and late.
+    assert np.sqrt(np.mean(step**2)) < 1.3 * np.sqrt(np.mean(sigma**2))
+
+
+@pytest.mark.parametrize("mode", [Mode.POSITION_TORQUE, Mode.POSITION_POSITION])
+def test_the_other_modes(mode: Mode) -> None:
+    data = Data.of(measured("sine"), 0, MODEL, mode)
+    assert len(PREDICTED[mode]) == len(np.unique(data.observations.channel))
+    assert np.all(np.isfinite(covariance(data, MODEL).sigma))
+
+
+def test_where_friction_falls_with_speed_another_memory_is_within_the_noise() -> None:
+    model = MODEL.with_effect("stribeck_friction", {"a": 0.4, "v_s_m_per_s": 0.05})
+    data, noise = noise_of("sine", model)
+    other = with_memory(model, 2.0 * model.transmission.friction.memory_s)
+    rows = data.observations.channel == 0
+    # Twice the memory is not more than the three times that the noise allows for.
+    scaled = (apart(data, model, other) / noise.sigma)[rows]
+    assert np.sqrt(np.mean(scaled**2)) < 1.0
+
+
+def test_how_soon_a_motor_s_oscillation_ends_is_within_the_noise() -> None:
+    model = MODEL.with_effect("motor_inertia", {"inertia_kg_m2": 3e-5})
+    data, noise = noise_of("stop", model)
+    other = with_damping(model, 0.5 * model.transmission.damping_s)
+    rows = data.observations.channel == 1
+    swing = apart(data, model, other)[rows]
+    assert swing.max() > 0.5 * MOTOR_COUNT  # half a count of the motor's encoder: it shows
+    # Half of the losses is not less than the third that the noise allows for.
+    where = swing > 0.3 * swing.max()
+    assert np.sqrt(np.mean((swing / noise.sigma[rows])[where] ** 2)) < 1.0
