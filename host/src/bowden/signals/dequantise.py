@@ -255,7 +255,7 @@ def _within_counts(
 
     smooth, settled = smoothed(count), count
     if chatters(count):  # strokes and standstills are those of the counts without their noise
-        settled = without_chatter(np.round(smooth.at(before, share)[0]))
+        settled = without_chatter(np.round(smooth.at(before, share)))
         smooth = smoothed(settled)
     runs = Runs.of(settled)
     noise = float(np.sqrt(smooth.noise**2 - EDGE_NOISE**2))
