@@ -86,9 +86,10 @@ def run(args: argparse.Namespace) -> int:
     from bowden.estimation.calibrate import calibrate  # noqa: PLC0415  (keeps --help fast)
     from bowden.model import format_model  # noqa: PLC0415
     from bowden.model.model_file import Source  # noqa: PLC0415
-    from bowden.recording.atomic import replace_whole  # noqa: PLC0415
+    from bowden.recording.atomic import refuse_unwritable, replace_whole  # noqa: PLC0415
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
+    refuse_unwritable([args.write_model], [*args.recordings, *(args.hold_out or [])])
     model = read_model(args.model)
     settle_s = settle_of(args)
     session = read_recordings(args.recordings).since(settle_s)

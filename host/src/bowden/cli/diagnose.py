@@ -76,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose, write model and report, print the verdict."""
     from bowden.diagnosis.diagnose import diagnose  # noqa: PLC0415  (keeps --help fast)
     from bowden.errors import BadInput  # noqa: PLC0415
+    from bowden.recording.atomic import refuse_unwritable  # noqa: PLC0415
     from bowden.recording.enabled import until_disabled  # noqa: PLC0415
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
@@ -84,6 +85,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.time_limit > 0.0:
         raise BadInput("--time-limit", f"{args.time_limit:g} s", "more than 0 s")
     refuse_missing_forms(args)
+    refuse_unwritable([args.write_model, args.report], args.recordings)
     model = read_model(args.model)
     session = read_recordings(args.recordings).since(settle_of(args))
     recordings = [until_disabled(one) for one in session.recordings]
@@ -98,11 +100,11 @@ def run(args: argparse.Namespace) -> int:
             progress=tell,
         )
     trusted = diagnosis.verdict != "bad_data"
+    show(diagnosis)  # first: a disk that is full now does not hide minutes of work
     if args.write_model and trusted:
         write_extended(diagnosis, args.write_model, [path.name for path in args.recordings])
     if args.report:
         write_report(diagnosis, args.report, str(args.model))
-    show(diagnosis)
     for name, path in (("model", args.write_model if trusted else None), ("report", args.report)):
         if path:
             console().print(f"{name}: {path}", soft_wrap=True)

@@ -41,9 +41,10 @@ def run(args: argparse.Namespace) -> int:
     from bowden.estimation.quantities import estimate  # noqa: PLC0415  (keeps --help fast)
     from bowden.model import Mode, format_model  # noqa: PLC0415
     from bowden.model.model_file import Source  # noqa: PLC0415
-    from bowden.recording.atomic import replace_whole  # noqa: PLC0415
+    from bowden.recording.atomic import refuse_unwritable, replace_whole  # noqa: PLC0415
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
+    refuse_unwritable([args.write_model], args.recordings)
     model = read_model(args.model)
     session = read_recordings(args.recordings).since(settle_of(args))
     admit_data(model, session.recordings, Mode.TORQUE_POSITION)

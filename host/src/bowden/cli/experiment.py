@@ -26,6 +26,7 @@ from bowden.cli.output import add_json_argument, console, print_json
 from bowden.cli.own_rig_arguments import add_own_rig_arguments
 from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
+from bowden.recording.atomic import refuse_unwritable
 
 if TYPE_CHECKING:
     from bowden.model import Model
@@ -125,6 +126,7 @@ def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the experiment, write the page, print the figures."""
+    refuse_unwritable([args.report], args.recordings or ())
     if args.compensation:
         if args.experiment not in ("tunnel", "2"):
             raise BadInput("--compensation", f"experiment {args.experiment}", "experiment tunnel")

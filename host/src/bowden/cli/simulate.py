@@ -50,10 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write."""
+    from bowden.recording.atomic import refuse_unwritable  # noqa: PLC0415
     from bowden.recording.csv_file import write_csv  # noqa: PLC0415
     from bowden.recording.read import read_recording  # noqa: PLC0415
     from bowden.signals.prediction import simulate_recording  # noqa: PLC0415
 
+    refuse_unwritable([args.output], [args.input, *([args.initial] if args.initial else [])])
     model = read_model(args.model)
     recording = read_recording(args.input)
     before = read_recording(args.initial) if args.initial else None

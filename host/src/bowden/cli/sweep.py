@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 from bowden.cli.model_arguments import add_model_argument, read_model
 from bowden.cli.output import add_json_argument, console, print_json, progress
 from bowden.errors import BadInput
+from bowden.recording.atomic import refuse_unwritable
 
 if TYPE_CHECKING:
     from bowden.model.sweep import Row, Sweep
@@ -58,9 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the missing points, write the table, report its number of rows."""
-    sweep = _sweep(args)
     output: Path = args.output
-    if output.exists():
+    refuse_unwritable([output])
+    sweep = _sweep(args)
+    if output.is_file():
         _check_same(output, _digest_in(output), sweep)
         rows = len(sweep.points)
         console().print(f"{output} holds this sweep already, all {rows} rows", soft_wrap=True)
