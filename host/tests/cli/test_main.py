@@ -151,3 +151,47 @@ def test_a_reader_that_leaves_early_is_no_traceback() -> None:
     os.close(write)
     assert done.returncode == 141
     assert done.stderr == ""
+
+
+def test_a_reader_of_people_s_text_that_leaves_early_is_not_a_rejection() -> None:
+    code = (
+        "import argparse, sys; from bowden.cli.main import run_command\n"
+        "from bowden.cli.output import console\n"
+        "say = lambda a: console().print('x' * 100_000) or 0\n"
+        "sys.exit(run_command('x', argparse.Namespace(), say))"
+    )
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([sys.executable, "-c", code], stderr=write, check=False)
+    os.close(write)
+    assert done.returncode == 141  # rich's own answer is 1, which means that `verify` rejects
+
+
+def test_ctrl_c_while_a_command_is_loaded_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def load(_name: str) -> frame.Command:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(frame, "_load", load)
+    assert frame.main(["record", "run.blf"]) == 130
+    assert capsys.readouterr().err == "bowden record: interrupted\n"
+
+
+@pytest.mark.parametrize("closed", ["1", "2"])
+def test_a_closed_stream_loses_its_text_only(closed: str) -> None:
+    command = '"$0" -m bowden.cli.main od search tunnel_stiffness --json'
+    done = subprocess.run(
+        ["sh", "-c", f"{command} {closed}>&-", sys.executable],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "" if closed == "1" else json.loads(done.stdout)
+
+
+def test_a_full_stderr_does_not_change_the_status() -> None:
+    command = '"$0" -m bowden.cli.main od search nothing_of_the_kind 2> /dev/full'
+    done = subprocess.run(["sh", "-c", command, sys.executable], check=False)
+    assert done.returncode == 2
