@@ -124,7 +124,7 @@ def _agreed(args: argparse.Namespace, changed: int) -> bool:
     if args.yes:
         return True
     entries = counted(changed, "entry", "entries")
-    console().print(f"write {entries} into node {args.node}? \\[y/N] ", end="")
+    console().print(f"write {entries} into node {args.node}? [y/N] ", end="")
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 

@@ -26,7 +26,7 @@ from bowden.cli.model_arguments import (
     read_model,
     settle_of,
 )
-from bowden.cli.output import add_json_argument, console, print_json, stages
+from bowden.cli.output import add_json_argument, console, print_json, stages, styled
 
 if TYPE_CHECKING:
     from bowden.diagnosis.result import Diagnosis
@@ -148,7 +148,8 @@ def show(diagnosis: Diagnosis) -> None:
     from rich.table import Table  # noqa: PLC0415
 
     out = console()
-    out.print(f"[bold]{diagnosis.verdict.replace('_', ' ')}[/]: {diagnosis.sentence}")
+    verdict = diagnosis.verdict.replace("_", " ")
+    out.print(styled((verdict, "bold"), f": {diagnosis.sentence}"))
     for one in diagnosis.effects:
         for name, value in one.parameters.items():
             out.print(

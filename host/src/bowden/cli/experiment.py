@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.model_arguments import read_model
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, styled
 from bowden.cli.own_rig_arguments import add_own_rig_arguments
 from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
@@ -210,7 +210,7 @@ def _show(result: Experiment) -> None:
     part: Experiment | None = result
     while part is not None:
         header, rows = figures_table(part)
-        out.print(f"[bold]{part.title}[/], {PRESET_WORDS[part.preset]}")
+        out.print(styled((part.title, "bold"), f", {PRESET_WORDS[part.preset]}"))
         shown = Table(header[0], header[1], box=box.SIMPLE_HEAD, pad_edge=False)
         for name in header[2:]:
             shown.add_column(name, justify="right", no_wrap=False, min_width=8)

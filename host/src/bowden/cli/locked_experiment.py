@@ -202,4 +202,4 @@ def _show(runs: list[LockedRun]) -> None:
     out.print(table)
     out.print("torques peak to peak over the last cycle, and the gap to the model, in mN m")
     for run in runs:
-        out.print(f"{run.label}: {run.file}", markup=False)
+        out.print(f"{run.label}: {run.file}")

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from bowden.cli.changes import change_table, changes_document
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, styled
 from bowden.counted import counted
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, store, write
@@ -91,10 +91,10 @@ def _show_entries(args: argparse.Namespace, entries: Sequence[Entry]) -> int:
     for entry in _first_of_arrays(entries):
         span = accepted(entry) if entry.access in ("rw", "wo") else entry.unit or ""
         facts = ", ".join(filter(None, [entry.role, entry.access, span]))
-        line = f"{address(entry):<8} [bold]{entry.name}[/]  {facts}"
+        line = styled(f"{address(entry):<8} ", (entry.name, "bold"), f"  {facts}")
         out.print(line, soft_wrap=True)
         if entry.doc:
-            out.print(f"         {entry.doc}", soft_wrap=True, markup=False)
+            out.print(f"         {entry.doc}", soft_wrap=True)
     return 0
 
 
@@ -135,7 +135,7 @@ def _read(args: argparse.Namespace, entries: Sequence[Entry]) -> int:
     if args.json:
         print_json({"node_id": args.node, "values": values})
     for value in values:
-        console().print(f"{value['name']} = {value['text']}", markup=False, soft_wrap=True)
+        console().print(f"{value['name']} = {value['text']}", soft_wrap=True)
     return 0
 
 
@@ -222,7 +222,7 @@ def _watch(args: argparse.Namespace, entries: Sequence[Entry]) -> int:
             for elapsed_s in _beats(drive, args.period, args.count):
                 values = [_value_document(drive, entry) for entry in entries]
                 line = ", ".join(f"{value['name']} = {value['text']}" for value in values)
-                console().print(f"{elapsed_s:9.3f} s  {line}", markup=False, soft_wrap=True)
+                console().print(f"{elapsed_s:9.3f} s  {line}", soft_wrap=True)
                 by_name = {str(value["name"]): value["value"] for value in values}
                 samples.append({"time_s": elapsed_s, "values": by_name})
     finally:

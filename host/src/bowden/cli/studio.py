@@ -58,8 +58,8 @@ def run(args: argparse.Namespace) -> int:
         access = Access(listening.getsockname()[1])
         with connect_drive(args) as drive, closing(LiveSession(drive)) as session:
             bench = StudioBench(session, args.folder, args.model)
-            console().print(f"open {access.address}", soft_wrap=True, markup=False)
-            console().print("it works once, on this machine only; Ctrl-C ends", markup=False)
+            console().print(f"open {access.address}", soft_wrap=True)
+            console().print("it works once, on this machine only; Ctrl-C ends")
             if not args.no_browser:
                 webbrowser.open(access.address)
             serve(bench, access, listening)

@@ -86,9 +86,9 @@ def _look(drive: Drive, as_json: bool) -> int:
     out = console()
     out.print(f"node {now.node_id}: {now.power_state}, {now.rate_hz:.0f} samples/s")
     if now.fault:
-        out.print(f"fault: {now.fault}", markup=False, soft_wrap=True)
+        out.print(f"fault: {now.fault}", soft_wrap=True)
     for name, value in now.values.items():
         entry = lookup(name)
         raw = round(value / (entry.scale or 1.0))
-        out.print(f"  {name} = {shown(entry, raw)}", markup=False, soft_wrap=True)
+        out.print(f"  {name} = {shown(entry, raw)}", soft_wrap=True)
     return 0
