@@ -92,12 +92,25 @@ def test_one_refused_value_undoes_the_others(capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.usefixtures("bus")
-@pytest.mark.parametrize("assignment", ["controlword=15", "target_torque=0.1", "statusword=0"])
+@pytest.mark.parametrize(
+    ("assignment", "runs_the_motor"),
+    [("controlword=15", True), ("target_torque=0.1", True), ("statusword=0", False)],
+)
 def test_what_commands_the_motor_is_not_written(
-    assignment: str, capsys: pytest.CaptureFixture[str]
+    assignment: str, runs_the_motor: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["od", "write", assignment]) == 2
-    assert "bowden record --enable" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "accepted: a writable entry of role config" in told
+    assert ("bowden record --enable" in told) is runs_the_motor
+
+
+@pytest.mark.usefixtures("bus")
+def test_an_array_is_written_without_its_count(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["od", "write", "segment_length=0.05", "segment_length.1=0.15", "--json"]) == 0
+    written = {one["name"]: one["wanted"] for one in document(capsys)["changes"]}
+    assert written["segment_length.1"] == 0.15
+    assert {written[f"segment_length.{n}"] for n in range(2, 41)} == {0.05}
 
 
 def test_watch_reads_in_the_bus_s_own_time(

@@ -151,8 +151,7 @@ def _value_document(drive: Drive, entry: Entry) -> dict[str, object]:
     absent = entry.is_absent(raw)
     return {
         "name": entry.name,
-        # 0.8, not 0.7999999999999999
-        "value": None if absent else float(f"{entry.to_value(raw):.12g}"),
+        "value": None if absent else entry.to_value(raw),
         "raw": raw,
         "unit": entry.unit,
         "text": shown(entry, raw),
@@ -198,13 +197,16 @@ def _wanted(assignments: Sequence[str]) -> dict[str, float]:
         name, equals, text = assignment.partition("=")
         if not equals:
             raise BadInput("od write", repr(assignment), "NAME=VALUE, such as tunnel_stiffness=0.8")
-        for entry in select(name.strip()):
+        entries = select(name.strip())
+        if len(entries) > 1:  # an array or a pattern: without the count, which is constant
+            entries = [entry for entry in entries if entry.access != "const"]
+        for entry in entries:
             if entry.role not in WRITABLE or entry.access not in ("rw", "wo"):
                 raise BadInput(
                     entry.name,
                     f"an entry of role {entry.role}, {entry.access}",
-                    f"a writable entry of role {', '.join(WRITABLE)}; to run the motor: "
-                    "bowden record --enable",
+                    f"a writable entry of role {', '.join(WRITABLE)}"
+                    + ("; to run the motor: bowden record --enable" * (entry.role == "command")),
                 )
             wanted[entry.name] = entry.to_value(parse(entry, text))
     return wanted
