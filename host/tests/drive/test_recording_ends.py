@@ -328,6 +328,8 @@ def test_every_command_says_that_a_capture_was_cut_in_the_middle(
     ("arguments", "told"),
     [
         (["--enable", "torque"], "--torque NM"),
+        (["--enable", "torque", "--torque", "nan"], "nan N m; accepted: at most 0.5 N m"),
+        (["--enable", "torque", "--torque", "-0.6"], "-0.6 N m; accepted: at most 0.5 N m"),
         (["--pre-trigger", "1"], "--start-on-motion"),
         (["--start-on-motion", "-1"], "--start-on-motion"),
         (["--node", "16", "--node", "16"], "each drive once"),

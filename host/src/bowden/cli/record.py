@@ -162,7 +162,8 @@ def record_to(
     nodes = ", ".join(str(drive.node_id) for drive in drives)
     how_long = "until stopped" if span.duration_s is None else f"for {span.duration_s:g} s"
     keys_help = " (m marks, q ends)" if has_keys() else ""
-    begun = f"recording node {nodes} {how_long} into {path}{keys_help}"
+    after = "" if span.start_on_motion_rad is None else ", as soon as an angle moves"
+    begun = f"recording node {nodes} {how_long} into {path}{after}{keys_help}"
     ended: list[Capture] = []
     try:
         with (
