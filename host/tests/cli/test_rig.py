@@ -17,6 +17,8 @@ from pathlib import Path
 import pytest
 from bowden.cli.rig import rig_command, stop
 from bowden.drive.bus_options import BusOptions
+from bowden.drive.simulated_rig import own_rig
+from bowden.errors import BadInput
 from bowden.recording.read import read_recording
 
 BOWDEN = [sys.executable, "-m", "bowden.cli.main"]
@@ -100,3 +102,11 @@ def test_the_rig_gets_the_same_bus() -> None:
     text = " ".join(command)
     assert "-m bowden_rig -i socketcan -c vcan0 -b 500000" in text
     assert text.endswith("--node-id 17 --operator still")
+
+
+def test_a_part_that_the_rig_does_not_have_is_bad_input(tmp_path: Path) -> None:
+    with (
+        pytest.raises(BadInput, match=r"simulated rig, rig: found 'foo\.bar=3'; accepted: cable, "),
+        own_rig(BusOptions(), ["--set", "foo.bar=3"], tmp_path / "rig.log"),
+    ):
+        pytest.fail("it has started")

@@ -262,8 +262,12 @@ def test_a_killed_recorder_loses_at_most_half_a_second_and_recover_says_so(
 def test_recover_refuses_what_is_no_unfinished_recording(tmp_path: Path, rig: MakeRig) -> None:
     with pytest.raises(BadInput, match=r"NAME\.blf\.part"):
         recover(tmp_path / "run.blf")
+    with pytest.raises(BadInput, match=r"run\.blf\.part: found No such file"):
+        recover(tmp_path / "run.blf.part")
+    (tmp_path / "run.blf.part").touch()
     with pytest.raises(BadInput, match="no side file"):
         recover(tmp_path / "run.blf.part")
+    (tmp_path / "run.blf.part").unlink()
     drive, _ = rig()
     part = killed(tmp_path / "run.blf", drive)
     (tmp_path / "run.blf").write_bytes(b"mine")

@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     """Reduce, compare, ask, write, read back, and report."""
     if not (args.dry_run or args.yes or sys.stdin.isatty()):
         raise BadInput(
-            "bowden apply",
+            "stdin",
             "no terminal to confirm on",
             "--yes to write, or --dry-run to see what would be",
         )

@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
     facts = _facts(args)
     if not args.yes and not sys.stdin.isatty():
-        raise BadInput("bowden commission", "no terminal to ask at", "a terminal, or --yes")
+        raise BadInput("stdin", "no terminal to ask at", "a terminal, or --yes")
     out = console()
     with connect_drive(args) as drive:
         try:

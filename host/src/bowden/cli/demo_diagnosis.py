@@ -151,7 +151,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Close the loop on a rig of its own, and say what came out."""
-    if args.duration <= SETTLE_S:
+    if not args.duration > SETTLE_S:
         raise BadInput("--duration", f"{args.duration:g}", f"seconds, more than {SETTLE_S:g}")
     directory: Path = args.output
     directory.mkdir(parents=True, exist_ok=True)

@@ -127,6 +127,10 @@ def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the experiment, write the page, print the figures."""
     refuse_unwritable([args.report], args.recordings or ())
+    if args.set and not args.start_rig:
+        raise BadInput("--set", "no --start-rig", "--start-rig, which it is for")
+    if not args.duration > 0.0:
+        raise BadInput("--duration", f"{args.duration:g}", "seconds, more than 0")
     if args.compensation:
         if args.experiment not in ("tunnel", "2"):
             raise BadInput("--compensation", f"experiment {args.experiment}", "experiment tunnel")

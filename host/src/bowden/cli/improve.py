@@ -123,9 +123,7 @@ def _check(args: argparse.Namespace) -> None:
     if args.set and not args.start_rig:
         raise BadInput("--set", "no --start-rig", "--start-rig, which it is for")
     if not (args.yes or sys.stdin.isatty()):
-        raise BadInput(
-            "bowden improve", "no terminal to confirm on", "--yes: the motor will move the load"
-        )
+        raise BadInput("stdin", "no terminal to confirm on", "--yes: the motor will move the load")
 
 
 def _consent(args: argparse.Namespace, number: int) -> None:

@@ -120,7 +120,7 @@ def run_locked_on_drive(args: argparse.Namespace) -> int:
     for setup in _setups(args):
         of_run, label = setup.of_model(model), setup.label
         path = directory / f"locked_{label.replace(' ', '_')}.blf"
-        check_output(path, overwrite=False)
+        check_output(path, overwrite=False, accepted="another --output, or move it away")
         locked = ("--operator", "locked")
         with drive_or_own_rig(args, directory, setup.of_rig(), locked) as drive:
             if not args.start_rig:

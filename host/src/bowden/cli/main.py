@@ -257,10 +257,10 @@ def _is_model_error(problem: ValueError) -> bool:
 
 
 def _open_closed_streams() -> None:
-    """Give a program that was started with a closed stdout or stderr (``>&-``) one to lose."""
-    for name in ("stdout", "stderr"):
+    """Give a program that was started with a closed stream (``>&-``) one that loses its text."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            nowhere = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  (until the end)
+            nowhere = Path(os.devnull).open(mode, encoding="utf-8")  # noqa: SIM115  (until the end)
             setattr(sys, name, nowhere)
 
 

@@ -133,12 +133,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def check_output(path: Path, overwrite: bool) -> None:
+def check_output(path: Path, overwrite: bool, accepted: str = "a new name, or --overwrite") -> None:
     """Refuse an output that is neither BLF nor CSV, or that would replace a recording unasked."""
     if path.suffix not in (".blf", ".csv"):
         raise BadInput(str(path), f"a name that ends in {path.suffix!r}", "OUT.blf or OUT.csv")
     if path.exists() and not overwrite:
-        raise BadInput(str(path), "a file with that name", "a new name, or --overwrite")
+        raise BadInput(str(path), "a file with that name", accepted)
 
 
 def record_to(

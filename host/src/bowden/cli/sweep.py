@@ -154,6 +154,7 @@ def _on_cluster(
 ) -> Iterator[list[Row]]:
     try:
         from distributed import Client, as_completed  # noqa: PLC0415  (an extra, large)
+        from distributed.comm.addressing import parse_address  # noqa: PLC0415
     except ModuleNotFoundError as missing:
         raise BadInput(
             "--scheduler",
@@ -166,6 +167,7 @@ def _on_cluster(
 
     text = format_model(sweep.model)
     try:
+        cast(Any, parse_address)(scheduler, strict=True)  # else Client tries it for 20 s
         client: Any = cast(Any, Client)(scheduler, timeout=_CONNECT_WITHIN_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise BadInput(

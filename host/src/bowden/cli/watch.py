@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.folder.is_dir():
         raise BadInput(str(args.folder), "no folder", "a folder for recordings")
     if not sys.stdout.isatty():
-        raise BadInput("bowden watch", "no terminal", "a terminal, or --once")
+        raise BadInput("stdout", "no terminal", "a terminal, or --once")
     app_class = _app_class()
     with connect_drive(args) as drive, closing(LiveSession(drive)) as session:
         app = app_class(session, args.folder)
