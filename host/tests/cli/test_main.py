@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib.util import find_spec
 
 import numpy as np
@@ -195,3 +196,28 @@ def test_a_full_stderr_does_not_change_the_status() -> None:
     command = '"$0" -m bowden.cli.main od search nothing_of_the_kind 2> /dev/full'
     done = subprocess.run(["sh", "-c", command, sys.executable], check=False)
     assert done.returncode == 2
+
+
+#: Commands that run until they are stopped and report nothing at their end.
+SERVERS = ("rig", "studio")
+
+
+def every_option(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Action]]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name in action.choices:
+                yield from every_option(action.choices[name])
+        else:
+            yield parser.prog, action
+
+
+@pytest.mark.parametrize("name", THERE)
+def test_every_option_is_explained_and_every_report_is_a_document(name: str) -> None:
+    options = [
+        (prog, action)
+        for prog, action in every_option(frame.build_parser([name]))
+        if prog.startswith(f"bowden {name}")
+    ]
+    assert [f"{prog} {one.dest}" for prog, one in options if not one.help] == []
+    flags = {flag for _, one in options for flag in one.option_strings}
+    assert ("--json" in flags) is (name not in SERVERS)

@@ -63,7 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="channels that are not fitted: load_angle_rad ...",
     )
     add_settle_argument(parser)
-    parser.add_argument("--write-model", metavar="OUT.yaml", type=Path)
+    parser.add_argument(
+        "--write-model", metavar="OUT.yaml", type=Path, help="write the fitted model"
+    )
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="default: %(default)s")
     add_json_argument(parser)
 

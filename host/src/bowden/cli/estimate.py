@@ -24,7 +24,9 @@ EXAMPLES = """examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("quantity", choices=("stiffness", "friction", "pretension"))
+    parser.add_argument(
+        "quantity", choices=("stiffness", "friction", "pretension"), help="what is estimated"
+    )
     parser.add_argument(
         "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
@@ -32,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--model", metavar="MODEL", type=Path, required=True, help="model file to start from"
     )
     add_settle_argument(parser)
-    parser.add_argument("--write-model", metavar="OUT.yaml", type=Path)
+    parser.add_argument(
+        "--write-model", metavar="OUT.yaml", type=Path, help="write the fitted model"
+    )
     add_json_argument(parser)
 
 

@@ -55,7 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", metavar="MODEL.yaml", type=Path, help="the rig (default: Table I)"
     )
-    parser.add_argument("--preset", choices=PRESETS, default=PRESETS[0])
+    parser.add_argument(
+        "--preset",
+        choices=PRESETS,
+        default=PRESETS[0],
+        help="pretension of Table I: as printed, or one that transmits (default: %(default)s)",
+    )
     numerics = parser.add_mutually_exclusive_group()
     numerics.add_argument(
         "--segments", metavar="N", type=int, help="solve on a mesh of N segments a cable"

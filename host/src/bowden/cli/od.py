@@ -37,6 +37,8 @@ WRITABLE = ("config", "calibration", "communication")
 #: Of `watch --json`, so that watching for days does not fill the memory.
 SAMPLES_KEPT = 100_000
 
+_NAMES = "name, array, pattern such as 'tunnel_*', or address such as 2121h"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -46,18 +48,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         return actions.add_parser(name, help=text, description=text)
 
     listing = action("list", "list entries with address, type, access and range")
-    listing.add_argument("names", nargs="*", metavar="NAME", default=[])
+    listing.add_argument(
+        "names", nargs="*", metavar="NAME", default=[], help=f"{_NAMES} (default: all)"
+    )
     listing.add_argument("--role", choices=ROLES, help="only entries of this role")
     finding = action("search", "find entries by words of their name or meaning")
-    finding.add_argument("words", nargs="+", metavar="WORD")
+    finding.add_argument("words", nargs="+", metavar="WORD", help="each must be there")
     reading = action("read", "read values from the drive")
-    reading.add_argument("names", nargs="+", metavar="NAME")
+    reading.add_argument("names", nargs="+", metavar="NAME", help=_NAMES)
     writing = action("write", "write values, read them back, undo all when one is refused")
-    writing.add_argument("assignments", nargs="+", metavar="NAME=VALUE")
+    writing.add_argument(
+        "assignments",
+        nargs="+",
+        metavar="NAME=VALUE",
+        help="a number in the entry's unit, or its word",
+    )
     writing.add_argument("--dry-run", action="store_true", help="only show what would change")
     writing.add_argument("--store", action="store_true", help="keep it across power-off")
     watching = action("watch", "show values again and again until Ctrl-C")
-    watching.add_argument("names", nargs="+", metavar="NAME")
+    watching.add_argument("names", nargs="+", metavar="NAME", help=_NAMES)
     watching.add_argument("--period", type=float, default=0.5, metavar="S", help="default 0.5 s")
     watching.add_argument("--count", type=int, metavar="N", help="stop after N times")
     for one in (listing, finding, reading, writing, watching):

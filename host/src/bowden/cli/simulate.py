@@ -18,7 +18,7 @@ from bowden.cli.model_arguments import (
     mode_of,
     read_model,
 )
-from bowden.cli.output import console
+from bowden.cli.output import add_json_argument, console, print_json
 from bowden.recording.channels import MAIN_CHANNELS, SIMULATED_CHANNELS
 
 if TYPE_CHECKING:
@@ -39,13 +39,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--input", metavar="REC", type=Path, required=True, help="recording (.csv or .blf)"
     )
     add_mode_argument(parser, required=True)
-    parser.add_argument("--output", metavar="OUT.csv", type=Path, required=True)
+    parser.add_argument(
+        "--output", metavar="OUT.csv", type=Path, required=True, help="the prediction"
+    )
     parser.add_argument(
         "--initial",
         metavar="REC",
         type=Path,
         help="recording of the motion just before, from virgin; the model runs through it first",
     )
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -62,6 +65,15 @@ def run(args: argparse.Namespace) -> int:
     trajectory = simulate_recording(model, mode_of(args), recording, before=before)
     write_csv(simulated(recording, trajectory, args), args.output)
     slack = float((trajectory.slack != 0).mean())
+    if args.json:
+        print_json(
+            {
+                "output": str(args.output),
+                "mode": args.mode,
+                "samples": int(recording.time_s.size),
+                "slack_share": slack,
+            }
+        )
     console().print(
         f"{args.output}: {recording.time_s.size} samples, {args.mode}, "
         f"a cable slack in {100 * slack:.1f} % of them",

@@ -50,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="1: load locked, 2: tunnel, 3: ideal follower",
     )
-    parser.add_argument("--output", metavar="OUT.csv", type=Path, required=True)
+    parser.add_argument(
+        "--output", metavar="OUT.csv", type=Path, required=True, help="a row for each point"
+    )
     parser.add_argument("--random", metavar="N", type=int, help="N random draws in place of a grid")
     parser.add_argument("--seed", metavar="S", type=int, help="of the draws (default: 0)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler (extra [cluster])")
