@@ -6,6 +6,7 @@ import json
 
 import pytest
 from bowden.cli.main import main
+from bowden.drive.dictionary import ENTRIES
 from bowden.drive.entry_text import find, parse, search, shown
 from bowden.errors import BadInput
 from bowden_rig.virtual_bus import VirtualBus
@@ -127,6 +128,10 @@ def test_watch_reads_in_the_bus_s_own_time(
 
 @pytest.mark.usefixtures("bus")
 def test_watch_once_shows_units_and_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["watch", "--once", "--json"]) == 0
+    shown = capsys.readouterr().err.splitlines()[1:]
+    names = [line.split()[0] for line in shown]
+    assert names == [entry.name for entry in ENTRIES if entry.name in names]  # cable by cable
     assert main(["watch", "--once"]) == 0
     shown = capsys.readouterr().err
     assert "switch on disabled" in shown

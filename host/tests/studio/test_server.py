@@ -213,8 +213,12 @@ def test_orders_that_cannot_be_carried_out_are_answered(studio: Studio) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--folder", "no"], "no folder"),
-        (["--model", "no.yaml"], "no such file"),
+        (
+            ["--folder", "no"],
+            "no folder; accepted: a folder for recordings that is there (mkdir no)",
+        ),
+        (["--model", "no.yaml"], "no.yaml: found No such file"),
+        (["--model", "/dev/null"], "found no keys, accepted: rig, friction"),
         (["--port", "99999999"], "--port"),
     ],
 )

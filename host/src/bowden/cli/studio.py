@@ -14,6 +14,7 @@ from contextlib import closing
 from pathlib import Path
 
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
+from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console
 from bowden.drive.live import LiveSession
 from bowden.errors import BadInput
@@ -41,9 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C."""
     if not args.folder.is_dir():
-        raise BadInput(str(args.folder), "no folder", "a folder for recordings")
-    if args.model is not None and not args.model.is_file():
-        raise BadInput(str(args.model), "no such file", "a model file")
+        todo = f"a folder for recordings that is there (mkdir {args.folder})"
+        raise BadInput(str(args.folder), "no folder", todo)
+    if args.model is not None:
+        read_model(args.model)  # a mistake in it is said now, not after the first recording
     try:
         import uvicorn  # noqa: PLC0415  (an extra)
 
