@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.request import HTTPCookieProcessor, build_opener
 
 import pytest
 from bowden.cli.rig import rig_command, stop
@@ -89,6 +90,21 @@ def test_a_recording_whose_rig_is_killed_is_cut_and_kept(
     # Killed before or after the drive was enabled: either way nothing is left half-written.
     assert not list(tmp_path.glob("*.part*"))
     assert not list(tmp_path.glob("*.tmp"))
+
+
+@pytest.mark.usefixtures("rig")
+def test_ctrl_c_ends_the_studio_in_one_line(flags: list[str], tmp_path: Path) -> None:
+    command = [*BOWDEN, "studio", "--no-browser", "--folder", str(tmp_path), *flags]
+    studio = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    assert studio.stderr is not None
+    with studio.stderr:
+        address = studio.stderr.readline().split()[1]
+        with build_opener(HTTPCookieProcessor()).open(address) as page:  # it serves
+            assert page.status == 200
+        studio.send_signal(signal.SIGINT)
+        told = studio.stderr.read().splitlines()[1:]
+    assert studio.wait() == 130
+    assert told == ["bowden studio: interrupted"]
 
 
 def test_a_rig_that_is_not_installed_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
