@@ -60,6 +60,8 @@ friction: {law: coulomb, mu_d: 0.2}
         (["2", "--gains", "1", "1"], "experiment 3"),
         (["3", "--gains", "0", "1"], "gains"),
         (["2", "--model", "nowhere.yaml"], "nowhere.yaml"),
+        (["1a", "--set", "cable.pretension_n=3"], "--start-rig, which it is for"),
+        (["3", "--duration", "nan"], "--duration"),
         (["3", "--report", "nowhere/page.html"], "page.html"),
     ],
 )

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib.util import find_spec
 
 import numpy as np
@@ -151,3 +152,72 @@ def test_a_reader_that_leaves_early_is_no_traceback() -> None:
     os.close(write)
     assert done.returncode == 141
     assert done.stderr == ""
+
+
+def test_a_reader_of_people_s_text_that_leaves_early_is_not_a_rejection() -> None:
+    code = (
+        "import argparse, sys; from bowden.cli.main import run_command\n"
+        "from bowden.cli.output import console\n"
+        "say = lambda a: console().print('x' * 100_000) or 0\n"
+        "sys.exit(run_command('x', argparse.Namespace(), say))"
+    )
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([sys.executable, "-c", code], stderr=write, check=False)
+    os.close(write)
+    assert done.returncode == 141  # rich's own answer is 1, which means that `verify` rejects
+
+
+def test_ctrl_c_while_a_command_is_loaded_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def load(_name: str) -> frame.Command:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(frame, "_load", load)
+    assert frame.main(["record", "run.blf"]) == 130
+    assert capsys.readouterr().err == "bowden record: interrupted\n"
+
+
+@pytest.mark.parametrize("closed", ["1", "2"])
+def test_a_closed_stream_loses_its_text_only(closed: str) -> None:
+    command = '"$0" -m bowden.cli.main od search tunnel_stiffness --json'
+    done = subprocess.run(
+        ["sh", "-c", f"{command} {closed}>&-", sys.executable],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "" if closed == "1" else json.loads(done.stdout)
+
+
+def test_a_full_stderr_does_not_change_the_status() -> None:
+    command = '"$0" -m bowden.cli.main od search nothing_of_the_kind 2> /dev/full'
+    done = subprocess.run(["sh", "-c", command, sys.executable], check=False)
+    assert done.returncode == 2
+
+
+#: Commands that run until they are stopped and report nothing at their end.
+SERVERS = ("rig", "studio")
+
+
+def every_option(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Action]]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name in action.choices:
+                yield from every_option(action.choices[name])
+        else:
+            yield parser.prog, action
+
+
+@pytest.mark.parametrize("name", THERE)
+def test_every_option_is_explained_and_every_report_is_a_document(name: str) -> None:
+    options = [
+        (prog, action)
+        for prog, action in every_option(frame.build_parser([name]))
+        if prog.startswith(f"bowden {name}")
+    ]
+    assert [f"{prog} {one.dest}" for prog, one in options if not one.help] == []
+    flags = {flag for _, one in options for flag in one.option_strings}
+    assert ("--json" in flags) is (name not in SERVERS)

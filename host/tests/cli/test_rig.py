@@ -13,10 +13,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.request import HTTPCookieProcessor, build_opener
 
 import pytest
 from bowden.cli.rig import rig_command, stop
 from bowden.drive.bus_options import BusOptions
+from bowden.drive.simulated_rig import own_rig
+from bowden.errors import BadInput
 from bowden.recording.read import read_recording
 
 BOWDEN = [sys.executable, "-m", "bowden.cli.main"]
@@ -89,6 +92,21 @@ def test_a_recording_whose_rig_is_killed_is_cut_and_kept(
     assert not list(tmp_path.glob("*.tmp"))
 
 
+@pytest.mark.usefixtures("rig")
+def test_ctrl_c_ends_the_studio_in_one_line(flags: list[str], tmp_path: Path) -> None:
+    command = [*BOWDEN, "studio", "--no-browser", "--folder", str(tmp_path), *flags]
+    studio = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    assert studio.stderr is not None
+    with studio.stderr:
+        address = studio.stderr.readline().split()[1]
+        with build_opener(HTTPCookieProcessor()).open(address) as page:  # it serves
+            assert page.status == 200
+        studio.send_signal(signal.SIGINT)
+        told = studio.stderr.read().splitlines()[1:]
+    assert studio.wait() == 130
+    assert told == ["bowden studio: interrupted"]
+
+
 def test_a_rig_that_is_not_installed_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bowden.drive.simulated_rig.find_spec", lambda _name: None)
     with pytest.raises(ValueError, match="no simulated rig in this installation"):
@@ -100,3 +118,11 @@ def test_the_rig_gets_the_same_bus() -> None:
     text = " ".join(command)
     assert "-m bowden_rig -i socketcan -c vcan0 -b 500000" in text
     assert text.endswith("--node-id 17 --operator still")
+
+
+def test_a_part_that_the_rig_does_not_have_is_bad_input(tmp_path: Path) -> None:
+    with (
+        pytest.raises(BadInput, match=r"simulated rig, rig: found 'foo\.bar=3'; accepted: cable, "),
+        own_rig(BusOptions(), ["--set", "foo.bar=3"], tmp_path / "rig.log"),
+    ):
+        pytest.fail("it has started")

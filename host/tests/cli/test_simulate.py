@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -160,3 +161,14 @@ def test_two_torques_are_no_mode(model: Path, tmp_path: Path) -> None:
     with pytest.raises(SystemExit) as left:
         main(["simulate", str(model), "--input", str(recording), "--mode", "torque-torque"])
     assert left.value.code == 2
+
+
+def test_the_report_as_a_document(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording, out = inputs(tmp_path, np.zeros(50), np.zeros(50)), tmp_path / "model.csv"
+    command = ["simulate", str(model), "--input", str(recording), "--output", str(out)]
+    assert main([*command, "--mode", "torque-position", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "output": str(out), "mode": "torque-position", "samples": 50, "slack_share": 0.0,
+    }  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import socket
 
 import can
 import pytest
@@ -82,3 +83,31 @@ def test_a_bus_that_cannot_be_opened_is_reported_with_advice(
         open_connection(options)
     assert told in str(failure.value)
     assert f"({options.interface}, channel {options.channel})" in str(failure.value)
+
+
+def test_a_channel_of_the_default_bus_is_a_bus_of_its_own() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("", 0))
+        port = free.getsockname()[1]
+    mine, other = (
+        BusOptions(channel=channel, further={"port": port})
+        for channel in ("239.74.163.3", "239.74.163.4")
+    )
+    frames = [can.Message(arbitration_id=one, is_extended_id=False) for one in (0x7E1, 0x7E2)]
+    try:
+        with (
+            open_connection(mine) as connection,
+            can.Bus(**other.bus_arguments()) as elsewhere,
+            can.Bus(**mine.bus_arguments()) as beside,
+        ):
+            heard: list[int] = []
+            connection.set_tap(lambda frame: heard.append(frame.arbitration_id))
+            for bus, frame in ((elsewhere, frames[0]), (beside, frames[1])):
+                bus.send(frame)
+                bus.recv(1.0)  # it has come back: the kernel has delivered it to all
+            connection.listen(0.1)
+    except (can.CanError, DriveFailed) as error:
+        pytest.skip(f"no multicast on this machine: {error}")
+    if not heard:
+        pytest.skip("multicast does not come back on this machine")
+    assert heard == [0x7E2]

@@ -154,7 +154,7 @@ def test_record_cut_short_to_csv_keeps_the_samples(
         (["old.blf", "--duration", "1"], "a new name, or --overwrite"),
         (["run.blf", "--duration", "-1"], "--duration"),
         (["run.blf", "--duration", "1", "--torque", "0.1"], "only with --enable torque"),
-        (["run.blf", "--duration", "1", "--enable", "torque", "--torque", "99"], "target_torque"),
+        (["run.blf", "--duration", "1", "--enable", "torque", "--torque", "99"], "at most 0.5 N m"),
         (["no/run.blf", "--duration", "1"], "No such file"),
     ],
 )

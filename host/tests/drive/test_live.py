@@ -17,7 +17,7 @@ from bowden.drive.live_state import (
     tension_profile,
 )
 from bowden.drive.meanings import ModeOfOperation
-from bowden.drive.power import Run, enable
+from bowden.drive.power import Run, enable, safe_stop
 from bowden.errors import DriveFailed
 from bowden.recording.read import read_recording
 
@@ -214,3 +214,38 @@ def test_an_adapter_that_fails_ends_the_session(rig: MakeRig) -> None:
         session.turn()
     bus.recv = received
     session.close()
+
+
+def test_a_drive_that_another_program_has_put_aside_is_watched_anew(
+    rig: MakeRig, live: Make, tmp_path: Path
+) -> None:
+    drive, bus = rig()
+    session = live(drive)
+    session.request(StartRecording(tmp_path / "run.blf"))
+    session.request(StartMotor(TUNNEL))
+    run_for(session, 0.6)
+    # Heartbeats go on, samples do not: the last one still says "operation enabled".
+    bus.send(can.Message(arbitration_id=0, data=[0x80, 16], is_extended_id=False))
+    run_for(session, 1.5)
+    now = session.snapshot()
+    assert now.power_state == "switch on disabled"
+    assert not now.is_on
+    assert not now.is_ours
+    assert "node 16 sent no samples (NMT pre-operational); run.blf: " in now.message
+    assert "no samples" in read_recording(tmp_path / "run.blf").metadata["cut"]
+    run_for(session, 0.6)
+    assert session.snapshot().rate_hz == pytest.approx(1000, rel=0.1)
+
+
+def test_the_end_of_watching_does_not_end_another_program_s_run(rig: MakeRig) -> None:
+    drive, bus = rig()
+    with LiveSession(drive) as session:  # has the drive send its samples
+        run_for(session, 0.2)
+        enable(drive, TUNNEL)  # as another program does
+        run_for(session, 0.2)
+        assert session.snapshot().is_on
+        assert not session.snapshot().is_ours
+    drive.connection.listen(0.1)
+    assert drive.nmt_state == "OPERATIONAL"
+    assert bus.bench.actuators.bridge_enabled
+    safe_stop(drive)

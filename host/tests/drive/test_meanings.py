@@ -55,3 +55,8 @@ def test_a_writable_entry_accepts_its_values_alone() -> None:
 def test_entries_with_the_same_values_share_them() -> None:
     assert lookup("compensation_active_law").meaning is CompensationLaw
     assert lookup("compensation_law").meaning is CompensationLaw
+
+
+@pytest.mark.parametrize(("name", "raw", "value"), [("tunnel_stiffness", 800_000, 0.8)])
+def test_a_value_is_the_decimal_that_was_written(name: str, raw: int, value: float) -> None:
+    assert lookup(name).to_value(raw) == value  # 800000 * 1e-6 is 0.7999999999999999

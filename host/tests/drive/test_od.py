@@ -6,6 +6,7 @@ import json
 
 import pytest
 from bowden.cli.main import main
+from bowden.drive.dictionary import ENTRIES
 from bowden.drive.entry_text import find, parse, search, shown
 from bowden.errors import BadInput
 from bowden_rig.virtual_bus import VirtualBus
@@ -92,12 +93,25 @@ def test_one_refused_value_undoes_the_others(capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.usefixtures("bus")
-@pytest.mark.parametrize("assignment", ["controlword=15", "target_torque=0.1", "statusword=0"])
+@pytest.mark.parametrize(
+    ("assignment", "runs_the_motor"),
+    [("controlword=15", True), ("target_torque=0.1", True), ("statusword=0", False)],
+)
 def test_what_commands_the_motor_is_not_written(
-    assignment: str, capsys: pytest.CaptureFixture[str]
+    assignment: str, runs_the_motor: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["od", "write", assignment]) == 2
-    assert "bowden record --enable" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "accepted: a writable entry of role config" in told
+    assert ("bowden record --enable" in told) is runs_the_motor
+
+
+@pytest.mark.usefixtures("bus")
+def test_an_array_is_written_without_its_count(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["od", "write", "segment_length=0.05", "segment_length.1=0.15", "--json"]) == 0
+    written = {one["name"]: one["wanted"] for one in document(capsys)["changes"]}
+    assert written["segment_length.1"] == 0.15
+    assert {written[f"segment_length.{n}"] for n in range(2, 41)} == {0.05}
 
 
 def test_watch_reads_in_the_bus_s_own_time(
@@ -114,6 +128,10 @@ def test_watch_reads_in_the_bus_s_own_time(
 
 @pytest.mark.usefixtures("bus")
 def test_watch_once_shows_units_and_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["watch", "--once", "--json"]) == 0
+    shown = capsys.readouterr().err.splitlines()[1:]
+    names = [line.split()[0] for line in shown]
+    assert names == [entry.name for entry in ENTRIES if entry.name in names]  # cable by cable
     assert main(["watch", "--once"]) == 0
     shown = capsys.readouterr().err
     assert "switch on disabled" in shown

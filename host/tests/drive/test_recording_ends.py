@@ -262,8 +262,12 @@ def test_a_killed_recorder_loses_at_most_half_a_second_and_recover_says_so(
 def test_recover_refuses_what_is_no_unfinished_recording(tmp_path: Path, rig: MakeRig) -> None:
     with pytest.raises(BadInput, match=r"NAME\.blf\.part"):
         recover(tmp_path / "run.blf")
+    with pytest.raises(BadInput, match=r"run\.blf\.part: found No such file"):
+        recover(tmp_path / "run.blf.part")
+    (tmp_path / "run.blf.part").touch()
     with pytest.raises(BadInput, match="no side file"):
         recover(tmp_path / "run.blf.part")
+    (tmp_path / "run.blf.part").unlink()
     drive, _ = rig()
     part = killed(tmp_path / "run.blf", drive)
     (tmp_path / "run.blf").write_bytes(b"mine")
@@ -328,6 +332,8 @@ def test_every_command_says_that_a_capture_was_cut_in_the_middle(
     ("arguments", "told"),
     [
         (["--enable", "torque"], "--torque NM"),
+        (["--enable", "torque", "--torque", "nan"], "nan N m; accepted: at most 0.5 N m"),
+        (["--enable", "torque", "--torque", "-0.6"], "-0.6 N m; accepted: at most 0.5 N m"),
         (["--pre-trigger", "1"], "--start-on-motion"),
         (["--start-on-motion", "-1"], "--start-on-motion"),
         (["--node", "16", "--node", "16"], "each drive once"),

@@ -108,6 +108,8 @@ def test_each_law_is_run_recorded_and_judged_and_the_drive_left_as_it_was(
         (["tunnel", "--start-rig"], "--compensation"),
         (["tunnel", "--compensation", "magic"], "invalid choice"),
         (["tunnel", "--compensation", "all", "--duration", "2"], "more than 3"),
+        (["tunnel", "--compensation", "all", "--duration", "nan"], "more than 0"),
+        (["1a", "--on-drive"], "another --output"),
     ],
 )
 def test_what_makes_no_sense_is_one_line(
@@ -118,6 +120,8 @@ def test_what_makes_no_sense_is_one_line(
     complaint: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "tunnel").mkdir()
+    (tmp_path / "tunnel" / "locked_as_it_is.blf").touch()  # of an earlier run
     try:
         status = main(["experiment", *arguments])
     except SystemExit as left:

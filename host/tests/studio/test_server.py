@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
+import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,8 +14,9 @@ from urllib.parse import urlsplit
 import pytest
 from bowden.cli.main import main
 from bowden.errors import BadInput
-from bowden.studio.access import COOKIE
+from bowden.studio.access import COOKIE, HOST
 from bowden.studio.orders import read_order
+from bowden.studio.serve import make_server
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -213,8 +216,12 @@ def test_orders_that_cannot_be_carried_out_are_answered(studio: Studio) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--folder", "no"], "no folder"),
-        (["--model", "no.yaml"], "no such file"),
+        (
+            ["--folder", "no"],
+            "no folder; accepted: a folder for recordings that is there (mkdir no)",
+        ),
+        (["--model", "no.yaml"], "no.yaml: found No such file"),
+        (["--model", "/dev/null"], "found no keys, accepted: rig, friction"),
         (["--port", "99999999"], "--port"),
     ],
 )
@@ -231,3 +238,19 @@ def test_a_port_in_use_is_named(studio: Studio, capsys: pytest.CaptureFixture[st
     arguments = ["studio", "--no-browser", "--folder", str(studio.folder), "--port", port]
     assert main(arguments) == 2
     assert port in capsys.readouterr().err
+
+
+def test_a_second_ctrl_c_is_no_traceback(studio: Studio, capfd: pytest.CaptureFixture[str]) -> None:
+    async def stopped_twice() -> None:
+        with socket.socket() as listening:
+            listening.bind((HOST, 0))
+            listening.listen()
+            server = make_server(studio.bench, studio.access)
+            serving = asyncio.create_task(server.serve([listening]))
+            while not server.started:
+                await asyncio.sleep(0)
+            server.should_exit = server.force_exit = True  # what uvicorn does at the second signal
+            await serving
+
+    asyncio.run(stopped_twice())
+    assert "Traceback" not in capfd.readouterr().err

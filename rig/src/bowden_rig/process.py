@@ -16,11 +16,12 @@ import gc
 import math
 import os
 import signal
+import socket
 import sys
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -37,6 +38,7 @@ from bowden_rig.targets import make_target, names
 
 DEFAULT_INTERFACE: Final = "udp_multicast"
 DEFAULT_CHANNEL: Final = "239.74.163.2"
+_IP_MULTICAST_ALL: Final = 49  # Linux
 SLICE_S: Final = 1e-3
 TICKS_PER_SLICE: Final = round(SLICE_S * TICKS_PER_S)
 LISTEN_S: Final = 0.25  # for another node of our id, before we join
@@ -222,7 +224,12 @@ def _open_bus(options: argparse.Namespace) -> can.BusABC:
             options.channel = DEFAULT_CHANNEL
         given = getattr(options, "bus_kwargs", {})
         options.bus_kwargs = {"hop_limit": 0, **given}  # nothing leaves this machine
-    return can.cli.create_bus_from_namespace(options)
+    bus = can.cli.create_bus_from_namespace(options)
+    if options.interface == DEFAULT_INTERFACE:
+        # Linux delivers every group of the port to each socket: rigs on two channels would meet.
+        with suppress(OSError), socket.socket(fileno=os.dup(bus.fileno())) as handle:
+            handle.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+    return bus
 
 
 def _advice(error: BaseException) -> str:

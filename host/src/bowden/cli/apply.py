@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     """Reduce, compare, ask, write, read back, and report."""
     if not (args.dry_run or args.yes or sys.stdin.isatty()):
         raise BadInput(
-            "bowden apply",
+            "stdin",
             "no terminal to confirm on",
             "--yes to write, or --dry-run to see what would be",
         )
@@ -124,7 +124,7 @@ def _agreed(args: argparse.Namespace, changed: int) -> bool:
     if args.yes:
         return True
     entries = counted(changed, "entry", "entries")
-    console().print(f"write {entries} into node {args.node}? \\[y/N] ", end="")
+    console().print(f"write {entries} into node {args.node}? [y/N] ", end="")
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 

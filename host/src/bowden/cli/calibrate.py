@@ -63,7 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="channels that are not fitted: load_angle_rad ...",
     )
     add_settle_argument(parser)
-    parser.add_argument("--write-model", metavar="OUT.yaml", type=Path)
+    parser.add_argument(
+        "--write-model", metavar="OUT.yaml", type=Path, help="write the fitted model"
+    )
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="default: %(default)s")
     add_json_argument(parser)
 
@@ -86,9 +88,10 @@ def run(args: argparse.Namespace) -> int:
     from bowden.estimation.calibrate import calibrate  # noqa: PLC0415  (keeps --help fast)
     from bowden.model import format_model  # noqa: PLC0415
     from bowden.model.model_file import Source  # noqa: PLC0415
-    from bowden.recording.atomic import replace_whole  # noqa: PLC0415
+    from bowden.recording.atomic import refuse_unwritable, replace_whole  # noqa: PLC0415
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
+    refuse_unwritable([args.write_model], [*args.recordings, *(args.hold_out or [])])
     model = read_model(args.model)
     settle_s = settle_of(args)
     session = read_recordings(args.recordings).since(settle_s)

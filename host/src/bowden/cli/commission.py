@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, styled
 from bowden.errors import BadInput
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
     facts = _facts(args)
     if not args.yes and not sys.stdin.isatty():
-        raise BadInput("bowden commission", "no terminal to ask at", "a terminal, or --yes")
+        raise BadInput("stdin", "no terminal to ask at", "a terminal, or --yes")
     out = console()
     with connect_drive(args) as drive:
         try:
@@ -167,9 +167,9 @@ class Terminal:
         from rich.text import Text  # noqa: PLC0415
 
         out = console()
-        out.print(f"\n[bold]{title}[/]")
+        out.print(styled((f"\n{title}", "bold")))
         if moves:
-            out.print(f"  [bold yellow]will move {moves}[/]")
+            out.print(styled((f"  will move {moves}", "bold yellow")))
         else:
             out.print("  the bridge stays off")
         out.print(Padding(Text(todo), _INDENT))
@@ -188,7 +188,7 @@ class Terminal:
         """Show what is wrong and what to do."""
         from rich.padding import Padding  # noqa: PLC0415
 
-        text = f"[bold red]{fault}[/]\n{todo}, then repeat the step"
+        text = styled((fault, "bold red"), f"\n{todo}, then repeat the step")
         console().print(Padding(text, _INDENT))
 
     def tell(self, finding: StepFinding) -> None:
@@ -207,6 +207,6 @@ class Terminal:
 
         if self._yes:
             return
-        console().print(f"  [dim]{choices}[/] ", end="")
+        console().print(styled((f"  {choices} ", "dim")), end="")
         if sys.stdin.readline().strip().lower() in ("q", "quit"):
             raise Declined

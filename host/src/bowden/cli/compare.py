@@ -56,7 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare, write the report, print figures."""
+    from bowden.recording.atomic import refuse_unwritable  # noqa: PLC0415  (keeps --help fast)
+
     refuse_missing_forms(args)
+    refuse_unwritable([args.report], args.recordings)
     settle_s = settle_of(args)
     comparison = compare_files(args.model, args.recordings, mode_of(args), args.report, settle_s)
     show(comparison, args.report)

@@ -232,9 +232,9 @@ def _command(args: argparse.Namespace) -> int:
 
 def _tell_migration(wanted: Configuration, path: Path) -> None:
     for old, new in wanted.renamed.items():
-        console().print(f"{path}: {old} is called {new} now", soft_wrap=True, markup=False)
+        console().print(f"{path}: {old} is called {new} now", soft_wrap=True)
     for text in wanted.unknown:
-        console().print(f"{path}: left out, unknown: {text}", soft_wrap=True, markup=False)
+        console().print(f"{path}: left out, unknown: {text}", soft_wrap=True)
 
 
 def _migration_document(wanted: Configuration) -> dict[str, object]:
@@ -257,4 +257,4 @@ def _show(changes: list[Change], title: str) -> None:
     if changes:
         console().print(change_table(changes))
     differ = counted(len(changes), "entry differs", "entries differ")
-    console().print(f"{differ} ({title})", soft_wrap=True, markup=False)
+    console().print(f"{differ} ({title})", soft_wrap=True)

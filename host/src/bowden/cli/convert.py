@@ -188,7 +188,7 @@ def _write(recording: Recording, target: Path, source: Path) -> dict[str, object
     rate = f", {(time_s.size - 1) / duration_s:.4g} Hz" if duration_s > 0.0 else ""
     out.print(f"{target}: {time_s.size} samples, {duration_s:.4g} s{rate}", soft_wrap=True)
     for key, value in told.items():
-        out.print(f"  {key.replace('_', ' ')}: {value}", soft_wrap=True, markup=False)
+        out.print(f"  {key.replace('_', ' ')}: {value}", soft_wrap=True)
     if recording.gaps:
         longest = max(length for _, length in recording.gaps)
         out.print(f"  gaps in time: {len(recording.gaps)}, longest {longest:.3g} s")

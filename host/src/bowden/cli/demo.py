@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bowden.cli.compare import compare_files, show
 from bowden.cli.compile_ahead import compiling_ahead
-from bowden.cli.output import add_json_argument, console, print_json, say
+from bowden.cli.output import add_json_argument, console, print_json, say, styled
 from bowden.cli.record import record_to
 from bowden.cli.record_summary import summary
 from bowden.cli.rig import add_target_argument
@@ -88,16 +88,23 @@ def run(args: argparse.Namespace) -> int:
             }
         )
     console().print(
-        f"\n[bold]report[/]       {report_path.resolve()}\n"
-        f"[bold]gap[/]          {1e3 * comparison.figures.gap:.1f} mN m RMS of the load torque\n"
-        f"[bold]frames lost[/]  {figures['frames_lost']}\n"
-        f"[bold]target[/]       {args.target}: {_RUNS_ON[args.target]}\n"
-        "[bold]next[/]         look at the report. Table I has extra friction at standstill, "
-        "which the simulated rig does not have. Without it:\n"
-        f"             bowden compare {coulomb_path} {run_path} "
-        f"--report {directory / 'coulomb.html'}\n"
-        f"             bowden calibrate {coulomb_path} {run_path} "
-        f"--write-model {directory / 'fitted.yaml'}",
+        styled(
+            ("\nreport", "bold"),
+            f"       {report_path.resolve()}\n",
+            ("gap", "bold"),
+            f"          {1e3 * comparison.figures.gap:.1f} mN m RMS of the load torque\n",
+            ("frames lost", "bold"),
+            f"  {figures['frames_lost']}\n",
+            ("target", "bold"),
+            f"       {args.target}: {_RUNS_ON[args.target]}\n",
+            ("next", "bold"),
+            "         look at the report. Table I has extra friction at standstill, "
+            "which the simulated rig does not have. Without it:\n"
+            f"             bowden compare {coulomb_path} {run_path} "
+            f"--report {directory / 'coulomb.html'}\n"
+            f"             bowden calibrate {coulomb_path} {run_path} "
+            f"--write-model {directory / 'fitted.yaml'}",
+        ),
         soft_wrap=True,
     )
     return 0

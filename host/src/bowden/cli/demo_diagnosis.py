@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.cli.diagnose import show, write_extended, write_report
-from bowden.cli.output import add_json_argument, console, print_json, say, stages
+from bowden.cli.output import add_json_argument, console, print_json, say, stages, styled
 from bowden.cli.own_rig_arguments import start_own_rig
 from bowden.cli.rig import add_target_argument
 from bowden.cli.tunnel_experiment import (
@@ -151,7 +151,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Close the loop on a rig of its own, and say what came out."""
-    if args.duration <= SETTLE_S:
+    if not args.duration > SETTLE_S:
         raise BadInput("--duration", f"{args.duration:g}", f"seconds, more than {SETTLE_S:g}")
     directory: Path = args.output
     directory.mkdir(parents=True, exist_ok=True)
@@ -183,7 +183,8 @@ def _named(args: argparse.Namespace, directory: Path) -> dict[str, object]:
         ("rendering", report.name),
         ("model", "extended.yaml"),
     ):
-        console().print(f"[bold]{name:<10}[/]{(directory / file).resolve()}", soft_wrap=True)
+        shown = styled((f"{name:<10}", "bold"), str((directory / file).resolve()))
+        console().print(shown, soft_wrap=True)
     return _document(loop, hidden, report)
 
 

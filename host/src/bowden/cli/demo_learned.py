@@ -17,7 +17,7 @@ import numpy as np
 from bowden.cli.demo_diagnosis import ENTRIES, LAB_MODEL, RIG
 from bowden.cli.improve_bench import REPORT_FILE, DriveBench
 from bowden.cli.improve_rounds import STATE_FILE, Improvement, improve
-from bowden.cli.output import console, say
+from bowden.cli.output import console, say, styled
 from bowden.cli.own_rig_arguments import start_own_rig
 from bowden.cli.tunnel_experiment import SETTLE_S, TORQUE_CONSTANT_NM_PER_A, tunnel_of
 from bowden.drive.client import Drive
@@ -70,7 +70,8 @@ def learn_a_law(args: argparse.Namespace, folder: Path) -> dict[str, object]:
     with replace_whole(folder / REPORT_FILE) as temporary:
         temporary.write_text(page, encoding="utf-8")
     console().print(finding)
-    console().print(f"[bold]{'the law':<10}[/]{(folder / REPORT_FILE).resolve()}", soft_wrap=True)
+    shown = styled((f"{'the law':<10}", "bold"), str((folder / REPORT_FILE).resolve()))
+    console().print(shown, soft_wrap=True)
     return {
         "diagnosis": found.diagnoses[0].to_document(),
         "left_out": list(left_out),

@@ -31,7 +31,7 @@ from bowden.cli.model_arguments import (
     read_model,
     settle_of,
 )
-from bowden.cli.output import add_json_argument, console, print_json, stages
+from bowden.cli.output import add_json_argument, console, print_json, stages, styled
 from bowden.cli.parallel import add_scheduler_argument
 from bowden.errors import BadInput
 
@@ -87,9 +87,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, write model and report, print the verdict."""
     from bowden.diagnosis.diagnose import diagnose  # noqa: PLC0415  (keeps --help fast)
+    from bowden.recording.atomic import refuse_unwritable  # noqa: PLC0415
 
     _check(args)
     refuse_missing_forms(args)
+    refuse_unwritable([args.write_model, args.report], args.recordings)
     model = read_model(args.model)
     if args.each:
         return diagnose_each(args)
@@ -104,11 +106,11 @@ def run(args: argparse.Namespace) -> int:
             progress=tell,
         )
     trusted = diagnosis.verdict != "bad_data"
+    show(diagnosis)  # first: a disk that is full now does not hide minutes of work
     if args.write_model and trusted:
         write_extended(diagnosis, args.write_model, [path.name for path in args.recordings])
     if args.report:
         write_report(diagnosis, args.report, str(args.model))
-    show(diagnosis)
     for name, path in (("model", args.write_model if trusted else None), ("report", args.report)):
         if path:
             console().print(f"{name}: {path}", soft_wrap=True)
@@ -168,7 +170,8 @@ def show(diagnosis: Diagnosis) -> None:
     from rich.table import Table  # noqa: PLC0415
 
     out = console()
-    out.print(f"[bold]{diagnosis.verdict.replace('_', ' ')}[/]: {diagnosis.sentence}")
+    verdict = diagnosis.verdict.replace("_", " ")
+    out.print(styled((verdict, "bold"), f": {diagnosis.sentence}"))
     for one in diagnosis.effects:
         for name, value in one.parameters.items():
             out.print(

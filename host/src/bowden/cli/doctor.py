@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from bowden.cli.drive_arguments import add_drive_arguments, warn_if_live
-from bowden.cli.output import add_json_argument, console, print_json, say
+from bowden.cli.output import add_json_argument, console, print_json, say, styled
 from bowden.drive.bus_options import BusOptions, bus_options, open_connection
 from bowden.drive.capture import record
 from bowden.drive.checks import (
@@ -34,7 +34,7 @@ EXAMPLES = """examples:
   bowden doctor --json
 """
 
-_MARKS = {"ok": "[green]ok", "warning": "[yellow]warning", "failed": "[bold red]failed"}
+_STYLES = {"ok": "green", "warning": "yellow", "failed": "bold red"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -106,9 +106,8 @@ def _signs(drive: Drive, duration_s: float | None) -> list[CheckResult]:
 
 
 def _show(finding: CheckResult) -> None:
-    mark = _MARKS.get(finding.state, f"[dim]{finding.state}")
     out = console()
-    out.print(f"{mark}[/] {finding.check}: ", end="", soft_wrap=True)
-    out.print(finding.found, markup=False, soft_wrap=True)
+    mark = (finding.state, _STYLES.get(finding.state, "dim"))
+    out.print(styled(mark, f" {finding.check}: {finding.found}"), soft_wrap=True)
     if finding.todo:
-        out.print(f"   -> {finding.todo}", markup=False, soft_wrap=True)
+        out.print(f"   -> {finding.todo}", soft_wrap=True)

@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from bowden.cli.output import console
+from bowden.cli.output import console, styled
 from bowden.drive.bus_options import add_bus_arguments, bus_options
 from bowden.drive.client import Drive, connect
 from bowden.drive.dictionary import DEFAULT_NODE_ID
@@ -73,8 +73,8 @@ def warn_if_live(drive: Drive) -> None:
     """Warn in red that current may flow: another program has enabled this drive."""
     state = power_state(drive.read_raw("statusword"))
     if state in BRIDGE_ON:
-        console().print(
-            f"[bold red]node {drive.node_id}: its bridge is ON ({state}): the motor may move; "
-            f"`bowden stop --node {drive.node_id}` switches it off[/]",
-            soft_wrap=True,
+        told = (
+            f"node {drive.node_id}: its bridge is ON ({state}): the motor may move; "
+            f"`bowden stop --node {drive.node_id}` switches it off"
         )
+        console().print(styled((told, "bold red")), soft_wrap=True)

@@ -24,7 +24,9 @@ EXAMPLES = """examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("quantity", choices=("stiffness", "friction", "pretension"))
+    parser.add_argument(
+        "quantity", choices=("stiffness", "friction", "pretension"), help="what is estimated"
+    )
     parser.add_argument(
         "recordings", metavar="REC", type=Path, nargs="+", help="recordings, or one session file"
     )
@@ -32,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--model", metavar="MODEL", type=Path, required=True, help="model file to start from"
     )
     add_settle_argument(parser)
-    parser.add_argument("--write-model", metavar="OUT.yaml", type=Path)
+    parser.add_argument(
+        "--write-model", metavar="OUT.yaml", type=Path, help="write the fitted model"
+    )
     add_json_argument(parser)
 
 
@@ -41,9 +45,10 @@ def run(args: argparse.Namespace) -> int:
     from bowden.estimation.quantities import estimate  # noqa: PLC0415  (keeps --help fast)
     from bowden.model import Mode, format_model  # noqa: PLC0415
     from bowden.model.model_file import Source  # noqa: PLC0415
-    from bowden.recording.atomic import replace_whole  # noqa: PLC0415
+    from bowden.recording.atomic import refuse_unwritable, replace_whole  # noqa: PLC0415
     from bowden.recording.session import read_recordings  # noqa: PLC0415
 
+    refuse_unwritable([args.write_model], args.recordings)
     model = read_model(args.model)
     session = read_recordings(args.recordings).since(settle_of(args))
     admit_data(model, session.recordings, Mode.TORQUE_POSITION)

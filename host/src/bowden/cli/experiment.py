@@ -22,10 +22,11 @@ from typing import TYPE_CHECKING
 
 from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.model_arguments import read_model
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, styled
 from bowden.cli.own_rig_arguments import add_own_rig_arguments
 from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
+from bowden.recording.atomic import refuse_unwritable
 
 if TYPE_CHECKING:
     from bowden.model import Model
@@ -54,7 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", metavar="MODEL.yaml", type=Path, help="the rig (default: Table I)"
     )
-    parser.add_argument("--preset", choices=PRESETS, default=PRESETS[0])
+    parser.add_argument(
+        "--preset",
+        choices=PRESETS,
+        default=PRESETS[0],
+        help="pretension of Table I: as printed, or one that transmits (default: %(default)s)",
+    )
     numerics = parser.add_mutually_exclusive_group()
     numerics.add_argument(
         "--segments", metavar="N", type=int, help="solve on a mesh of N segments a cable"
@@ -125,6 +131,11 @@ def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the experiment, write the page, print the figures."""
+    refuse_unwritable([args.report], args.recordings or ())
+    if args.set and not args.start_rig:
+        raise BadInput("--set", "no --start-rig", "--start-rig, which it is for")
+    if not args.duration > 0.0:
+        raise BadInput("--duration", f"{args.duration:g}", "seconds, more than 0")
     if args.compensation:
         if args.experiment not in ("tunnel", "2"):
             raise BadInput("--compensation", f"experiment {args.experiment}", "experiment tunnel")
@@ -208,7 +219,7 @@ def _show(result: Experiment) -> None:
     part: Experiment | None = result
     while part is not None:
         header, rows = figures_table(part)
-        out.print(f"[bold]{part.title}[/], {PRESET_WORDS[part.preset]}")
+        out.print(styled((part.title, "bold"), f", {PRESET_WORDS[part.preset]}"))
         shown = Table(header[0], header[1], box=box.SIMPLE_HEAD, pad_edge=False)
         for name in header[2:]:
             shown.add_column(name, justify="right", no_wrap=False, min_width=8)

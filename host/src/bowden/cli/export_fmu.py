@@ -15,6 +15,7 @@ from pathlib import Path
 from bowden.cli.model_arguments import add_mode_argument, add_model_argument, mode_of, read_model
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.errors import BadInput
+from bowden.recording.atomic import refuse_unwritable
 
 EXAMPLES = """examples:
   bowden export-fmu rig.yaml --output pair.fmu
@@ -45,6 +46,7 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(str(path), f"a name that ends in {path.suffix!r}", "OUT.fmu")
     if path.exists() and not args.overwrite:
         raise BadInput(str(path), "a file with that name", "a new name, or --overwrite")
+    refuse_unwritable([path])
     model, mode = read_model(args.model), mode_of(args)
     if args.segments is not None:
         model = with_segments(model, args.segments)

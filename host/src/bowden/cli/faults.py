@@ -9,10 +9,14 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, styled
 from bowden.drive.fault_report import Failure, FaultReport, fault_report
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 EXAMPLES = """examples:
   bowden faults
@@ -43,25 +47,27 @@ def _show(report: FaultReport) -> None:
         out.print("no fault is present or latched")
     for failure in report.failures:
         out.print(_line(failure), soft_wrap=True)
-        out.print(f"   -> {failure.advice}", markup=False, soft_wrap=True)
+        out.print(f"   -> {failure.advice}", soft_wrap=True)
     for limit in report.limits:
-        out.print(f"[yellow]limit[/] that cuts the torque: {limit}", soft_wrap=True)
+        out.print(styled(("limit", "yellow"), f" that cuts the torque: {limit}"), soft_wrap=True)
     if report.deadline_ms == 0:
-        out.print("[yellow]no command deadline[/]: a host that falls silent is not noticed by it")
+        told = ": a host that falls silent is not noticed by it"
+        out.print(styled(("no command deadline", "yellow"), told), soft_wrap=True)
     out.print(f"last start: {report.last_reset}", soft_wrap=True)
     out.print(f"zero of the angles: {report.angle_reference}", soft_wrap=True)
     for text in report.history:
-        out.print(f"since power-on: {text}", markup=False, soft_wrap=True)
+        out.print(f"since power-on: {text}", soft_wrap=True)
     for fault in report.log:
         when = f"{fault.uptime_s} s after a start by {fault.reset_cause}"
-        out.print(f"log: {fault.text}; {when}", markup=False, soft_wrap=True)
+        out.print(f"log: {fault.text}; {when}", soft_wrap=True)
 
 
-def _line(failure: Failure) -> str:
-    mark = "[bold red]present[/]" if failure.present else "[yellow]latched[/]"
+def _line(failure: Failure) -> Text:
+    mark = ("present", "bold red") if failure.present else ("latched", "yellow")
     limit = f", limit {failure.limit}" if failure.limit else ""
     refused = "; it refused the last fault reset" if failure.refused_reset else ""
-    return (
-        f"{mark} {failure.check}: {failure.text} (EMCY {failure.code:04X}h; "
-        f"watched: {failure.watches}{limit}){refused}"
+    return styled(
+        mark,
+        f" {failure.check}: {failure.text} (EMCY {failure.code:04X}h; "
+        f"watched: {failure.watches}{limit}){refused}",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 FORMS = ("svg", "pdf", "csv")
@@ -23,18 +24,24 @@ def add_figures_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def refuse_missing_forms(args: argparse.Namespace) -> None:
-    """Refuse, before anything is computed, a form that this installation cannot write.
+    """Refuse, before anything is computed, figures that could not be written.
 
     Raises
     ------
     BadInput
-        PDF without its extra, or a form without a folder.
+        PDF without its extra, a form without a folder, or a folder that cannot be written to.
     """
     from bowden.errors import BadInput  # noqa: PLC0415  (keeps --help fast)
     from bowden.report.figure_files import refuse_missing  # noqa: PLC0415
 
     if args.figure_form and not args.figures:
         raise BadInput("--figure-form", args.figure_form[0], "--figures DIR, which it is for")
+    if args.figures:
+        there = next(
+            path for path in (args.figures, *args.figures.absolute().parents) if path.exists()
+        )
+        if not there.is_dir() or not os.access(there, os.W_OK):
+            raise BadInput(str(args.figures), f"{there}, no folder that can be written to", "DIR")
     for form in args.figure_form or ():
         refuse_missing(f".{form}")
 

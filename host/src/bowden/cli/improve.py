@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from bowden.cli.drive_arguments import add_drive_arguments
 from bowden.cli.model_arguments import add_model_argument
-from bowden.cli.output import add_json_argument, console, print_json, say
+from bowden.cli.output import add_json_argument, console, print_json, say, styled
 from bowden.cli.own_rig_arguments import add_own_rig_arguments, drive_or_own_rig
 from bowden.drive.meanings import CompensationLaw
 from bowden.errors import BadInput
@@ -105,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
     console().print(words[0].upper() + words[1:], soft_wrap=True)
     for name, path in (("model", folder / MODEL_FILE), ("report", report)):
         if path is not None:
-            console().print(f"[bold]{name:<8}[/]{path}", soft_wrap=True)
+            console().print(styled((f"{name:<8}", "bold"), str(path)), soft_wrap=True)
     if args.json:
         print_json(_document(args, found, report))
     return 0
@@ -123,24 +123,26 @@ def _check(args: argparse.Namespace) -> None:
     if args.set and not args.start_rig:
         raise BadInput("--set", "no --start-rig", "--start-rig, which it is for")
     if not (args.yes or sys.stdin.isatty()):
-        raise BadInput(
-            "bowden improve", "no terminal to confirm on", "--yes: the motor will move the load"
-        )
+        raise BadInput("stdin", "no terminal to confirm on", "--yes: the motor will move the load")
 
 
 def _consent(args: argparse.Namespace, number: int) -> None:
     """Ask before the motor moves; with --yes only tell."""
     out = console()
     out.print(
-        f"\n[bold]round {number}[/]: [bold yellow]the motor will move the load for "
-        f"{args.duration:g} s[/]; move it through the tunnel, stroke by stroke",
+        styled(
+            (f"\nround {number}", "bold"),
+            ": ",
+            (f"the motor will move the load for {args.duration:g} s", "bold yellow"),
+            "; move it through the tunnel, stroke by stroke",
+        ),
         soft_wrap=True,
     )
     if args.yes:
         return
     from bowden.commission.job import Declined  # noqa: PLC0415  (keeps --help fast)
 
-    out.print("  [dim]Enter begins, q ends[/] ", end="")
+    out.print(styled(("  Enter begins, q ends ", "dim")), end="")
     answer = sys.stdin.readline()
     if not answer or answer.strip().lower() in ("q", "quit"):
         raise Declined

@@ -120,7 +120,7 @@ def run_locked_on_drive(args: argparse.Namespace) -> int:
     for setup in _setups(args):
         of_run, label = setup.of_model(model), setup.label
         path = directory / f"locked_{label.replace(' ', '_')}.blf"
-        check_output(path, overwrite=False)
+        check_output(path, overwrite=False, accepted="another --output, or move it away")
         locked = ("--operator", "locked")
         with drive_or_own_rig(args, directory, setup.of_rig(), locked) as drive:
             if not args.start_rig:
@@ -202,4 +202,4 @@ def _show(runs: list[LockedRun]) -> None:
     out.print(table)
     out.print("torques peak to peak over the last cycle, and the gap to the model, in mN m")
     for run in runs:
-        out.print(f"{run.label}: {run.file}", markup=False)
+        out.print(f"{run.label}: {run.file}")

@@ -17,6 +17,8 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
 from types import FrameType
 from typing import NoReturn, Protocol, cast
 
@@ -105,6 +107,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         The exit status.
     """
+    _open_closed_streams()
     arguments = list(sys.argv[1:] if argv is None else argv)
     name = arguments[0] if arguments and arguments[0] in COMMANDS else None
     try:
@@ -117,6 +120,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             return EXIT_BAD_INPUT
     except ModuleNotFoundError as missing:
         return _fail(name, f"this installation lacks {missing.name}", EXIT_BAD_INPUT)
+    except KeyboardInterrupt:  # loading a command takes a second on a busy machine
+        return _fail(name, "interrupted", EXIT_INTERRUPTED)
     return run_command(name, args, _load(name).run)
 
 
@@ -251,9 +256,18 @@ def _is_model_error(problem: ValueError) -> bool:
     return errors is not None and isinstance(problem, errors.ModelError)
 
 
+def _open_closed_streams() -> None:
+    """Give a program that was started with a closed stream (``>&-``) one that loses its text."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            nowhere = Path(os.devnull).open(mode, encoding="utf-8")  # noqa: SIM115  (until the end)
+            setattr(sys, name, nowhere)
+
+
 def _fail(name: str | None, text: str, status: int) -> int:
     line = " ".join(text.split())
-    print(f"bowden {name}: {line}" if name else f"bowden: {line}", file=sys.stderr)
+    with suppress(OSError):  # a full or closed stderr does not change the status
+        print(f"bowden {name}: {line}" if name else f"bowden: {line}", file=sys.stderr)
     return status
 
 

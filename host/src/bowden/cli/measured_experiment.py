@@ -67,7 +67,7 @@ def run_follower_on_drive(args: argparse.Namespace) -> int:
     if pretension is not None:
         model = with_pretension(model, pretension)
     path = directory / "follower.blf"
-    check_output(path, overwrite=False)
+    check_output(path, overwrite=False, accepted="another --output, or move it away")
 
     settings = [] if pretension is None else [f"cable.pretension_n={pretension:g}"]
     with drive_or_own_rig(args, directory, settings) as drive:

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from bowden.cli.changes import change_table, changes_document
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, styled
 from bowden.counted import counted
 from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, store, write
@@ -37,6 +37,8 @@ WRITABLE = ("config", "calibration", "communication")
 #: Of `watch --json`, so that watching for days does not fill the memory.
 SAMPLES_KEPT = 100_000
 
+_NAMES = "name, array, pattern such as 'tunnel_*', or address such as 2121h"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -46,18 +48,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         return actions.add_parser(name, help=text, description=text)
 
     listing = action("list", "list entries with address, type, access and range")
-    listing.add_argument("names", nargs="*", metavar="NAME", default=[])
+    listing.add_argument(
+        "names", nargs="*", metavar="NAME", default=[], help=f"{_NAMES} (default: all)"
+    )
     listing.add_argument("--role", choices=ROLES, help="only entries of this role")
     finding = action("search", "find entries by words of their name or meaning")
-    finding.add_argument("words", nargs="+", metavar="WORD")
+    finding.add_argument("words", nargs="+", metavar="WORD", help="each must be there")
     reading = action("read", "read values from the drive")
-    reading.add_argument("names", nargs="+", metavar="NAME")
+    reading.add_argument("names", nargs="+", metavar="NAME", help=_NAMES)
     writing = action("write", "write values, read them back, undo all when one is refused")
-    writing.add_argument("assignments", nargs="+", metavar="NAME=VALUE")
+    writing.add_argument(
+        "assignments",
+        nargs="+",
+        metavar="NAME=VALUE",
+        help="a number in the entry's unit, or its word",
+    )
     writing.add_argument("--dry-run", action="store_true", help="only show what would change")
     writing.add_argument("--store", action="store_true", help="keep it across power-off")
     watching = action("watch", "show values again and again until Ctrl-C")
-    watching.add_argument("names", nargs="+", metavar="NAME")
+    watching.add_argument("names", nargs="+", metavar="NAME", help=_NAMES)
     watching.add_argument("--period", type=float, default=0.5, metavar="S", help="default 0.5 s")
     watching.add_argument("--count", type=int, metavar="N", help="stop after N times")
     for one in (listing, finding, reading, writing, watching):
@@ -91,10 +100,10 @@ def _show_entries(args: argparse.Namespace, entries: Sequence[Entry]) -> int:
     for entry in _first_of_arrays(entries):
         span = accepted(entry) if entry.access in ("rw", "wo") else entry.unit or ""
         facts = ", ".join(filter(None, [entry.role, entry.access, span]))
-        line = f"{address(entry):<8} [bold]{entry.name}[/]  {facts}"
+        line = styled(f"{address(entry):<8} ", (entry.name, "bold"), f"  {facts}")
         out.print(line, soft_wrap=True)
         if entry.doc:
-            out.print(f"         {entry.doc}", soft_wrap=True, markup=False)
+            out.print(f"         {entry.doc}", soft_wrap=True)
     return 0
 
 
@@ -135,7 +144,7 @@ def _read(args: argparse.Namespace, entries: Sequence[Entry]) -> int:
     if args.json:
         print_json({"node_id": args.node, "values": values})
     for value in values:
-        console().print(f"{value['name']} = {value['text']}", markup=False, soft_wrap=True)
+        console().print(f"{value['name']} = {value['text']}", soft_wrap=True)
     return 0
 
 
@@ -151,8 +160,7 @@ def _value_document(drive: Drive, entry: Entry) -> dict[str, object]:
     absent = entry.is_absent(raw)
     return {
         "name": entry.name,
-        # 0.8, not 0.7999999999999999
-        "value": None if absent else float(f"{entry.to_value(raw):.12g}"),
+        "value": None if absent else entry.to_value(raw),
         "raw": raw,
         "unit": entry.unit,
         "text": shown(entry, raw),
@@ -198,13 +206,16 @@ def _wanted(assignments: Sequence[str]) -> dict[str, float]:
         name, equals, text = assignment.partition("=")
         if not equals:
             raise BadInput("od write", repr(assignment), "NAME=VALUE, such as tunnel_stiffness=0.8")
-        for entry in select(name.strip()):
+        entries = select(name.strip())
+        if len(entries) > 1:  # an array or a pattern: without the count, which is constant
+            entries = [entry for entry in entries if entry.access != "const"]
+        for entry in entries:
             if entry.role not in WRITABLE or entry.access not in ("rw", "wo"):
                 raise BadInput(
                     entry.name,
                     f"an entry of role {entry.role}, {entry.access}",
-                    f"a writable entry of role {', '.join(WRITABLE)}; to run the motor: "
-                    "bowden record --enable",
+                    f"a writable entry of role {', '.join(WRITABLE)}"
+                    + ("; to run the motor: bowden record --enable" * (entry.role == "command")),
                 )
             wanted[entry.name] = entry.to_value(parse(entry, text))
     return wanted
@@ -222,7 +233,7 @@ def _watch(args: argparse.Namespace, entries: Sequence[Entry]) -> int:
             for elapsed_s in _beats(drive, args.period, args.count):
                 values = [_value_document(drive, entry) for entry in entries]
                 line = ", ".join(f"{value['name']} = {value['text']}" for value in values)
-                console().print(f"{elapsed_s:9.3f} s  {line}", markup=False, soft_wrap=True)
+                console().print(f"{elapsed_s:9.3f} s  {line}", soft_wrap=True)
                 by_name = {str(value["name"]): value["value"] for value in values}
                 samples.append({"time_s": elapsed_s, "values": by_name})
     finally:

@@ -17,10 +17,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bowden.cli.warned import WARNINGS
+from bowden.errors import BadInput
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
+    from rich.text import Text
 
 
 def add_json_argument(parser: argparse.ArgumentParser) -> None:
@@ -37,19 +39,40 @@ def print_json(document: object) -> None:
     """
     if WARNINGS and isinstance(document, dict):
         document = {**document, "warnings": [*document.get("warnings", []), *WARNINGS]}
-    print(json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False))
+    text = json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False)
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:  # its reader has closed it: `cli.main` ends quietly
+        raise
+    except OSError as error:
+        where = error.strerror or str(error)
+        raise BadInput("stdout", where, "a place that takes the JSON document") from error
 
 
 def console() -> Console:
-    """Return the console for people: stderr, coloured only on a terminal."""
+    """Return the console for people: stderr, coloured only on a terminal.
+
+    Text is shown as it is: brackets in a file's or a channel's name are no markup (`styled`).
+    """
     from rich.console import Console  # noqa: PLC0415  (keeps --help fast)
 
-    return Console(stderr=True, highlight=False)
+    class Shown(Console):
+        def on_broken_pipe(self) -> None:  # rich would leave with exit status 1
+            raise BrokenPipeError
+
+    return Shown(stderr=True, highlight=False, markup=False)
+
+
+def styled(*parts: str | Text | tuple[str, str]) -> Text:
+    """Join parts to a text for `console`; a part in a colour is ``(text, style)``."""
+    from rich.text import Text  # noqa: PLC0415  (keeps --help fast)
+
+    return Text.assemble(*parts)
 
 
 def say(text: str) -> None:
     """Print the current step to stderr."""
-    console().print(f"[green]>[/] {text}")
+    console().print(styled((">", "green"), f" {text}"))
 
 
 def progress(*columns: str) -> Progress:

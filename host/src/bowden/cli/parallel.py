@@ -54,6 +54,7 @@ def on_cluster(
     """
     try:
         from distributed import Client, as_completed  # noqa: PLC0415  (an extra, large)
+        from distributed.comm.addressing import parse_address  # noqa: PLC0415
     except ModuleNotFoundError as missing:
         raise BadInput(
             "--scheduler",
@@ -61,6 +62,7 @@ def on_cluster(
             "pip install 'bowden[cluster]', or no --scheduler",
         ) from missing
     try:
+        cast(Any, parse_address)(scheduler, strict=True)  # else Client tries it for 20 s
         client: Any = cast(Any, Client)(scheduler, timeout=_CONNECT_WITHIN_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise BadInput(

@@ -133,12 +133,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def check_output(path: Path, overwrite: bool) -> None:
+def check_output(path: Path, overwrite: bool, accepted: str = "a new name, or --overwrite") -> None:
     """Refuse an output that is neither BLF nor CSV, or that would replace a recording unasked."""
     if path.suffix not in (".blf", ".csv"):
         raise BadInput(str(path), f"a name that ends in {path.suffix!r}", "OUT.blf or OUT.csv")
     if path.exists() and not overwrite:
-        raise BadInput(str(path), "a file with that name", "a new name, or --overwrite")
+        raise BadInput(str(path), "a file with that name", accepted)
 
 
 def record_to(
@@ -162,7 +162,8 @@ def record_to(
     nodes = ", ".join(str(drive.node_id) for drive in drives)
     how_long = "until stopped" if span.duration_s is None else f"for {span.duration_s:g} s"
     keys_help = " (m marks, q ends)" if has_keys() else ""
-    begun = f"recording node {nodes} {how_long} into {path}{keys_help}"
+    after = "" if span.start_on_motion_rad is None else ", as soon as an angle moves"
+    begun = f"recording node {nodes} {how_long} into {path}{after}{keys_help}"
     ended: list[Capture] = []
     try:
         with (

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from bowden.cli.output import console
+from bowden.cli.output import console, styled
 from bowden.drive.capture import Capture
 from bowden.recording.side_file import Lost
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 _RANGES_SHOWN = 5
 
@@ -44,32 +48,32 @@ def show_summary(capture: Capture, path: Path) -> None:
     side, decoded = capture.side, capture.decoded
     out = console()
     if not decoded.time_s.size:
-        out.print(f"{path}: no samples ({capture.ended})", soft_wrap=True, markup=False)
+        out.print(f"{path}: no samples ({capture.ended})", soft_wrap=True)
         return
+    head = f"{path}: {side.samples} samples, {decoded.duration_s:.3f} s, "
     lost = decoded.frames_lost
     out.print(
-        f"{path}: {side.samples} samples, {decoded.duration_s:.3f} s, "
-        + (
-            "no frame lost"
-            if not lost
-            else f"[bold red]{lost} frames lost[/]: {_where(side.lost or {})}"
-        ),
+        styled(head, (f"{lost} frames lost", "bold red"), f": {_where(side.lost or {})}")
+        if lost
+        else f"{head}no frame lost",
         soft_wrap=True,
     )
-    details = [
-        f"[bold red]cut short[/]: {side.cut}" if side.cut else f"ended: {capture.ended}",
-        *(f"[bold yellow]warning[/]: {finding}" for finding in side.findings),
-        f"[bold yellow]warning[/]: {side.error_frames} error frames on the bus"
-        if side.error_frames
-        else "",
+    warnings = list(side.findings)
+    if side.error_frames:
+        warnings.append(f"{side.error_frames} error frames on the bus")
+    details: list[str | Text] = [
+        styled(("cut short", "bold red"), f": {side.cut}")
+        if side.cut
+        else f"ended: {capture.ended}",
+        *(styled(("warning", "bold yellow"), f": {one}") for one in warnings),
         f"came twice: {_where(side.repeated)}" if side.repeated else "",
         f"came late, after a later sample's: {_where(side.delayed)}" if side.delayed else "",
         f"trigger: {side.trigger}" if side.trigger else "",
         *(f"mark at {mark.time_s:.3f} s: {mark.text}" for mark in decoded.marks),
         *(f"emergency: {text}" for text in side.emergencies),
     ]
-    for line in filter(None, details):
-        out.print(f"  {line}", soft_wrap=True)
+    for line in (one for one in details if one):
+        out.print(styled("  ", line), soft_wrap=True)
 
 
 def _where(frames: Mapping[str, Lost]) -> str:

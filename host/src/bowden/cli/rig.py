@@ -17,7 +17,7 @@ from bowden.errors import DriveFailed
 EXAMPLES = """examples:
   bowden rig                                  on this machine only, no CAN hardware needed
   bowden rig --target emulated                the firmware that is flashed, on an emulated chip
-  bowden rig -- --operator still                 the operator stands still
+  bowden rig -- --operator still              the operator stands still
   bowden rig -i socketcan -c vcan0            on a virtual CAN interface of the kernel
 """
 

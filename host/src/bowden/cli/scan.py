@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, styled
 from bowden.drive.bus_options import add_bus_arguments, bus_options, open_connection
 from bowden.drive.power import BRIDGE_ON
 from bowden.drive.scan import Node, scan
@@ -45,7 +45,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _table(nodes: list[Node]) -> Table:
-    table = Table("node", "name", "software", "serial", "NMT", "dictionary", "state")
+    table = Table()
+    for name in ("node", "name", "software", "serial", "NMT", "dictionary", "state"):
+        table.add_column(name, overflow="fold")  # nothing is cut off where the terminal is narrow
     fits = {True: "same", False: "differs", None: "not a bowden drive"}
     for node in nodes:
         serial = "" if node.serial_number is None else f"{node.serial_number:08X}h"
@@ -56,7 +58,7 @@ def _table(nodes: list[Node]) -> Table:
             serial,
             node.nmt_state.lower(),
             fits[node.dictionary_matches],
-            f"[bold red]{node.power_state}: bridge ON[/]"
+            styled((f"{node.power_state}: bridge ON", "bold red"))
             if node.power_state in BRIDGE_ON
             else node.power_state or "",
         )

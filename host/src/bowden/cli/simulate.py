@@ -18,7 +18,7 @@ from bowden.cli.model_arguments import (
     mode_of,
     read_model,
 )
-from bowden.cli.output import console
+from bowden.cli.output import add_json_argument, console, print_json
 from bowden.recording.channels import MAIN_CHANNELS, SIMULATED_CHANNELS
 
 if TYPE_CHECKING:
@@ -39,27 +39,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--input", metavar="REC", type=Path, required=True, help="recording (.csv or .blf)"
     )
     add_mode_argument(parser, required=True)
-    parser.add_argument("--output", metavar="OUT.csv", type=Path, required=True)
+    parser.add_argument(
+        "--output", metavar="OUT.csv", type=Path, required=True, help="the prediction"
+    )
     parser.add_argument(
         "--initial",
         metavar="REC",
         type=Path,
         help="recording of the motion just before, from virgin; the model runs through it first",
     )
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write."""
+    from bowden.recording.atomic import refuse_unwritable  # noqa: PLC0415
     from bowden.recording.csv_file import write_csv  # noqa: PLC0415
     from bowden.recording.read import read_recording  # noqa: PLC0415
     from bowden.signals.prediction import simulate_recording  # noqa: PLC0415
 
+    refuse_unwritable([args.output], [args.input, *([args.initial] if args.initial else [])])
     model = read_model(args.model)
     recording = read_recording(args.input)
     before = read_recording(args.initial) if args.initial else None
     trajectory = simulate_recording(model, mode_of(args), recording, before=before)
     write_csv(simulated(recording, trajectory, args), args.output)
     slack = float((trajectory.slack != 0).mean())
+    if args.json:
+        print_json(
+            {
+                "output": str(args.output),
+                "mode": args.mode,
+                "samples": int(recording.time_s.size),
+                "slack_share": slack,
+            }
+        )
     console().print(
         f"{args.output}: {recording.time_s.size} samples, {args.mode}, "
         f"a cable slack in {100 * slack:.1f} % of them",

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from bowden.cli.drive_arguments import add_node_argument
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, styled
 from bowden.drive.bus_options import add_bus_arguments, bus_options, open_connection
 from bowden.drive.stop import Stopped, stop_all, stop_node
 from bowden.errors import DriveFailed
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 EXAMPLES = """examples:
   bowden stop
@@ -50,8 +54,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _line(one: Stopped) -> str:
+def _line(one: Stopped) -> Text:
     if one.confirmed:
-        return f"node {one.node_id}: [green]bridge off[/] ({one.power_state})"
+        return styled(f"node {one.node_id}: ", ("bridge off", "green"), f" ({one.power_state})")
     state = one.power_state or "does not tell its state"
-    return f"node {one.node_id}: [bold red]not confirmed[/] ({state})"
+    return styled(f"node {one.node_id}: ", ("not confirmed", "bold red"), f" ({state})")

@@ -14,6 +14,7 @@ from contextlib import closing
 from pathlib import Path
 
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
+from bowden.cli.model_arguments import read_model
 from bowden.cli.output import console
 from bowden.drive.live import LiveSession
 from bowden.errors import BadInput
@@ -41,9 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C."""
     if not args.folder.is_dir():
-        raise BadInput(str(args.folder), "no folder", "a folder for recordings")
-    if args.model is not None and not args.model.is_file():
-        raise BadInput(str(args.model), "no such file", "a model file")
+        todo = f"a folder for recordings that is there (mkdir {args.folder})"
+        raise BadInput(str(args.folder), "no folder", todo)
+    if args.model is not None:
+        read_model(args.model)  # a mistake in it is said now, not after the first recording
     try:
         import uvicorn  # noqa: PLC0415  (an extra)
 
@@ -58,8 +60,8 @@ def run(args: argparse.Namespace) -> int:
         access = Access(listening.getsockname()[1])
         with connect_drive(args) as drive, closing(LiveSession(drive)) as session:
             bench = StudioBench(session, args.folder, args.model)
-            console().print(f"open {access.address}", soft_wrap=True, markup=False)
-            console().print("it works once, on this machine only; Ctrl-C ends", markup=False)
+            console().print(f"open {access.address}", soft_wrap=True)
+            console().print("it works once, on this machine only; Ctrl-C ends")
             if not args.no_browser:
                 webbrowser.open(access.address)
             serve(bench, access, listening)

@@ -19,6 +19,7 @@ from bowden.cli.model_arguments import add_model_argument, read_model
 from bowden.cli.output import add_json_argument, console, print_json, progress
 from bowden.cli.parallel import add_scheduler_argument, on_cluster, on_this_machine
 from bowden.errors import BadInput
+from bowden.recording.atomic import refuse_unwritable
 
 if TYPE_CHECKING:
     from bowden.model.sweep import Row, Sweep
@@ -49,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="1: load locked, 2: tunnel, 3: ideal follower",
     )
-    parser.add_argument("--output", metavar="OUT.csv", type=Path, required=True)
+    parser.add_argument(
+        "--output", metavar="OUT.csv", type=Path, required=True, help="a row for each point"
+    )
     parser.add_argument("--random", metavar="N", type=int, help="N random draws in place of a grid")
     parser.add_argument("--seed", metavar="S", type=int, help="of the draws (default: 0)")
     add_scheduler_argument(parser)
@@ -58,9 +61,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the missing points, write the table, report its number of rows."""
-    sweep = _sweep(args)
     output: Path = args.output
-    if output.exists():
+    refuse_unwritable([output])
+    sweep = _sweep(args)
+    if output.is_file():
         _check_same(output, _digest_in(output), sweep)
         rows = len(sweep.points)
         console().print(f"{output} holds this sweep already, all {rows} rows", soft_wrap=True)

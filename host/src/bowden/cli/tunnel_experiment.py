@@ -47,7 +47,7 @@ _PDO_DOES_NOT_EXIST = 1 << 31
 def run_on_drive(args: argparse.Namespace) -> int:
     """Run the laws, write recordings and report, print the figures."""
     laws = chosen_laws(args.compensation)
-    if args.duration <= SETTLE_S:
+    if not args.duration > SETTLE_S:
         raise BadInput("--duration", f"{args.duration:g}", f"seconds, more than {SETTLE_S:g}")
     directory: Path = args.output
     directory.mkdir(parents=True, exist_ok=True)

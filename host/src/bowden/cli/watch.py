@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from bowden.cli.drive_arguments import add_drive_arguments, connect_drive
 from bowden.cli.output import add_json_argument, console, print_json
 from bowden.drive.client import Drive
-from bowden.drive.dictionary import lookup
+from bowden.drive.dictionary import ENTRIES, lookup
 from bowden.drive.entry_text import shown
 from bowden.drive.live import LiveSession
 from bowden.errors import BadInput
@@ -53,9 +53,10 @@ def run(args: argparse.Namespace) -> int:
         with connect_drive(args) as drive:
             return _look(drive, args.json)
     if not args.folder.is_dir():
-        raise BadInput(str(args.folder), "no folder", "a folder for recordings")
+        todo = f"a folder for recordings that is there (mkdir {args.folder})"
+        raise BadInput(str(args.folder), "no folder", todo)
     if not sys.stdout.isatty():
-        raise BadInput("bowden watch", "no terminal", "a terminal, or --once")
+        raise BadInput("stdout", "no terminal", "a terminal, or --once")
     app_class = _app_class()
     with connect_drive(args) as drive, closing(LiveSession(drive)) as session:
         app = app_class(session, args.folder)
@@ -86,9 +87,10 @@ def _look(drive: Drive, as_json: bool) -> int:
     out = console()
     out.print(f"node {now.node_id}: {now.power_state}, {now.rate_hz:.0f} samples/s")
     if now.fault:
-        out.print(f"fault: {now.fault}", markup=False, soft_wrap=True)
-    for name, value in now.values.items():
+        out.print(f"fault: {now.fault}", soft_wrap=True)
+    places = {entry.name: place for place, entry in enumerate(ENTRIES)}
+    for name, value in sorted(now.values.items(), key=lambda item: places[item[0]]):
         entry = lookup(name)
         raw = round(value / (entry.scale or 1.0))
-        out.print(f"  {name} = {shown(entry, raw)}", markup=False, soft_wrap=True)
+        out.print(f"  {name} = {shown(entry, raw)}", soft_wrap=True)
     return 0

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import argparse
 import errno
+import os
+import socket
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import can
@@ -19,6 +22,7 @@ from bowden.errors import BadInput, DriveFailed
 
 DEFAULT_INTERFACE = "udp_multicast"
 DEFAULT_CHANNEL = "239.74.163.2"
+_IP_MULTICAST_ALL = 49  # Linux
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,15 @@ def open_connection(options: BusOptions, limits: TimeLimits | None = None) -> Co
             f"cannot open the CAN bus ({options.interface}, channel {options.channel}): "
             f"{type(cause).__name__}: {cause}{_hint(options, cause)}"
         ) from error
+    if options.interface == DEFAULT_INTERFACE:
+        _keep_to_channel(bus)
     return Connection(bus, adapter=options.adapter(), limits=limits)
+
+
+def _keep_to_channel(bus: can.BusABC) -> None:
+    """Hear this channel only: by default, Linux delivers every group of the port to each socket."""
+    with suppress(OSError), socket.socket(fileno=os.dup(bus.fileno())) as handle:
+        handle.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
 
 
 def _hint(options: BusOptions, cause: BaseException) -> str:

@@ -16,7 +16,7 @@ from bowden.drive.client import Drive
 from bowden.drive.faults import describe_emergency
 from bowden.drive.follow import Follower
 from bowden.drive.position_follower import command_sender
-from bowden.drive.power import Run, powered, require_unused
+from bowden.drive.power import Run, powered, require_allowed_torque, require_unused
 from bowden.drive.provenance import read_layouts, run_metadata, side_file
 from bowden.drive.sync import missing_sync_hint, require_ours, sampling_by_sync, sync_sent
 from bowden.drive.watch import Progress, Request, Span, Watch
@@ -146,6 +146,8 @@ class _Session:
         if run is not None:
             for drive in drives:
                 require_unused(drive)
+                if run.torque_nm:
+                    require_allowed_torque(drive, run.torque_nm)
         self.layouts = layouts = [read_layouts(drive) for drive in drives]
         self.followers = [Follower(drive, one) for drive, one in zip(drives, layouts, strict=True)]
         side = side_file(drives, layouts, {**metadata, **run_metadata(drives[0], run)})

@@ -119,7 +119,11 @@ class Entry:
         """Value in `unit` of a raw value (a plain number where there is no scale)."""
         if self.type == "domain":
             return raw  # more bytes than a float has digits
-        return float(raw) if self.scale is None else raw * self.scale
+        if self.scale is None:
+            return float(raw)
+        # 0.001 and the like are no binary fractions: their inverse is, 800 * 0.001 is not 0.8.
+        per_unit = round(1.0 / self.scale)
+        return raw / per_unit if per_unit * self.scale == 1.0 else raw * self.scale
 
     def is_absent(self, raw: int) -> bool:
         """Return whether a raw value says that there is none."""

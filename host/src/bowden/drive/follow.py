@@ -69,6 +69,11 @@ class Follower:
         self._reference = {}
 
     @property
+    def silence_s(self) -> float:
+        """How long no sample has come, s."""
+        return self._clock() - self._last_at
+
+    @property
     def lost(self) -> int:
         """Frames that the counters show as lost so far, all PDOs together."""
         # Frames of the sample that is just coming in are not lost yet.

@@ -9,7 +9,6 @@ this program hang itself, the drive misses its heartbeat and stops.
 
 from __future__ import annotations
 
-import math
 import queue
 import threading
 from collections import deque
@@ -40,7 +39,7 @@ from bowden.drive.live_state import (
     StopMotor,
     WriteValues,
 )
-from bowden.drive.live_values import change_values
+from bowden.drive.live_values import Row, change_values, plotted_row
 from bowden.drive.position_follower import command_sender
 from bowden.drive.power import BRIDGE_ON, Run, is_fault, power_state, powered, safe_stop
 from bowden.drive.provenance import read_layouts
@@ -62,11 +61,6 @@ POLLED = (
     ("mode_of_operation_display", "compensation_active_law"),
 )
 TUNNEL = ("tunnel_half_width", "tunnel_stiffness", "tunnel_torque_limit")
-#: What a row of `samples_after` holds behind the sample's number and its time.
-PLOTTED = ("motor_angle", "load_angle", "motor_torque", "load_torque")
-_SCALES = {name: lookup(name).scale or 1.0 for name in PLOTTED}
-
-Row = tuple[float, ...]
 
 
 class LiveSession:
@@ -138,7 +132,7 @@ class LiveSession:
             return self._snapshot
 
     def samples_after(self, number: int) -> list[Row]:
-        """Return the kept samples after one: its number, device time in s, then `PLOTTED`."""
+        """Return the kept samples after one, as `live_values.plotted_row` makes them."""
         with self._lock:
             new = list(takewhile(lambda row: row[0] > number, reversed(self._rows)))
         return new[::-1]
@@ -154,7 +148,7 @@ class LiveSession:
             The adapter failed. `close` still has to be called.
         """
         self._handle_for(longest_s)
-        self._check_restart()
+        self._check_samples()
         self._end_timed()
         self._stop_unwatched()
         self._check_motor()
@@ -174,6 +168,9 @@ class LiveSession:
             The bridge is not known to be off.
         """
         connection = self.drive.connection
+        state = power_state(self._raw.get("statusword", 0))
+        if self._motor is None and state in BRIDGE_ON:
+            self._sends_for_us = False  # another program runs it, and needs its samples now
         try:
             self._recording.end()
         finally:
@@ -198,12 +195,7 @@ class LiveSession:
 
     def _keep_sample(self) -> None:
         """Keep the sample that the frames so far make up."""
-        raw = self._raw
-        row = (
-            float(self._follower.samples),
-            raw["device_time"] * 1e-6,
-            *(raw[name] * scale if name in raw else math.nan for name, scale in _SCALES.items()),
-        )
+        row = plotted_row(self._follower.samples, self._raw)
         with self._lock:
             self._rows.append(row)
 
@@ -227,12 +219,15 @@ class LiveSession:
         except (DriveFailed, BadInput) as failure:
             self._message = str(failure)
 
-    def _check_restart(self) -> None:
-        """End what ran on a drive that has restarted, and watch it anew."""
-        if self.drive.boots == self._boots:
+    def _check_samples(self) -> None:
+        """End what ran on a drive that has restarted or sends no samples, and watch it anew."""
+        restarted, drive = self.drive.boots != self._boots, self.drive
+        is_heard = drive.connection.silence_s(drive.node_id) <= _LOST_S
+        if not restarted and (not is_heard or self._follower.silence_s <= _LOST_S):
             return
-        self._boots = self.drive.boots
-        why = f"node {self.drive.node_id} restarted"
+        self._boots = drive.boots
+        state = "restarted" if restarted else f"sent no samples (NMT {drive.nmt_state.lower()})"
+        why = f"node {drive.node_id} {state}"
         self._follower.begin()
         self._raw.clear()
         self._ends_at_s = None
@@ -240,7 +235,12 @@ class LiveSession:
             why = "; ".join(filter(None, [why, self._recording.end(cut=why)]))
         except BadInput as failure:
             why = f"{why}; {failure}"
-        self._stop_because(why)
+        self._sends_for_us |= not restarted  # another program has ended, and its samples with it
+        if restarted or self._motor is not None:
+            self._stop_because(why)
+            return
+        self._message = why
+        drive.nmt("OPERATIONAL")
 
     def _require_idle(self) -> None:
         if self._motor is not None:

@@ -20,7 +20,7 @@ from bowden.drive.connection import HOST_NODE_ID
 from bowden.drive.culprit import refused_configuration
 from bowden.drive.faults import describe_emergency
 from bowden.drive.meanings import ModeOfOperation
-from bowden.errors import DriveFailed
+from bowden.errors import BadInput, DriveFailed
 
 if TYPE_CHECKING:
     from bowden.drive.position_follower import FollowLoad
@@ -109,6 +109,23 @@ def require_unused(drive: Drive) -> None:
         )
 
 
+def require_allowed_torque(drive: Drive, torque_nm: float, where: str = "motor torque") -> None:
+    """Refuse a motor torque that the drive would cut, before anything moves.
+
+    Raises
+    ------
+    BadInput
+        More than `motor_torque_limit`, or no number.
+    """
+    limit_nm = drive.read("motor_torque_limit")
+    if not abs(torque_nm) <= limit_nm:  # not: nan
+        raise BadInput(
+            where,
+            f"{torque_nm:g} N m",
+            f"at most {limit_nm:g} N m (bowden od write motor_torque_limit=...)",
+        )
+
+
 @contextmanager
 def powered(drive: Drive, run: Run) -> Iterator[None]:
     """Turn the bridge on for the ``with`` block, and safely off at its end, however it ends.
@@ -123,12 +140,14 @@ def powered(drive: Drive, run: Run) -> Iterator[None]:
     Raises
     ------
     BadInput
-        A torque beyond what the drive's entry can hold.
+        A torque beyond the drive's limit.
     DriveFailed
         Another program runs the drive, a fault that cannot be reset, a configuration that cannot
         run, or a step not taken.
     """
     require_unused(drive)
+    if run.torque_nm:
+        require_allowed_torque(drive, run.torque_nm)
     before = {name: drive.read(name) for name in _WATCHED}
     try:
         enable(drive, run)

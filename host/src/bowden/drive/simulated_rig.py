@@ -7,6 +7,7 @@ happens.
 
 from __future__ import annotations
 
+import re
 import signal
 import socket
 import subprocess
@@ -28,6 +29,7 @@ from bowden.errors import BadInput, DriveFailed
 _PLUGIN = "bowden_rig"
 #: Starting the rig compiles its simulation the first time; slow machines take a minute for it.
 _RIG_STARTS_WITHIN_S = 180.0
+_USAGE = 2  # the exit status of the rig's program
 
 
 @contextmanager
@@ -83,6 +85,8 @@ def _find(connection: Connection, process: subprocess.Popen[bytes], log_path: Pa
     deadline = time.monotonic() + _RIG_STARTS_WITHIN_S
     while not connection.nodes_heard:
         if process.poll() is not None:
+            if process.returncode == _USAGE:
+                raise _refused(_last_line(log_path))
             raise DriveFailed(f"the simulated rig did not start: {_last_line(log_path)}")
         if time.monotonic() > deadline:
             raise DriveFailed(f"the simulated rig is silent; its log is {log_path}")
@@ -94,6 +98,14 @@ def _find(connection: Connection, process: subprocess.Popen[bytes], log_path: Pa
         found = ", ".join(str(node.node_id) for node in nodes) or "none"
         raise DriveFailed(f"found nodes {found} on the bus where only this command's rig should be")
     return nodes[0].node_id
+
+
+def _refused(line: str) -> BadInput:
+    """Return the rig's own complaint about its arguments as this program's."""
+    told = line.partition("error: ")[2] or line
+    if parts := re.fullmatch(r"(.*?): found (.*); accepted: (.*)", told):
+        return BadInput(f"simulated rig, {parts[1]}", parts[2], parts[3])
+    return BadInput("simulated rig", told, "its arguments (bowden rig --rig-help)")
 
 
 def own_bus(options: BusOptions) -> BusOptions:

@@ -24,7 +24,8 @@ from bowden.drive.command_guard import (
 )
 from bowden.drive.dictionary import RPDOS, lookup
 from bowden.drive.meanings import ModeOfOperation
-from bowden.errors import BadInput, DriveFailed
+from bowden.drive.power import require_allowed_torque
+from bowden.errors import DriveFailed
 from bowden.recording.read import read_recording
 
 SEND_EVERY_S = 0.01
@@ -84,14 +85,7 @@ def profile_sender(drive: Drive, profile: TorqueProfile) -> Callable[[float], No
     DriveFailed
         RPDO 1 is not as the drive comes from power-on.
     """
-    limit_nm = drive.read("motor_torque_limit")
-    most_nm = float(np.abs(profile.torque_nm).max())
-    if most_nm > limit_nm:
-        raise BadInput(
-            profile.name,
-            f"{most_nm:g} N m",
-            f"at most {limit_nm:g} N m (bowden od write motor_torque_limit=...)",
-        )
+    require_allowed_torque(drive, float(np.abs(profile.torque_nm).max()), profile.name)
     send_torque = torque_sender(drive)
     next_s = 0.0
 

@@ -233,12 +233,12 @@ def recover(part: Path, *, overwrite: bool = False) -> CaptureWriter:
     path = part.with_suffix("")
     if path.exists() and not overwrite:
         raise BadInput(str(path), "a file with that name", "--overwrite, or move it away")
-    side = read_side_file(part)
     try:
         with part.open("rb") as handle:
             lock_file(handle, part)
     except OSError as error:
         raise BadInput(str(part), error.strerror or str(error), "a readable file") from error
+    side = read_side_file(part)
     # Through a file of its own: the .part stays as it is until the whole one is there.
     whole = path.with_name(f"{path.name}.recovered")
     with CaptureWriter(whole, side, overwrite=True) as writer:

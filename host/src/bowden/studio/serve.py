@@ -37,6 +37,7 @@ def make_server(bench: StudioBench, access: Access) -> uvicorn.Server:
     """Make the server; the socket is the caller's."""
     config = uvicorn.Config(
         make_app(bench, access),
+        lifespan="off",  # nothing to begin or end; Ctrl-C would be an error of it, with a traceback
         log_level="warning",
         access_log=False,
         timeout_graceful_shutdown=_CLOSE_WITHIN_S,

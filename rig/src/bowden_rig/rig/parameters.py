@@ -338,7 +338,7 @@ def changed(rig: Rig, assignment: str) -> Rig:
     parts = {f.name for f in fields(rig) if not isinstance(f.default, int)}
     if part_name not in parts:
         raise ValueError(
-            f"rig: found {assignment!r}; accepted: one of {sorted(parts)}, then .FIELD="
+            f"rig: found {assignment!r}; accepted: {', '.join(sorted(parts))}, then .FIELD=VALUE"
         )
     part = getattr(rig, part_name)
     numbers = {
@@ -347,7 +347,9 @@ def changed(rig: Rig, assignment: str) -> Rig:
         if isinstance(getattr(part, f.name), int | float)
     }
     if field_name not in numbers:
-        raise ValueError(f"rig.{part_name}: found {field_name!r}; accepted: {sorted(numbers)}")
+        raise ValueError(
+            f"rig.{part_name}: found {field_name!r}; accepted: {', '.join(sorted(numbers))}"
+        )
     try:
         value = numbers[field_name](text)
     except ValueError:

@@ -48,7 +48,7 @@ def effects_in(path: Path) -> tuple[Effect, ...]:
         listed = runpy.run_path(str(path)).get(LISTED)
     except OSError as error:
         raise ModelError(f"found {error.strerror}, accepted: a Python file", str(path)) from error
-    except Exception as error:  # the user's code may raise anything
+    except (Exception, SystemExit) as error:  # the user's code may raise anything
         raise ModelError(
             f"found {type(error).__name__}: {error}, accepted: code that runs", str(path)
         ) from error
