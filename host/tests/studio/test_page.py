@@ -90,6 +90,30 @@ def test_run_see_the_loop_record_stop(page: Page, studio: Studio) -> None:
     expect(report.locator("h1")).to_have_text("Measured and simulated")
 
 
+def await_next_state(page: Page) -> None:
+    """Wait until the page has taken another of the many states a second."""
+    page.evaluate("""() => new Promise((resolve) => {
+        const first = now, look = () => now === first ? requestAnimationFrame(look) : resolve();
+        look(); })""")
+
+
+def test_a_refusal_stays_until_there_is_something_new(page: Page, studio: Studio) -> None:
+    page.click("text=compare with the model")
+    expect(page.locator("#message")).to_have_text("choose a recording first")
+    await_next_state(page)
+    expect(page.locator("#message")).to_have_text("choose a recording first")
+    # An empty field is no torque of 0 N m.
+    page.check("input[value=torque]")
+    page.fill("#torque", "")
+    page.click("text=start the motor")
+    expect(page.locator("#message")).to_contain_text("found torque without a torque")
+    await_next_state(page)
+    expect(page.locator("#message")).to_contain_text("found torque without a torque")
+    assert not studio.motor_is_on
+    page.click("#recording")
+    expect(page.locator("#message")).to_have_text("recording into run_1.blf")
+
+
 def test_the_stop_is_always_in_sight_and_works(page: Page, studio: Studio) -> None:
     start(page)
     page.set_viewport_size({"width": 420, "height": 700})

@@ -104,7 +104,8 @@ def run_named(word: str, torque_nm: float | None) -> Run:
         return Run(ModeOfOperation.TUNNEL)
     if word == "torque" and torque_nm is not None:
         return Run(ModeOfOperation.TORQUE, torque_nm)
-    raise BadInput("mode", f"{word} at {torque_nm} N m", "tunnel, or torque with a torque")
+    found = "torque without a torque" if word == "torque" else word
+    raise BadInput("mode", found, "tunnel, or torque with a torque in N m")
 
 
 def tension_profile(values: dict[str, float], cable: str) -> list[float]:

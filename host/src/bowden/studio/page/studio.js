@@ -17,8 +17,17 @@ let curve = [[], []];
 let now = null;
 let isNew = false;
 let socket = null;
+// What was refused, shown until the next order or until the drive's session has something new to say.
+let refusal = "";
+let said = "";
+
+function refuse(text) {
+  refusal = text;
+  at("message").textContent = text;
+}
 
 function order(message) {
+  if (message.do !== "alive") refusal = "";
   if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
 }
 
@@ -33,7 +42,7 @@ function connect() {
 }
 
 function take(message) {
-  if (message.refused) { at("message").textContent = message.refused; return; }
+  if (message.refused) { refuse(message.refused); return; }
   if (message.experiments) offerExperiments(message.experiments);
   if (message.curve) curve = message.curve;
   if (message.rows && message.rows.length) {
@@ -104,14 +113,16 @@ function showState() {
   at("rates").textContent = `${now.rate_hz.toFixed(0)} samples/s, ${now.lost} frames lost, bus ${(100 * now.bus_share).toFixed(0)} %`;
   at("fault").hidden = !now.fault;
   at("fault").textContent = now.fault || "";
-  at("message").textContent = now.has_drive ? now.message : `another page has the drive; stop works here, too. ${now.message}`;
+  if (now.message !== said) refusal = "";
+  said = now.message;
+  at("message").textContent = refusal || (now.has_drive ? now.message : `another page has the drive; stop works here, too. ${now.message}`);
   at("recording").textContent = now.recording ? "end the recording" : "record";
   at("name").disabled = Boolean(now.recording);
   showTensions();
   showRecordings();
   showJob();
   for (const input of at("configure").querySelectorAll("input"))
-    if (!input.value && input.name in now.tunnel) input.value = Number(now.tunnel[input.name].toPrecision(6));
+    if (!input.value && input.name in now.tunnel && input !== document.activeElement) input.value = Number(now.tunnel[input.name].toPrecision(6));
   at("changes").replaceChildren(...now.changes.map((change) => {
     const line = document.createElement("tr");
     for (const text of [change.name, `${+change.before.toPrecision(6)} → ${+change.after.toPrecision(6)} ${change.unit}`]) {
@@ -228,7 +239,8 @@ function wire() {
   at("start").onsubmit = (event) => {
     event.preventDefault();
     const mode = at("start").elements.mode.value;
-    order({ do: "start", mode, torque_nm: mode === "torque" ? Number(at("torque").value) : null });
+    const torque = at("torque").value; // an empty field is not 0 N m
+    order({ do: "start", mode, torque_nm: mode === "torque" && torque !== "" ? Number(torque) : null });
   };
   at("record").onsubmit = (event) => {
     event.preventDefault();
@@ -238,7 +250,8 @@ function wire() {
   at("experiment").onsubmit = (event) => { event.preventDefault(); runExperiment(); };
   at("configure").onsubmit = (event) => {
     event.preventDefault();
-    const values = Object.fromEntries([...new FormData(at("configure"))].map(([name, text]) => [name, Number(text)]));
+    const filled = [...new FormData(at("configure"))].filter(([, text]) => text !== "");
+    const values = Object.fromEntries(filled.map(([name, text]) => [name, Number(text)]));
     const [name, value] = at("entry").value.split("=").map((part) => part.trim());
     if (name) values[name] = value === undefined || value === "" || Number.isNaN(Number(value)) ? value || "" : Number(value);
     order({ do: "configure", values, dry_run: event.submitter.value === "diff" });
@@ -249,7 +262,7 @@ function wire() {
     const paper = chosenExperiment().name;
     const experiment = ["1a", "2", "3"].includes(paper) ? paper : "2";
     if (recordings.length) order({ do: event.submitter.value, recordings, experiment });
-    else at("message").textContent = "choose a recording first";
+    else refuse("choose a recording first");
   };
   at("next").onclick = beginNext;
   at("applydiff").onclick = () => order({ do: "apply_model", dry_run: true });
