@@ -147,8 +147,22 @@ def curve_through(x: Sequence[float], values: FloatArray, at: FloatArray) -> Flo
     at : ndarray of shape (n,)
         In the unit of `x`.
     """
-    inside = np.clip(at, x[0], x[-1])
-    return np.asarray(CubicSpline(x, values, bc_type="natural")(inside))
+    knots, values = np.asarray(x), np.asarray(values, dtype=np.float64)
+    at = np.clip(at, knots[0], knots[-1])
+    k = np.minimum(np.searchsorted(knots, at, side="right") - 1, knots.size - 2)
+    step = knots[k + 1] - knots[k]
+    u = (at - knots[k]) / step
+    bend = _bends(tuple(knots.tolist())) @ values
+    near, far = (part.reshape(-1, *[1] * (values.ndim - 1)) for part in (1.0 - u, u))
+    curved = (near**3 - near) * bend[k] + (far**3 - far) * bend[k + 1]
+    square = (step**2 / 6.0).reshape(near.shape)
+    return np.asarray(near * values[k] + far * values[k + 1] + square * curved)
+
+
+@lru_cache(maxsize=512)
+def _bends(x: tuple[float, ...]) -> FloatArray:
+    """Return second derivatives at the knots by the values there, shape (knots, knots)."""
+    return np.asarray(CubicSpline(x, np.eye(len(x)), bc_type="natural")(np.array(x), 2))
 
 
 def argument_of(name: str, around: Signals) -> FloatArray:
