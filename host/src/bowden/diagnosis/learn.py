@@ -31,7 +31,7 @@ from bowden.diagnosis.law_candidates import (
 from bowden.diagnosis.material import Material, as_searched, with_offset
 from bowden.diagnosis.odds import log_prior, posterior
 from bowden.diagnosis.predict import predict_unseen
-from bowden.diagnosis.relevance import matters
+from bowden.diagnosis.relevance import holds, matters
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.diagnosis.search import Found
@@ -45,8 +45,8 @@ from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
-PROPOSED = 4  # laws that are begun on top of each parent
-FITTED = 4  # of those, at most, to the end
+PROPOSED = 4  # laws that are begun at a time on top of each parent
+MOST_PROPOSED = 12
 ROUNDS = 12  # of Gauss-Newton: a law has many numbers
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
 
@@ -137,24 +137,34 @@ def _laws_on(
     """Return the likeliest laws on top of a set of effects, fitted to the end.
 
     The likeliest of each set and of its rivals: beside a named effect that turns out idle a law
-    counts without it.
+    counts without it. Gains are predicted to first order, and those of strong laws badly: further
+    ones are tried until one holds.
     """
+    laws: list[Hypothesis] = []
     chosen = _proposed(material, parent, screened)
-    begun = [_begun(material, searched, parent, one) for one in chosen]
-    rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun, rivals)[:FITTED]]
-    smooth = [_smoothed(material, searched, one) for one in _in_reach(rough, rivals)]
-    return _in_reach(smooth, rivals)
+    for first in range(0, len(chosen), PROPOSED):
+        batch = chosen[first : first + PROPOSED]
+        begun = [_begun(material, searched, parent, one) for one in batch]
+        others = [*rivals, *laws]
+        rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun, others)]
+        laws += [
+            one
+            for reached in _in_reach(rough, others)
+            if (one := _smoothed(material, searched, reached)) is not None
+        ]
+        if any(holds(one) for one in (*rivals, *laws)):
+            break
+    return _in_reach(laws, rivals)
 
 
 def _proposed(
     material: Material, parent: Hypothesis, screened: Sequence[ScreenedCandidate]
 ) -> list[ScreenedCandidate]:
-    """Return the laws with the largest predicted gains on top of a set of effects."""
+    """Return the laws with the largest predicted gains on top of a set of effects, best first."""
     screen = Screen(parent)
-    here = sorted(map(screen.again, screened), key=lambda one: -one.gain)[: 3 * PROPOSED]
+    here = sorted(map(screen.again, screened), key=lambda one: -one.gain)[:MOST_PROPOSED]
     gains = list(material.pool.map(screen.annealed, here))
-    order = np.argsort(gains)[::-1][:PROPOSED]
-    return [here[k] for k in order if gains[k] > 0.0]
+    return [here[k] for k in np.argsort(gains)[::-1] if gains[k] > 0.0]
 
 
 def _begun(
