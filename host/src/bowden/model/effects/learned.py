@@ -5,8 +5,8 @@
     - {name: learned, place: friction_factor, arguments: [load_angle_rad, direction],
        x: [-0.2, 0.0, 0.2], values: [0.1, 0.0, 0.3]}
 
-A natural cubic spline through the knots, level beyond the first and the last: of all curves through
-them the one that bends least, and what is expected of a smooth law that is known at the knots. With
+A cubic spline through the knots, level beyond the first and the last. Its two outermost pieces at
+either end are one cubic: a law need not be straight where the recordings end. With
 `direction` the value counts times the sign of the load's last motion, which is held at standstill.
 With `slip_direction`, of friction alone, it counts as it is where the cable slides as for positive
 angles of the pair, and with the other sign where it slides back: place by place in the conduit.
@@ -136,12 +136,12 @@ class LawTable:
 
 
 def curve_through(x: Sequence[float], values: FloatArray, at: FloatArray) -> FloatArray:
-    """Return the natural cubic spline through knots, level beyond the first and the last.
+    """Return the cubic spline through knots, level beyond the first and the last.
 
     Parameters
     ----------
     x : sequence of float
-        Knots, rising, two or more: through two it is straight.
+        Knots, rising, two or more: through two it is straight, through three a parabola.
     values : ndarray of shape (knots,) or (knots, c)
         At the knots; of so many curves.
     at : ndarray of shape (n,)
@@ -162,7 +162,7 @@ def curve_through(x: Sequence[float], values: FloatArray, at: FloatArray) -> Flo
 @lru_cache(maxsize=512)
 def _bends(x: tuple[float, ...]) -> FloatArray:
     """Return second derivatives at the knots by the values there, shape (knots, knots)."""
-    return np.asarray(CubicSpline(x, np.eye(len(x)), bc_type="natural")(np.array(x), 2))
+    return np.asarray(CubicSpline(x, np.eye(len(x)), bc_type="not-a-knot")(np.array(x), 2))
 
 
 def argument_of(name: str, around: Signals) -> FloatArray:
