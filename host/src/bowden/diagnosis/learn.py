@@ -29,6 +29,7 @@ from bowden.diagnosis.law_candidates import (
     visits,
 )
 from bowden.diagnosis.material import Material, as_searched, with_offset
+from bowden.diagnosis.numbers_known import solver_errors
 from bowden.diagnosis.odds import log_prior, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.relevance import holds, matters
@@ -266,10 +267,10 @@ def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
     """Return the law of a hypothesis that has one, with its 95 % band and where it was visited."""
     law = learned_among(one.effects)
     assert law is not None
-    mine = one.rows(one.effects.index(law))
+    index = one.effects.index(law)
+    mine = one.rows(index)
     value = one.best.x[mine]
-    variance = np.maximum(np.diag(one.covariance)[mine], 0.0)
-    variance = variance + (law.effect.known_to * value) ** 2
+    variance = np.maximum(np.diag(one.covariance)[mine], 0.0) + solver_errors(one, index) ** 2
     if law.scales_friction:  # mu (1 + f) is known, mu to its tolerance only
         variance = variance + (_tolerance_of(one.model, FRICTION[0]) * (1.0 + value)) ** 2
     reach = INTERVAL * np.sqrt(variance)
