@@ -81,7 +81,8 @@ def with_laws(
     screened = _screened(material, parents[0])
     laws: list[Hypothesis] = []
     for parent in parents:
-        laws += _laws_on(material, searched, parent, screened, laws)
+        if not any(map(holds, laws)):  # as in `search`: beside a set that holds none is grown
+            laws += _laws_on(material, searched, parent, screened, laws)
     if not laws:
         return found
     done = {one.key: one for one in laws}
@@ -153,7 +154,7 @@ def _laws_on(
             for reached in _in_reach(rough, others)
             if (one := _smoothed(material, searched, reached)) is not None
         ]
-        if any(holds(one) for one in (*rivals, *laws)):
+        if any(map(holds, laws)):
             break
     return _in_reach(laws, rivals)
 
