@@ -15,6 +15,7 @@ from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
 from bowden.model.effects import LawTable
 from bowden.model.effects.effect import SOLVED
+from bowden.model.effects.learned import TURNED
 
 from .lab import MODEL
 
@@ -30,11 +31,17 @@ def fitted(effect: Candidate, values: dict[str, float]) -> Hypothesis:
     )
 
 
-def test_a_learned_law_is_known_to_a_share_of_its_size_where_it_crosses_zero_too() -> None:
-    table = LawTable("load_torque_nm", ("load_angle_rad",), (-0.1, 0.0, 0.1))
+@pytest.mark.parametrize(
+    ("arguments", "share"),
+    [(("load_angle_rad",), SOLVED), (("load_angle_rad", "direction"), TURNED)],
+)
+def test_a_learned_law_is_known_to_a_share_of_its_size_where_it_crosses_zero_too(
+    arguments: tuple[str, ...], share: float
+) -> None:
+    table = LawTable("load_torque_nm", arguments, (-0.1, 0.0, 0.1))
     values = dict(zip(table.names, (0.3, 0.0, -0.3), strict=True))
     found = solver_errors(fitted(LawCandidate.of(table, 0.1), values), 0)
-    assert found == pytest.approx(np.full(3, SOLVED * 0.3 * np.sqrt(2.0 / 3.0)))
+    assert found == pytest.approx(np.full(3, share * 0.3 * np.sqrt(2.0 / 3.0)))
 
 
 def test_a_number_of_a_listed_effect_is_known_to_a_share_of_itself() -> None:

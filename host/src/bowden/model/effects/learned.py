@@ -23,7 +23,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from bowden.model.effects.derivative import velocity
-from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
+from bowden.model.effects.effect import (
+    EXACT,
+    SOLVED,
+    Channel,
+    Effect,
+    Parameter,
+    Signals,
+    Values,
+    Variant,
+)
 from bowden.model.effects.last_motion import direction_of, since_reversal
 from bowden.model.histories import Histories
 from bowden.model.trajectory import FloatArray
@@ -34,6 +43,9 @@ DIRECTION = "direction"
 SLIP_DIRECTION = "slip_direction"
 MOST_KNOTS = 33  # what the drive's tables hold
 LEAST_FACTOR = -0.95  # of mu, added: friction does not vanish
+# Of a law that changes with the direction, to which two programs agree: where a motion turns, a
+# tenth of a milliradian is a convention, and what it changes stands beside friction.
+TURNED = EXACT
 ROUNDS = 20  # iterations of a fixed point, whose error shrinks by the slope of the law
 
 
@@ -220,6 +232,7 @@ def law_of(table: LawTable) -> Effect:
         signature="what no effect of the catalogue explains",
         excited_by=(),
         confused_with=(),
+        known_to=TURNED if table.turns else SOLVED,
     )
 
 
