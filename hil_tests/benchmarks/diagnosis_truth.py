@@ -59,15 +59,15 @@ def true_model(case: Case) -> Model:
 def law_inside(case: Case, found: Diagnosis) -> float:
     """Return the share of a learned law's knots at which the true curve lies in the 95 % band.
 
-    nan where another law was learned, or the true one follows the cell's own torque or a speed,
-    whose range only the truth knows: a recording has the cell's reading and counts.
+    nan where another law was learned, or the true one follows the cell's own torque, whose range is
+    not in the case. The true curve is that over the true argument: counts tell of a reversal late,
+    and noise reaches beyond the range of a temperature.
     """
     (name, values), one = case.truth.effects[0], found.learned
-    argument = name.split(" over ")[1]
-    if one is None or random_laws.CELL in argument or "speed" in argument:
+    if one is None or case.signals is None or f"over {random_laws.CELL}" in name:
         return math.nan
     if f"{one.place} over {' and '.join(one.arguments)}" != name:
         return math.nan
     x, _, low, high = one.curve.T
-    true = random_laws.recorded_law(name, values, case.columns, x)
+    true = random_laws.true_law(name, values, case.signals, x)
     return float(np.mean((low <= true) & (true <= high)))

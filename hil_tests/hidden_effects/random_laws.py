@@ -9,7 +9,7 @@ continuum leaves out. Written from the definitions in the contracts, not from `b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -90,13 +90,10 @@ def _law(place: str, argument: str, direction_of: str, p: Values) -> Hidden:
     return Hidden(name, dict(p), read_load_torque=lambda x, s: x + value(s, x if own else None))
 
 
-def recorded_law(name: str, p: Values, columns: Mapping[str, Vector], at: Vector) -> Vector:
-    """Return the true curve at some arguments, its range read off a recording's columns."""
+def true_law(name: str, p: Values, signals: Signals, at: Vector) -> Vector:
+    """Return the true curve at some arguments; of the cell's own torque only the pair knows it."""
     argument = name.split(" over ")[1].split(" and ", maxsplit=1)[0]
-    time_s = columns["time_s"]
-    warm = columns.get("conduit_temperature_c", np.zeros(time_s.size))
-    recorded = Signals(time_s, columns["motor_torque_nm"], columns["load_angle_rad"], warm)
-    seen = ARGUMENTS[argument](recorded)
+    seen = ARGUMENTS[argument](signals)
     return curve(p, at, float(seen.min()), float(seen.max()))
 
 

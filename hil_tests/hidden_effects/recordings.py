@@ -69,12 +69,16 @@ class Truth:
 
 @dataclass(frozen=True)
 class Case:
-    """A recording's columns by name, the model file, the truth, and what else was recorded."""
+    """A recording's columns by name, the model file, the truth, and what else was recorded.
+
+    `signals`: what the recording's sensors read, as it was; not for the diagnosis.
+    """
 
     columns: dict[str, Vector]
     model_yaml: str
     truth: Truth
     more: tuple[dict[str, Vector], ...] = ()
+    signals: Signals | None = None
 
     def csv_text(self) -> str:
         """Return the recording in its exchange form; nothing in it tells the truth."""
@@ -281,4 +285,4 @@ def draw_case(
         plain.floor,
         {"rig": rig.nominal},
     )
-    return Case(columns, rig.model_yaml, truth)
+    return Case(columns, rig.model_yaml, truth, signals=signals)

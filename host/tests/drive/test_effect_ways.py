@@ -134,23 +134,15 @@ def test_a_learned_law_goes_as_it_is(way: str) -> None:
     assert (reduced.tabled, reduced.left_out) == (("learned",), ())
     positive, negative = reduced.tables
     angle = np.array([-1.0, -0.4, -0.3, 0.0, 0.4, 1.0])
-    # A natural cubic spline by hand: 1/6 M_before h_before + ... = the slope's step at a knot.
-    bend = [0.0, 380 / 37, -1210 / 111, 0.0]
-    x, y = [-0.4, -0.2, 0.1, 0.4], [0.1, 0.0, 0.2, -0.1]
-
-    def truth(at: float) -> float:
-        k = min(sum(at >= knot for knot in x[1:-1]), 2)
-        h = x[k + 1] - x[k]
-        u = min(max((at - x[k]) / h, 0.0), 1.0)
-        straight = (1 - u) * y[k] + u * y[k + 1]
-        curved = bend[k] * ((1 - u) ** 3 - (1 - u)) + bend[k + 1] * (u**3 - u)
-        return straight + h**2 / 6 * curved
+    # Four knots make one cubic.
+    cubic = np.polynomial.Polynomial.fit([-0.4, -0.2, 0.1, 0.4], [0.1, 0.0, 0.2, -0.1], 3)
+    truth = cubic(np.clip(angle, -0.4, 0.4))
+    most_bend = np.abs(cubic.deriv(2)(np.array([-0.4, 0.4]))).max()  # it changes in a line
 
     assert positive.values.size == 33
     # straight between knots 25 mrad apart: off by an eighth of that squared times the bend
     knot_rad = 0.8 / 32
-    expected = [truth(at) for at in angle]
-    assert positive.at(angle) == pytest.approx(expected, abs=knot_rad**2 / 8 * 1210 / 111)
+    assert positive.at(angle) == pytest.approx(truth, abs=knot_rad**2 / 8 * most_bend)
     assert np.array_equal(negative.values, -positive.values)
     assert (positive.direction, negative.direction) == (
         TableDirection.POSITIVE,

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from bowden.estimation.covariance import Covariance, Data, covariance
+from bowden.estimation.descend import descend, principal_axes
+from bowden.estimation.likelihood import Scales
 from bowden.estimation.parameters import parameters_of
 from bowden.estimation.problem import Problem
 from bowden.estimation.search import solve
@@ -116,3 +118,32 @@ def test_an_interval_is_that_of_the_valley_whatever_its_floor(
     sigma = float(np.sqrt(problem.covariance(best.hessian)[0, 0])) / problem.unit[0]
     # The ripple changes half a sigma's rise, 0.5, by 0.03 at most; the prior's sigma is 1.
     assert sigma == pytest.approx((width**-2 + 1.0) ** -0.5, rel=0.06)
+
+
+def test_a_fit_that_goes_on_from_an_optimum_uses_the_derivatives_found_there(
+    draw: Callable[..., Landscape],
+) -> None:
+    asked: list[float] = []
+
+    def bowl(u: float) -> tuple[float, float]:
+        asked.append(u)
+        return (u - 0.5) / 0.2, 0.0
+
+    problem = draw(bowl)
+    noises, scales = [problem.noise], Scales((0.0, 0.0))
+    best = descend(problem, problem.start(), noises, scales)
+    assert best is not None
+    assert best.settled
+    axes, least = principal_axes(problem, best.hessian), float(best.x[0] - problem.start()[0])
+    least /= float(problem.unit[0])
+    asked.clear()
+    again = descend(problem, best.x, noises, best.scales, axes=axes, slopes=best.slopes)
+    assert again is not None
+    # Derivatives are taken half a sigma either way, 0.1; a step from the least place is none.
+    assert max(abs(u - least) for u in asked) < 0.01
+    asked.clear()
+    anew = descend(problem, best.x, noises, best.scales, axes=axes)
+    assert anew is not None
+    assert max(abs(u - least) for u in asked) > 0.09
+    assert again.x == pytest.approx(anew.x, abs=1e-3 * problem.unit[0])
+    assert again.hessian == pytest.approx(anew.hessian, rel=1e-6)

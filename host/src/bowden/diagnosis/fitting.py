@@ -77,12 +77,23 @@ class Start:
     problem: Problem
     here: Optimum
 
-    def fitted(self, rounds: int) -> Hypothesis:
-        """Return the hypothesis after so many rounds of Gauss-Newton."""
+    def fitted(self, rounds: int, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
+        """Return the hypothesis after so many rounds of Gauss-Newton.
+
+        `slopes`: the derivatives at the start, where they are known already.
+        """
         best, here = self.here, self.here
         if rounds:
-            best = _descend(self.problem, here, here.noises, rounds) or here
+            best = _descend(self.problem, here, here.noises, rounds, slopes=slopes) or here
         return _with_slopes(self.effects, self.problem, best)
+
+    def begun(self) -> Hypothesis:
+        """Return the hypothesis after one round, with the derivatives that it ended with."""
+        here = self.here
+        best = _descend(self.problem, here, here.noises, 1) or here
+        if best.slopes is None:
+            return _with_slopes(self.effects, self.problem, best)
+        return Hypothesis(self.effects, self.problem, best, tuple(best.slopes))
 
 
 def start_of(
@@ -124,14 +135,16 @@ def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) ->
     """Fit a hypothesis to the end under a covariance, with the correction of where it ends."""
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
     problem, best = material.problem(one.problem.parameters, effects), one.best
+    slopes: Sequence[_Floats] | None = one.slopes
     for _ in range(CORRECTED):
         own = corrected(material, problem, best.x, with_laws_doubted(one, noises))
         axes = principal_axes(problem, best.hessian)
-        found = _descend(problem, best, own, axes=axes)
+        found = _descend(problem, best, own, axes=axes, slopes=slopes)
         if found is None:
             return one
         settled = float(np.max(np.abs(found.x - best.x) / problem.unit)) < SETTLED
         best = found
+        slopes = best.slopes if best.settled else None
         one = replace(one, problem=problem, best=best)
         if settled:
             break
@@ -143,10 +156,19 @@ def _descend(
     start: Optimum,
     noises: Sequence[Covariance],
     rounds: int = ROUNDS,
+    *,
     axes: _Floats | None = None,
+    slopes: Sequence[_Floats] | None = None,
 ) -> Optimum | None:
     return descend(
-        problem, start.x, noises, start.scales, rounds=rounds, secants=SECANTS, axes=axes
+        problem,
+        start.x,
+        noises,
+        start.scales,
+        rounds=rounds,
+        secants=SECANTS,
+        axes=axes,
+        slopes=slopes,
     )
 
 
@@ -168,6 +190,8 @@ def corrected(
 
 
 def _with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum) -> Hypothesis:
-    axes = principal_axes(problem, best.hessian)
-    slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
+    slopes = best.slopes
+    if slopes is None or not best.settled:
+        axes = principal_axes(problem, best.hessian)
+        slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
     return Hypothesis(effects, problem, best, tuple(slopes))

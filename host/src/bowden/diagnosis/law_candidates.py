@@ -70,8 +70,8 @@ def learned_among(effects: Sequence[Candidate]) -> LawCandidate | None:
 def smooth_precision(table: LawTable, bend: float) -> _Floats:
     """Return the precision of a prior: second differences of size `bend`, level within reason.
 
-    The curvature is white noise: the spline through the knots is then what is expected between
-    them, and its energy is the prior's exponent (Green, Silverman 1994, section 2.1).
+    The curvature is white noise: the exponent is the energy of the curve through the knots that
+    bends least (Green, Silverman 1994, section 2.1).
     """
     x = np.array(table.x)
     knots, step = x.size, np.diff(x)

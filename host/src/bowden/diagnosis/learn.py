@@ -1,9 +1,10 @@
 """Learn a law where no name fits: a smooth function of one argument, at one place.
 
 Where the posterior says that something unlisted is there, every place and argument is screened on
-top of the best sets of effects, and the most promising laws are fitted with the simulator inside,
-as long as they could still be the likeliest. The law is the one that predicts unseen stretches
-best; the evidence sets its smoothness. `law_candidates` lists what is tried, `verdict` words it.
+top of the calibrated model, and the most promising laws are fitted with the simulator inside, alone
+and beside the likeliest effect, as long as they could still be the likeliest. The law is the one
+that predicts unseen stretches best; the evidence sets its smoothness. `law_candidates` lists what
+is tried, `verdict` words it.
 """
 
 from __future__ import annotations
@@ -28,9 +29,10 @@ from bowden.diagnosis.law_candidates import (
     visits,
 )
 from bowden.diagnosis.material import Material, as_searched, with_offset
-from bowden.diagnosis.odds import posterior
+from bowden.diagnosis.numbers_known import solver_errors
+from bowden.diagnosis.odds import log_prior, posterior
 from bowden.diagnosis.predict import predict_unseen
-from bowden.diagnosis.relevance import matters
+from bowden.diagnosis.relevance import holds, matters
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.diagnosis.search import Found
@@ -44,8 +46,8 @@ from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
-PROPOSED = 4  # laws that are begun on top of each parent
-FITTED = 4  # of those, at most, to the end
+PROPOSED = 4  # laws that are begun at a time on top of each parent
+MOST_PROPOSED = 12
 ROUNDS = 12  # of Gauss-Newton: a law has many numbers
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
 
@@ -75,10 +77,16 @@ def with_laws(
     tell = progress or (lambda _stage, _share: None)
     tell("learning a law that no name fits", 0.9)
     searched = as_searched(model)
-    laws = [law for parent in _parents(found) for law in _laws_on(material, searched, parent)]
+    parents = _parents(found)
+    screened = _screened(material, parents[0])
+    laws: list[Hypothesis] = []
+    for parent in parents:
+        if not any(map(holds, laws)):  # as in `search`: beside a set that holds none is grown
+            laws += _laws_on(material, searched, parent, screened, laws)
     if not laws:
         return found
-    alone = [without_idle(material, searched, one, {}) for one in laws]
+    done = {one.key: one for one in laws}
+    alone = [without_idle(material, searched, one, done) for one in laws]
     laws += [one for one in alone if one is not None and learned_among(one.effects)]
     tell("predicting by learned laws", 0.93)
     best = min(laws, key=lambda one: one.best.cost)
@@ -100,35 +108,65 @@ def with_laws(
 
 
 def _parents(found: Found) -> list[Hypothesis]:
-    """Return the calibrated model and the likeliest single effect.
+    """Return the calibrated model and the likeliest single effect, under one covariance.
 
     A set with more effects than the rig has imitates the missing law with their numbers: no law is
     looked for on top of it.
     """
     every = [one.hypothesis for one in found.weighed]
     base = next(one for one in every if not one.effects)
-    return [base, *[one for one in every if len(one.effects) == 1][:1]]
+    parents = [base]
+    for one in [one for one in every if len(one.effects) == 1][:1]:
+        noises = with_offset(base.best.noises, [noise.offset for noise in one.best.noises])
+        parents.append(replace(one, best=replace(one.best, noises=noises)))
+    return parents
 
 
-def _laws_on(material: Material, searched: Model, parent: Hypothesis) -> list[Hypothesis]:
+def _screened(material: Material, base: Hypothesis) -> list[ScreenedCandidate]:
+    """Simulate every law on top of the calibrated model."""
+    screen = Screen(base)
+    laws = laws_over([data.estimates.recording for data in material.coarse])
+    return [one for one in material.pool.map(screen.screen_once, laws) if one is not None]
+
+
+def _laws_on(
+    material: Material,
+    searched: Model,
+    parent: Hypothesis,
+    screened: Sequence[ScreenedCandidate],
+    rivals: Sequence[Hypothesis],
+) -> list[Hypothesis]:
     """Return the likeliest laws on top of a set of effects, fitted to the end.
 
-    The likeliest of each set: beside a named effect that turns out idle a law counts without it.
+    The likeliest of each set and of its rivals: beside a named effect that turns out idle a law
+    counts without it. Gains are predicted to first order, and those of strong laws badly: further
+    ones are tried until one holds.
     """
-    begun = [_begun(material, searched, parent, one) for one in _proposed(material, parent)]
-    rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun)]
-    smooth = [_smoothed(material, searched, one) for one in _in_reach(rough)[:FITTED]]
-    return _in_reach(smooth)
+    laws: list[Hypothesis] = []
+    chosen = _proposed(material, parent, screened)
+    for first in range(0, len(chosen), PROPOSED):
+        batch = chosen[first : first + PROPOSED]
+        begun = [_begun(material, searched, parent, one) for one in batch]
+        others = [*rivals, *laws]
+        rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun, others)]
+        laws += [
+            one
+            for reached in _in_reach(rough, others)
+            if (one := _smoothed(material, searched, reached)) is not None
+        ]
+        if any(map(holds, laws)):
+            break
+    return _in_reach(laws, rivals)
 
 
-def _proposed(material: Material, parent: Hypothesis) -> list[ScreenedCandidate]:
-    """Return the laws with the largest predicted gains on top of a set of effects."""
+def _proposed(
+    material: Material, parent: Hypothesis, screened: Sequence[ScreenedCandidate]
+) -> list[ScreenedCandidate]:
+    """Return the laws with the largest predicted gains on top of a set of effects, best first."""
     screen = Screen(parent)
-    laws = laws_over([data.estimates.recording for data in material.coarse])
-    screened = [one for one in material.pool.map(screen.screen_once, laws) if one is not None]
-    gains = list(material.pool.map(screen.annealed, screened))
-    order = np.argsort(gains)[::-1][:PROPOSED]
-    return [screened[k] for k in order if gains[k] > 0.0]
+    here = sorted(map(screen.again, screened), key=lambda one: -one.gain)[:MOST_PROPOSED]
+    gains = list(material.pool.map(screen.annealed, here))
+    return [here[k] for k in np.argsort(gains)[::-1] if gains[k] > 0.0]
 
 
 def _begun(
@@ -144,7 +182,7 @@ def _begun(
     effects = [*known, (law, values)]
     start, like = parent.coordinates(), parent.best
     begun = start_of(material, searched, effects, start, like)
-    return None if begun is None else begun.fitted(1)
+    return None if begun is None else begun.begun()
 
 
 def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:
@@ -152,20 +190,34 @@ def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothe
     *known, law = first.effects
     assert isinstance(law, LawCandidate)
     law = replace(law, bend=_likeliest_bend(first, law))
-    return _fitted(material, searched, replace(first, effects=(*known, law)), ROUNDS)
+    return _fitted(material, searched, replace(first, effects=(*known, law)), ROUNDS, first.slopes)
 
 
-def _fitted(material: Material, searched: Model, one: Hypothesis, rounds: int) -> Hypothesis | None:
+def _fitted(
+    material: Material,
+    searched: Model,
+    one: Hypothesis,
+    rounds: int,
+    slopes: Sequence[_Floats] | None = None,
+) -> Hypothesis | None:
     """Continue the fit of a law from where it is."""
     effects = [(effect, one.values(i)) for i, effect in enumerate(one.effects)]
-    begun = start_of(material, searched, effects, one.coordinates(), one.best)
-    return None if begun is None else begun.fitted(rounds)
+    start = start_of(material, searched, effects, one.coordinates(), one.best)
+    return None if start is None else start.fitted(rounds, slopes)
 
 
-def _in_reach(tried: Sequence[Hypothesis | None]) -> list[Hypothesis]:
+def _in_reach(
+    tried: Sequence[Hypothesis | None], rivals: Sequence[Hypothesis] = ()
+) -> list[Hypothesis]:
     """Return the laws that could still be as likely as the likeliest, the likeliest first."""
-    laws = sorted((one for one in tried if one is not None), key=lambda one: one.best.cost)
-    return [one for one in laws if _reach(one, one.best.noises) <= laws[0].best.cost + APART]
+    laws = sorted((one for one in tried if one is not None), key=_merit)
+    least = min(map(_merit, (*laws, *rivals)), default=0.0)
+    return [one for one in laws if _reach(one, one.best.noises) - log_prior(one) <= least + APART]
+
+
+def _merit(one: Hypothesis) -> float:
+    """Return -log posterior of a law, with the prior of the effects beside it."""
+    return one.best.cost - log_prior(one)
 
 
 def _reach(one: Hypothesis, noises: Sequence[Covariance]) -> float:
@@ -216,10 +268,10 @@ def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
     """Return the law of a hypothesis that has one, with its 95 % band and where it was visited."""
     law = learned_among(one.effects)
     assert law is not None
-    mine = one.rows(one.effects.index(law))
+    index = one.effects.index(law)
+    mine = one.rows(index)
     value = one.best.x[mine]
-    variance = np.maximum(np.diag(one.covariance)[mine], 0.0)
-    variance = variance + (law.effect.known_to * value) ** 2
+    variance = np.maximum(np.diag(one.covariance)[mine], 0.0) + solver_errors(one, index) ** 2
     if law.scales_friction:  # mu (1 + f) is known, mu to its tolerance only
         variance = variance + (_tolerance_of(one.model, FRICTION[0]) * (1.0 + value)) ** 2
     reach = INTERVAL * np.sqrt(variance)

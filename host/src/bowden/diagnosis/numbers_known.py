@@ -8,12 +8,16 @@ from __future__ import annotations
 from importlib.metadata import version
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model
 from bowden.model.model_file import PosteriorSection
+
+_Floats = NDArray[np.float64]
 
 
 def with_posterior(one: Hypothesis) -> Model:
@@ -26,16 +30,34 @@ def with_posterior(one: Hypothesis) -> Model:
         return one.model
     slopes = parameters.slopes(one.best.x[:size])
     covariance = one.covariance[:size, :size] * np.outer(slopes, slopes)
-    known = np.zeros(size)
-    for index, effect in enumerate(one.effects):
-        known[one.rows(index)] = effect.effect.known_to
-    covariance += np.diag((known * parameters.values(one.best.x[:size])) ** 2)
+    for index in range(len(one.effects)):
+        rows = one.rows(index)
+        covariance[rows, rows] += solver_errors(one, index) ** 2
     section = PosteriorSection(
         paths=tuple(number.path for number in parameters.each),
         covariance=tuple(tuple(float(v) for v in row) for row in 0.5 * (covariance + covariance.T)),
         bowden_version=version("bowden"),
     )
     return one.model.with_posterior(section)
+
+
+def solver_errors(one: Hypothesis, index: int) -> _Floats:
+    """Return how far another solver of its law could move each number of an effect of a set.
+
+    A share of each number; of a learned law's knots a share of the whole law's size, for where its
+    curve crosses zero it is not known exactly.
+
+    Parameters
+    ----------
+    one : Hypothesis
+    index : int
+        Which of its effects.
+    """
+    effect, size = one.effects[index], one.problem.size
+    values = one.problem.parameters.values(one.best.x[:size])[one.rows(index)]
+    if isinstance(effect, LawCandidate):
+        values = np.full(values.size, float(np.sqrt(np.mean(values**2))))
+    return np.asarray(effect.effect.known_to * np.abs(values))
 
 
 def estimates_of(one: Hypothesis) -> tuple[Estimate, ...]:

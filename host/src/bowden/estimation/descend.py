@@ -39,12 +39,14 @@ def descend(
     rounds: int = ROUNDS,
     secants: int = 0,
     axes: _Floats | None = None,
+    slopes: Sequence[_Floats] | None = None,
 ) -> Optimum | None:
     """Search from one point; None where the model has no answer there.
 
     `axes`: over which derivatives are taken first, the `principal_axes` of an optimum nearby. Where
     none is known the first round finds them and does not end the search: derivatives over any
     other steps give a wrong Hessian, and wrong intervals.
+    `slopes`: the derivatives at the point over such axes, where they are known already.
     `secants`: steps after each on derivatives that the last step has corrected. Each costs one
     simulation; where the cost is jagged such a search may end in another notch.
     """
@@ -54,10 +56,11 @@ def descend(
         return None
     here = _settled(problem, x, residuals, noises, scales)
     hessian = np.diag(problem.unit**-2.0)
-    damping, known = 1e-4, axes is not None
+    damping, known, settled = 1e-4, axes is not None or slopes is not None, False
     over = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
-    for _ in range(rounds):
-        slopes = jacobians(problem, here.x, here.residuals, noises, over)
+    for number in range(rounds):
+        if number or slopes is None:
+            slopes = jacobians(problem, here.x, here.residuals, noises, over)
         gained = math.inf
         for step in range(1 + secants):
             hessian, gradient = normal_equations(
@@ -71,10 +74,20 @@ def descend(
             here = _settled(problem, there.x, there.residuals, noises, there.scales)
             if gained <= max(ENOUGH, KEPT * promised):
                 break
-        if known and step == 0 and gained < ENOUGH:
+        settled = known and step == 0 and gained < ENOUGH
+        if settled:
             break
         known = True
-    return Optimum(here.x, here.cost, hessian, list(here.residuals), list(noises), here.scales)
+    return Optimum(
+        here.x,
+        here.cost,
+        hessian,
+        list(here.residuals),
+        list(noises),
+        here.scales,
+        slopes=slopes,
+        settled=settled,
+    )
 
 
 @dataclass(frozen=True)

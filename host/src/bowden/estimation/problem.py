@@ -179,6 +179,10 @@ class Optimum:
     as_good : ndarray of shape (k, 2) or None
         Lowest and highest coordinate of each parameter among points that were found to be as good:
         no narrower is a 95 % interval.
+    slopes : sequence of ndarray of shape (n, k), optional
+        Derivatives of the residuals that a search ended with.
+    settled : bool
+        Whether those were taken here: else at the start of the last round, corrected by its steps.
     """
 
     x: _Floats
@@ -188,6 +192,8 @@ class Optimum:
     noises: list[Covariance]
     scales: Scales
     as_good: _Floats | None = None
+    slopes: Sequence[_Floats] | None = None
+    settled: bool = False
 
 
 def objective(

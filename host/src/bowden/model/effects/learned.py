@@ -5,8 +5,8 @@
     - {name: learned, place: friction_factor, arguments: [load_angle_rad, direction],
        x: [-0.2, 0.0, 0.2], values: [0.1, 0.0, 0.3]}
 
-A natural cubic spline through the knots, level beyond the first and the last: of all curves through
-them the one that bends least, and what is expected of a smooth law that is known at the knots. With
+A cubic spline through the knots, level beyond the first and the last. Its two outermost pieces at
+either end are one cubic: a law need not be straight where the recordings end. With
 `direction` the value counts times the sign of the load's last motion, which is held at standstill.
 With `slip_direction`, of friction alone, it counts as it is where the cable slides as for positive
 angles of the pair, and with the other sign where it slides back: place by place in the conduit.
@@ -23,7 +23,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from bowden.model.effects.derivative import velocity
-from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Values, Variant
+from bowden.model.effects.effect import (
+    EXACT,
+    SOLVED,
+    Channel,
+    Effect,
+    Parameter,
+    Signals,
+    Values,
+    Variant,
+)
 from bowden.model.effects.last_motion import direction_of, since_reversal
 from bowden.model.histories import Histories
 from bowden.model.trajectory import FloatArray
@@ -34,6 +43,9 @@ DIRECTION = "direction"
 SLIP_DIRECTION = "slip_direction"
 MOST_KNOTS = 33  # what the drive's tables hold
 LEAST_FACTOR = -0.95  # of mu, added: friction does not vanish
+# Of a law that changes with the direction, to which two programs agree: where a motion turns, a
+# tenth of a milliradian is a convention, and what it changes stands beside friction.
+TURNED = EXACT
 ROUNDS = 20  # iterations of a fixed point, whose error shrinks by the slope of the law
 
 
@@ -136,19 +148,33 @@ class LawTable:
 
 
 def curve_through(x: Sequence[float], values: FloatArray, at: FloatArray) -> FloatArray:
-    """Return the natural cubic spline through knots, level beyond the first and the last.
+    """Return the cubic spline through knots, level beyond the first and the last.
 
     Parameters
     ----------
     x : sequence of float
-        Knots, rising, two or more: through two it is straight.
+        Knots, rising, two or more: through two it is straight, through three a parabola.
     values : ndarray of shape (knots,) or (knots, c)
         At the knots; of so many curves.
     at : ndarray of shape (n,)
         In the unit of `x`.
     """
-    inside = np.clip(at, x[0], x[-1])
-    return np.asarray(CubicSpline(x, values, bc_type="natural")(inside))
+    knots, values = np.asarray(x), np.asarray(values, dtype=np.float64)
+    at = np.clip(at, knots[0], knots[-1])
+    k = np.minimum(np.searchsorted(knots, at, side="right") - 1, knots.size - 2)
+    step = knots[k + 1] - knots[k]
+    u = (at - knots[k]) / step
+    bend = _bends(tuple(knots.tolist())) @ values
+    near, far = (part.reshape(-1, *[1] * (values.ndim - 1)) for part in (1.0 - u, u))
+    curved = (near**3 - near) * bend[k] + (far**3 - far) * bend[k + 1]
+    square = (step**2 / 6.0).reshape(near.shape)
+    return np.asarray(near * values[k] + far * values[k + 1] + square * curved)
+
+
+@lru_cache(maxsize=512)
+def _bends(x: tuple[float, ...]) -> FloatArray:
+    """Return second derivatives at the knots by the values there, shape (knots, knots)."""
+    return np.asarray(CubicSpline(x, np.eye(len(x)), bc_type="not-a-knot")(np.array(x), 2))
 
 
 def argument_of(name: str, around: Signals) -> FloatArray:
@@ -206,6 +232,7 @@ def law_of(table: LawTable) -> Effect:
         signature="what no effect of the catalogue explains",
         excited_by=(),
         confused_with=(),
+        known_to=TURNED if table.turns else SOLVED,
     )
 
 
