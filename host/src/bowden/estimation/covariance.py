@@ -113,6 +113,11 @@ class Data:
         return self._paths if size_bytes <= MOST_PATHS_BYTES else self._drawn()
 
     @cached_property
+    def factors(self) -> Kept[tuple[_Floats, float]]:
+        """Factors of covariances that were used last; `likelihood` keeps them here."""
+        return Kept(MOST_FACTORS_BYTES)
+
+    @cached_property
     def _paths(self) -> tuple[Recording, ...]:
         return tuple(self._drawn())
 
@@ -214,9 +219,9 @@ class Covariance:
     law: _Floats | None = None
 
     @cached_property
-    def factors(self) -> Kept[tuple[_Floats, float]]:
-        """Factors of the blocks that were made last; `likelihood` keeps them here."""
-        return Kept(MOST_FACTORS_BYTES)
+    def identity(self) -> object:
+        """What tells this covariance from all others: its factors are kept under it."""
+        return object()
 
     @property
     def single(self) -> _Floats:

@@ -77,7 +77,8 @@ def whiten(
     for k, rows in enumerate(data.observations.blocks):
         if only is not None and k not in only:
             continue
-        factor, half_log_det = noise.factors.get((scales, k)) or _factor(data, noise, scales, k)
+        known = data.factors.get((noise.identity, scales, k))
+        factor, half_log_det = known or _factor(data, noise, scales, k)
         # By LAPACK itself: a fit whitens ten thousand small blocks.
         white, _ = dtrtrs(factor, columns[rows], lower=True)
         found.append(Whitened(white, half_log_det))
@@ -101,7 +102,7 @@ def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> tuple[
     if wrong:
         raise np.linalg.LinAlgError(f"block {block}: its covariance is not positive definite")
     found = factor, float(np.log(factor.diagonal()).sum())
-    noise.factors.keep((scales, block), found, factor.nbytes)
+    data.factors.keep((noise.identity, scales, block), found, factor.nbytes)
     return found
 
 
