@@ -33,6 +33,7 @@ from bowden.cli.model_arguments import (
 )
 from bowden.cli.output import add_json_argument, console, print_json, stages, styled
 from bowden.cli.parallel import add_scheduler_argument
+from bowden.digits import interval
 from bowden.errors import BadInput
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ def show(diagnosis: Diagnosis) -> None:
         for name, value in one.parameters.items():
             out.print(
                 f"  {one.name}.{name} = {value.value:.4g} {value.unit} "
-                f"({value.low:.3g} .. {value.high:.3g}), confidence {one.confidence:.2f}"
+                f"({interval(value.low, value.high)}), confidence {one.confidence:.2f}"
             )
     for finding in diagnosis.quality:
         out.print(f"{finding.severity}: {finding.text}")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.cli.output import console
+from bowden.digits import rounded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,12 +66,7 @@ def _interval(one: Estimate) -> str:
 
 
 def _at(value: float, one: Estimate) -> str:
-    """Write a value to the precision of its interval."""
-    width = 0.5 * abs((one.high or 0.0) - (one.low or 0.0))
-    if width == 0.0 or value == 0.0:
-        return f"{value:.5g}"
-    digits = math.ceil(math.log10(abs(value) / width)) + 1
-    return f"{value:.{min(max(digits, 3), 12)}g}"
+    return rounded(value, 0.5 * abs((one.high or 0.0) - (one.low or 0.0)))
 
 
 def _moved(one: Estimate) -> str:

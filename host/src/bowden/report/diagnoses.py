@@ -13,6 +13,7 @@ from importlib.metadata import version
 
 from bowden.counted import counted
 from bowden.diagnosis.result import Diagnosis
+from bowden.digits import interval
 from bowden.report.page import Section, items, page, table
 
 HEADER = ("recording", "verdict", "effects", "gap / floor before", "after", "time")
@@ -50,7 +51,7 @@ class DiagnosisRow:
     def of(cls, recording: str, diagnosis: Diagnosis, seconds: float) -> DiagnosisRow:
         """Put a diagnosis in words."""
         effects = tuple(
-            f"{effect.name}.{name} = {one.value:.4g} {one.unit} ({one.low:.3g} .. {one.high:.3g})"
+            f"{effect.name}.{name} = {one.value:.4g} {one.unit} ({interval(one.low, one.high)})"
             for effect in diagnosis.effects
             for name, one in effect.parameters.items()
         )

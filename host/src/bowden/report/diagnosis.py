@@ -14,6 +14,7 @@ from pathlib import Path
 
 from bowden.counted import counted
 from bowden.diagnosis.result import Diagnosis, NamedEffect, Series, Value
+from bowden.digits import interval
 from bowden.estimation.gap import Gap
 from bowden.model import format_model
 from bowden.model.effects import CATALOGUE
@@ -175,7 +176,7 @@ def _parameter_row(one: NamedEffect, name: str, value: Value) -> list[str]:
     return [
         meaning,
         f"{value.value:.4g}",
-        f"{value.low:.3g} .. {value.high:.3g}",
+        interval(value.low, value.high),
         value.unit,
         plausible,
     ]

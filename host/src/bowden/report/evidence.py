@@ -6,6 +6,7 @@ Takes a `Diagnosis`, returns sections of the page that `report.diagnosis` makes.
 from __future__ import annotations
 
 from bowden.diagnosis.result import Diagnosis
+from bowden.digits import interval
 from bowden.report import diagnosis_plots as plots
 from bowden.report.page import Section, figure, folded, items, paragraph, table
 from bowden.report.words import NAMES, explanation_of, percent, quantity_with_unit, title_of
@@ -94,7 +95,7 @@ def _calibration(diagnosis: Diagnosis) -> list[Section]:
             one.path,
             f"{one.before:.4g}",
             f"{one.value:.4g}",
-            "–" if one.low is None else f"{one.low:.3g} .. {one.high:.3g}",
+            "–" if one.low is None or one.high is None else interval(one.low, one.high),
             "to its bound"
             if one.at_bound
             else (f"{one.change_in_sigmas:+.1f} σ" if one.change_in_sigmas is not None else "–"),
