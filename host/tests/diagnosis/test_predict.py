@@ -6,22 +6,25 @@ import math
 
 import numpy as np
 import pytest
-from bowden.diagnosis.predict import DRAWS, _density, _folds, _mixture
+from bowden.diagnosis.predict import _density, _folds, _mixture
+from bowden.estimation.covariance import DRAWS
 from hypothesis import given
 from hypothesis import strategies as st
 
 
-@given(st.integers(1, 12), st.integers(0, 4), st.integers(0, 2**31))
-def test_the_density_is_that_of_a_student_t_with_the_numbers_integrated_out(
-    size: int, numbers: int, seed: int
+@given(st.integers(1, 12), st.integers(0, 4), st.floats(0.1, 10.0), st.integers(0, 2**31))
+def test_the_density_is_the_likelihood_s_with_the_numbers_integrated_out(
+    size: int, numbers: int, spread: float, seed: int
 ) -> None:
+    """Gaussian where a block fits, beyond that as a Student t falls off."""
     rng = np.random.default_rng(seed)
-    residual, moves = rng.normal(size=size), rng.normal(size=(size, numbers))
+    residual, moves = rng.normal(size=size, scale=spread), rng.normal(size=(size, numbers))
     covariance = np.eye(size) + moves @ moves.T
     square = residual @ np.linalg.inv(covariance) @ residual
-    expected = -0.5 * (DRAWS + size) * math.log1p(square / DRAWS) - 0.5 * math.log(
-        np.linalg.det(covariance)
-    )
+    expected = -0.5 * min(square, size) - 0.5 * math.log(np.linalg.det(covariance))
+    if square > size:
+        t = [-0.5 * (DRAWS + size) * math.log(1.0 + one / DRAWS) for one in (square, size)]
+        expected += t[0] - t[1]
     found = _density(np.column_stack([residual, moves]), 0.0)
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 

@@ -1,8 +1,9 @@
 """How well a hypothesis predicts data that it has not seen: k-fold log predictive density.
 
 A fold's fit sees the other blocks only; the density of a held-out block integrates over what that
-fit does not know of its numbers. With blocks for units and a Student t for their density, one bad
-block cannot decide (Vehtari, Gelman, Gabry 2017; Yao, Vehtari, Simpson, Gelman 2018).
+fit does not know of its numbers. With blocks for units and the likelihood's density, which falls
+off as a Student t where a block fits badly, one bad block cannot decide (Vehtari, Gelman, Gabry
+2017; Yao, Vehtari, Simpson, Gelman 2018).
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.estimation.covariance import DRAWS, Covariance, Data
+from bowden.estimation.covariance import Covariance, Data
 from bowden.estimation.descend import bounded_step, normal_equations
-from bowden.estimation.likelihood import LAWS, Scales, best_scales, cost, whiten
+from bowden.estimation.likelihood import LAWS, Scales, best_scales, cost, half_square, whiten
 from bowden.estimation.problem import Problem, fitted_parts, objective
 
 _Floats = NDArray[np.float64]
@@ -200,6 +201,5 @@ def _density(rows: _Floats, half_log_det: float) -> float:
     inner = np.eye(moves.shape[1]) + moves.T @ moves
     across = moves.T @ residual
     square = float(residual @ residual - across @ np.linalg.solve(inner, across))
-    size = residual.size
     wider = 0.5 * float(np.linalg.slogdet(inner)[1])
-    return -(0.5 * (DRAWS + size) * math.log1p(max(square, 0.0) / DRAWS) + half_log_det + wider)
+    return -(half_square(max(square, 0.0), residual.size) + half_log_det + wider)

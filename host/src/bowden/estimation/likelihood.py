@@ -115,10 +115,14 @@ def _unknown(data: Data, noise: Covariance, scales: Scales, block: int) -> _Floa
 
 def block_cost(block: Whitened) -> float:
     """Return -log density of a block's residual (its first column), up to a constant."""
-    size = block.rows.shape[0]
-    square = float(block.rows[:, 0] @ block.rows[:, 0])
+    residual = block.rows[:, 0]
+    return half_square(float(residual @ residual), residual.size) + block.half_log_det
+
+
+def half_square(square: float, size: int) -> float:
+    """Return what so many independent residuals add to -log density, by their sum of squares."""
     beyond = (DRAWS + size) * math.log1p(max(square - size, 0.0) / (DRAWS + size))
-    return float(0.5 * (min(square, size) + beyond) + block.half_log_det)
+    return 0.5 * (min(square, size) + beyond)
 
 
 def block_weight(block: Whitened) -> float:
