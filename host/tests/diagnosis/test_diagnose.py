@@ -53,6 +53,14 @@ def test_a_hidden_effect_is_named_with_its_size(name: str) -> None:
     assert found.ranking[0].name == name
 
 
+def test_a_right_answer_is_every_split_s_and_leaves_noise() -> None:
+    found = diagnosed("gravity_imbalance").validation
+    assert found is not None
+    assert found.agreeing == len(found.splits) == 4
+    assert not any(one.is_significant for one in (*found.whiteness, *found.independence))
+    assert "4 of 4 splits" in found.text
+
+
 @pytest.mark.parametrize(
     ("asymmetry", "weight_nm", "first"),
     [(0.06, 0.03, "direction_asymmetry"), (0.015, 0.20, "gravity_imbalance")],

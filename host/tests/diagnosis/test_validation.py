@@ -7,12 +7,10 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from bowden.diagnosis.diagnose import diagnose
 from bowden.diagnosis.odds import Weighed, explanations, posterior
 from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.validation import SIGNIFICANT, _earlier, _inputs, _largest, _splits
 
-from .lab import MODEL, TRUTH, measured
 from .test_odds import NOTHING, Stub
 
 BLOCKS, SIZE = 24, 60
@@ -99,13 +97,3 @@ def test_an_effect_that_one_split_alone_supports_is_seen_to_be() -> None:
         pairs = [(one.hypothesis, p) for one, p in zip(sets, predictions, strict=True)]
         likeliest.append(next(iter(explanations(posterior(pairs, 32, 0)))))
     assert likeliest == ["nothing", "nothing", "a", "nothing"]
-
-
-def test_a_right_answer_is_every_split_s_and_leaves_noise() -> None:
-    hidden = TRUTH.with_effect("gravity_imbalance", {"amplitude_nm": 0.03, "phase_rad": 0.8})
-    names = ("gravity_imbalance", "load_cell_gain")
-    found = diagnose(MODEL, [measured(hidden)], names=names, seed=1).validation
-    assert found is not None
-    assert found.agreeing == len(found.splits) == 4
-    assert not any(one.is_significant for one in (*found.whiteness, *found.independence))
-    assert "4 of 4 splits" in found.text

@@ -57,7 +57,12 @@ def measured(kind: str) -> Recording:
     )
 
 
-def noise_of(kind: str, model: Model = MODEL) -> tuple[Data, Covariance]:
+@cache
+def right_noise_of(kind: str) -> tuple[Data, Covariance]:
+    return noise_of(kind, MODEL)
+
+
+def noise_of(kind: str, model: Model) -> tuple[Data, Covariance]:
     data = Data.of(measured(kind), 0, model, MODE)
     return data, covariance(data, model)
 
@@ -69,7 +74,7 @@ def apart(data: Data, *models: Model) -> np.ndarray:
 @pytest.mark.parametrize("kind", ["sine", "triangle", "rests"])
 @pytest.mark.parametrize("channel", [0, 1])
 def test_sigma_covers_the_error_of_a_right_model(kind: str, channel: int) -> None:
-    data, noise = noise_of(kind)
+    data, noise = right_noise_of(kind)
     rows = data.observations.channel == channel
     gap = data.observations.measured - data.predict(MODEL) - noise.offset
     scaled = np.abs(gap[rows] - channel * np.mean(gap[rows])) / noise.sigma[rows]
@@ -80,7 +85,7 @@ def test_sigma_covers_the_error_of_a_right_model(kind: str, channel: int) -> Non
 
 
 def test_a_count_matters_much_more_after_a_reversal() -> None:
-    data, noise = noise_of("sine")
+    data, noise = right_noise_of("sine")
     rows = data.observations.channel == 0
     time_s, sigma = data.observations.time_s[rows], noise.sigma[rows]
     load, _ = motion("sine")
@@ -96,7 +101,7 @@ def test_a_count_matters_much_more_after_a_reversal() -> None:
 
 
 def test_the_same_seed_gives_the_same_covariance() -> None:
-    data, noise = noise_of("triangle")
+    data, noise = right_noise_of("triangle")
     again = covariance(Data.of(measured("triangle"), 0, MODEL, MODE), MODEL)
     other = covariance(Data.of(measured("triangle"), 0, MODEL, MODE, seed=1), MODEL)
     np.testing.assert_array_equal(again.sigma, noise.sigma)
