@@ -22,71 +22,6 @@ MOST_SHAPES = 24  # of an effect that are simulated
 
 
 @dataclass(frozen=True)
-class EffectNumber:
-    """A parameter of an effect in a model, on the search's scale; an `estimation` `FreeParameter`.
-
-    Parameters
-    ----------
-    path : str
-        ``effects[0].mu_v_s_per_m``.
-    parameter : Parameter
-    """
-
-    path: str
-    parameter: Parameter
-
-    @property
-    def low(self) -> float:
-        """Lower bound on the search's scale; phases go round."""
-        one = self.parameter
-        if one.period is not None:
-            return -2.0 * one.period
-        if one.scale == "reciprocal":
-            return 1.0 / (one.high * BELOW)
-        if one.scale == "log":
-            return math.log(max(one.low / (BELOW if one.off is not None else 1.0), 1e-12))
-        return min(one.low, one.off) if one.off is not None else one.low
-
-    @property
-    def high(self) -> float:
-        """Upper bound on the search's scale."""
-        one = self.parameter
-        if one.period is not None:
-            return 3.0 * one.period
-        return 1.0 / one.low if one.scale == "reciprocal" else self.at(one.high)
-
-    @property
-    def scale(self) -> float:
-        """What counts as one step."""
-        one = self.parameter
-        if one.period is not None:
-            return 1.0
-        if one.scale == "log":
-            return 1.0
-        return abs(self.at(one.typical)) or (self.high - self.low) / 2.0
-
-    def value_at(self, x: float) -> float:
-        """Return the value at a point of the search."""
-        one = self.parameter
-        if one.period is not None:
-            return x % one.period
-        if one.scale == "log":
-            return math.exp(x)
-        return 1.0 / x if one.scale == "reciprocal" else x
-
-    def at(self, value: float) -> float:
-        """Return the point of the search for a value."""
-        one = self.parameter
-        if one.period is None and one.scale == "log":
-            return math.log(max(value, 1e-12))
-        return 1.0 / value if one.scale == "reciprocal" else value
-
-    def sigmas_at(self, x: float) -> float:
-        """Nothing is known of an effect beforehand but its bounds."""
-        return 0.0 * x
-
-
-@dataclass(frozen=True)
 class Candidate:
     """An effect at one place."""
 
@@ -113,13 +48,10 @@ class Candidate:
         """Names of the parameters that go round."""
         return [one.name for one in self.variant.parameters if one.period is not None]
 
-    def numbers(self, index: int) -> tuple[EffectNumber, ...]:
-        """Return what moves of it when it is the model's effect number `index`."""
-        return tuple(
-            EffectNumber(f"effects[{index}].{one.name}", one)
-            for one in self.variant.parameters
-            if not _is_whole(one)
-        )
+    def paths(self, index: int) -> tuple[str, ...]:
+        """Return the paths of what moves of it as the model's effect number `index`."""
+        moving = (one for one in self.variant.parameters if not _is_whole(one))
+        return tuple(f"effects[{index}].{one.name}" for one in moving)
 
     def added_to(self, model: Model, values: Mapping[str, float]) -> Model:
         """Return the model with it as its last effect."""

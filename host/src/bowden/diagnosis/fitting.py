@@ -41,7 +41,7 @@ def parameters_with(
     for candidate, values in effects:
         index = len(extended.effects)
         extended = candidate.added_to(extended, values)
-        paths += [one.path for one in candidate.numbers(index)]
+        paths += candidate.paths(index)
     if not paths:
         return Parameters(extended, (), np.zeros((0, 0)))
     return _with_smoothness(parameters_of(extended, paths), [one for one, _ in effects])
@@ -54,7 +54,7 @@ def _with_smoothness(known: Parameters, effects: Sequence[Candidate]) -> Paramet
     paths = [one.path for one in known.each]
     for index, effect in enumerate(effects):
         if isinstance(effect, LawCandidate):
-            rows = [paths.index(one.path) for one in effect.numbers(place + index)]
+            rows = [paths.index(path) for path in effect.paths(place + index)]
             precision[np.ix_(rows, rows)] = effect.precision
             for row in rows:
                 each[row] = replace(each[row], before=0.0)
