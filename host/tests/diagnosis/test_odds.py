@@ -106,6 +106,17 @@ def test_what_is_in_every_likely_set_is_named_beside_a_tie(
     assert set(found.chosen.hypothesis.names) in ({"a", "b"}, {"a", "c"})
 
 
+def test_a_learned_law_beside_a_sure_effect_ties_with_no_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    every = weighed(("", 0.0, NOTHING), ("a b", 9.0, NOTHING), ("a learned", 8.9, NOTHING))
+    found = decided(every, monkeypatch)
+    assert found.verdict == "named"
+    assert [one.name for one in found.effects] == ["a"]
+    assert found.tied == ()
+    assert found.odds["unlisted"] > 0.05
+
+
 def test_something_unlisted_beats_names_that_fit_badly(monkeypatch: pytest.MonkeyPatch) -> None:
     every = weighed(("", 0.0, 9.0), ("a", 2.0, 10.0))
     found = decided(every, monkeypatch)

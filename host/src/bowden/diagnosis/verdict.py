@@ -104,14 +104,18 @@ def odds_of_laws(every: Sequence[Weighed]) -> dict[str, float]:
 
 
 def _credible(every: Sequence[Weighed]) -> list[Weighed]:
-    """Return the likeliest hypotheses that together carry 95 %, one a set of names."""
+    """Return the likeliest hypotheses that together carry 95 %, one a set of names.
+
+    A learned law is no name: what it carries is that of "unlisted".
+    """
     found: list[Weighed] = []
     carried = 0.0
     for one in sorted(every, key=lambda one: -one.weight):
         if carried >= SURE:
             break
         carried += one.weight
-        if all(one.hypothesis.names != other.hypothesis.names for other in found):
+        names = one.hypothesis.names
+        if LEARNED not in names and all(names != other.hypothesis.names for other in found):
             found.append(one)
     return found
 
