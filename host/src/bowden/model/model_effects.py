@@ -103,7 +103,8 @@ def _read(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[st
     for parameter in variant.parameters:
         key = parameter.name
         if key not in given:
-            values |= {key: float(parameter.off)} if parameter.off is not None else {}
+            if parameter.optional:
+                values[key] = parameter.typical if parameter.off is None else parameter.off
             continue
         try:
             values[key] = NUMBER.validate_python(given[key]).value

@@ -2,7 +2,8 @@
 
 Between a torque that is given and its pulley it is part of the balance that the mesh solves. Where
 the angle is given and the torque is predicted, the recorded one has it on top, with the sign of the
-motion; a bearing at standstill keeps what it held, and winds up elastically before it turns.
+motion; a bearing at standstill keeps what it held, and winds up elastically before it turns. How
+far differs from bearing to bearing: at the load, where it is seen, it is a number of the effect.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from bowden.model.effects.effect import Channel, Effect, Parameter, Signals, Val
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
 
-WIND_UP_RAD = 1e-4  # from the middle: less than a count of any encoder here
+WIND_UP_RAD = 1e-4  # from the middle, where nothing is said: less than a count of any encoder here
 
 
 def _motor_pair(pair: Transmission, p: Values) -> Transmission:
@@ -37,22 +38,25 @@ def _inside(values: FloatArray, around: Signals, p: Values) -> FloatArray:
 
 def _motor_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
     angle = around["motor_angle_rad"]
-    dry = p["torque_nm"] * wound_up(angle)
+    dry = p["torque_nm"] * wound_up(angle, WIND_UP_RAD)
     return values + dry + p["viscous_nm_s_per_rad"] * velocity(around["time_s"], angle)
 
 
 def _load_applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
     angle = around["load_angle_rad"]
-    dry = p["load_torque_nm"] * wound_up(angle)
+    dry = p["load_torque_nm"] * wound_up(angle, p["load_wind_up_rad"])
     return values - dry - p["load_viscous_nm_s_per_rad"] * velocity(around["time_s"], angle)
 
 
 @compiled
-def wound_up(angle_rad: FloatArray) -> FloatArray:
-    """Return the bearing's torque against the motion, over its dry friction: -1 .. 1."""
+def wound_up(angle_rad: FloatArray, wind_up_rad: float) -> FloatArray:
+    """Return the bearing's torque against the motion, over its dry friction: -1 .. 1.
+
+    In proportion to the angle within `wind_up_rad` of where it holds nothing, as a Prandtl slider.
+    """
     found = np.zeros_like(angle_rad)
     for i in range(1, angle_rad.size):
-        held = found[i - 1] + (angle_rad[i] - angle_rad[i - 1]) / WIND_UP_RAD
+        held = found[i - 1] + (angle_rad[i] - angle_rad[i - 1]) / wind_up_rad
         found[i] = min(max(held, -1.0), 1.0)
     return found
 
@@ -98,12 +102,25 @@ EFFECT = Effect(
                     optional=True,
                     least=0,
                 ),
+                Parameter(
+                    "load_wind_up_rad",
+                    "rad",
+                    2e-5,
+                    1e-2,
+                    None,
+                    WIND_UP_RAD,
+                    "elastic turn before the load's bearing slides",
+                    "log",
+                    optional=True,
+                    least=1e-9,
+                ),
             ),
             pair=_load_pair,
             channels=(Channel("load_torque_nm", _inside, _load_applied),),
         ),
     ),
-    law="a dry torque in series, beyond which the pulley moves, and one in proportion to its speed",
+    law="a dry torque in series, beyond which the pulley moves (at the load once it has wound up "
+    "elastically), and one in proportion to its speed",
     signature="a loop width that stays as the tension goes to zero",
     excited_by=(
         "reversal",

@@ -87,7 +87,7 @@ class Parameter:
         Of a frequency: a search starts this far apart, so that over a stroke one start looks like
         the truth. Others start low, in the middle and high.
     optional : bool, default False
-        Whether a file may leave it out: it is then `off`.
+        Whether a file may leave it out: it is then `off`, a shape `typical`.
     least, most : float
         Beyond which no rig exists: a file with such a value is refused. Plausible is narrower.
     """
