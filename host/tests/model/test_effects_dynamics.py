@@ -243,6 +243,16 @@ def _work(torque: FloatArray, angle: FloatArray) -> float:
     return float(np.sum((torque[1:] + torque[:-1]) / 2 * np.diff(angle)))
 
 
+def test_an_amplifier_that_lags_leaves_cogging_as_it_is() -> None:
+    """Magnets pull at the rotor: of a steady current nothing is late."""
+    inputs = strokes(0.0, 0.3, -0.3)
+    values = {"amplitude_nm": 0.005, "harmonic": 7, "phase_rad": 1.0}
+    alone = simulate(plain().with_effect("cogging", values), TP, inputs)
+    both = plain().with_effect("amplifier_lag", {"lag_s": 0.03}).with_effect("cogging", values)
+    found = simulate(both, TP, inputs)
+    np.testing.assert_allclose(found.load_torque_nm, alone.load_torque_nm, atol=1e-9)  # of 0.1 N m
+
+
 def test_cogging_is_locked_to_the_motor_that_it_moves() -> None:
     a, n, phase = 0.03, 7.0, 0.4
     values = {"amplitude_nm": a, "harmonic": n, "phase_rad": phase}

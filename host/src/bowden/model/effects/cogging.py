@@ -25,7 +25,7 @@ def _applied(values: FloatArray, around: Signals, p: Values) -> FloatArray:
 EFFECT = Effect(
     name="cogging",
     title="Cogging",
-    enters="actuator",
+    enters="dynamics",
     variants=(
         Variant(
             "",
@@ -49,7 +49,7 @@ EFFECT = Effect(
             channels=(Channel("motor_torque_nm", _undone, _applied, sees=("motor_angle_rad",)),),
         ),
     ),
-    law="true motor torque = recorded + A cos(n theta_m + phase)",
+    law="torque on the rotor = motor torque + A cos(n theta_m + phase)",
     signature="a ripple locked to the motor's angle, whatever tension and speed",
     excited_by=("motor_turns",),
     confused_with=("pulley_eccentricity", "position_dependent_friction"),
