@@ -15,7 +15,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
 
 .DEFAULT_GOAL := help
 .PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels transcripts bench bench-faults bench-diagnosis bench-feel bench-calibration bench-data-gate bench-sensitivity lock clean
-.PHONY: setup setup-firmware setup-baselines setup-browser native
+.PHONY: setup setup-firmware setup-baselines setup-browser native kernels
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,7 +26,9 @@ demo: native $(if $(filter emulated,$(TARGET)),firmware) ## the main job on the 
 demo-diagnosis: native $(if $(filter emulated,$(TARGET)),firmware) ## the loop closed: find what the model lacks, apply it, render the tunnel better
 	$(BIN)/bowden demo-diagnosis --output build/demo-diagnosis --target $(TARGET)
 
-test: lint firmware native setup-browser ## lint, prove the firmware integer-only, run every test
+# Two at a time: the checks leave a core idle, on which the kernels are compiled that tests need.
+test: setup setup-firmware setup-browser ## lint, prove the firmware integer-only, run every test
+	$(MAKE) --no-print-directory -j2 kernels lint firmware native
 	$(BIN)/pytest $(PYTEST_FLAGS)
 	$(BIN)/pytest $(PYTEST_FLAGS) hil_tests/test_bench.py hil_tests/test_drive.py hil_tests/test_storage.py hil_tests/test_table_write.py hil_tests/test_compensation.py --target=emulated --require-target
 
@@ -52,6 +54,9 @@ flash: setup-firmware ## write the firmware to a board and verify it (PROBE=open
 
 debug: setup-firmware ## gdb on a running board, through OpenOCD
 	$(MAKE) --no-print-directory -C firmware debug BUILD=$(CURDIR)/build
+
+kernels: setup # compiled and kept by numba
+	$(BIN)/python -m tools.kernels
 
 native: setup ## build the firmware as a shared library for this machine
 	$(MAKE) --no-print-directory -C firmware native BUILD=$(CURDIR)/build
