@@ -1,7 +1,8 @@
 """What stands beside the figures: errors that no drive can stay below, and what knowledge is worth.
 
 `bound_nm` is derived: for torque steps from the cables' waves, for a release from the motor's way
-through the backlash. `informed` is a rig whose drive is told the truth, for the same law.
+through the backlash. `informed` is a rig whose drive is told the truth, for the law
+with the load cell.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from hil_tests.render.rigs import RenderRig, told_truth
 from hil_tests.render.tasks import Task
 
 STEP_S: Final = 2e-5  # of the turn-over, which takes 5 to 20 ms
-INFORMED: Final = "informed"  # ours, told the truth of the cables and by sensors that are not late
+INFORMED: Final = "informed"  # ours with the cell, told the truth, by sensors that are not late
 
 
 def wave_bound_nm(rig: RenderRig, task: Task) -> float:

@@ -60,8 +60,8 @@ wanted torque would, of what the path exchanges.
 
 ## Task by task
 
-Median error. *Calibrated*: below. *Told the truth*: the same law, told the cables' true numbers, by
-sensors that are not late. *Bound*: derived, below.
+Median error. *Calibrated*: below. *Told the truth*: the law with the load cell, told the cables'
+true numbers, by sensors that are not late. *Bound*: derived, below.
 
 {tasks}
 
@@ -110,7 +110,9 @@ trial's figures, `--runs` makes the pages of such files without running again.
 - Both plants are simulations. They share the rigs' description, not code: the second one is
   implicit, has Dahl friction and an operator of two masses.
 - The published laws run on the simulated rig only.
-- *Told the truth* bounds what knowledge brings to this law. It is no bound for all drives.
+- *Told the truth* bounds what knowledge brings to the law with the load cell. It is no bound for
+  all drives. What a drive without a cell lacks:
+  [compensation](compensation.md#derivation-of-the-inversion).
 - What makes a worst trial is found by putting one thing right at a time. Two things that act
   together are not told apart.
 
@@ -230,7 +232,7 @@ def _tasks(runs: Runs, kept: Mapping[str, Sequence[Outcome]]) -> str:
             for law, shown in OURS_SHOWN.items()
             if law in ran
         ]
-        columns += [("told the truth", plant, INFORMED)] if INFORMED in ran else []
+        columns += [("with cell, told the truth", plant, INFORMED)] if INFORMED in ran else []
         columns += [(f"best published: {best}", plant, best)] if best else []
     lines = [
         "| task | " + " | ".join(heading for heading, _, _ in columns) + " | bound |",
