@@ -16,11 +16,9 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Final
 
@@ -28,6 +26,7 @@ from bowden.recording.atomic import replace_whole
 
 from hil_tests.benchmarks.calibration_cases import trials
 from hil_tests.benchmarks.calibration_score import Trial, markdown
+from hil_tests.benchmarks.side_by_side import each
 
 PAGE: Final = """\
 # Calibration: are the intervals true?
@@ -69,7 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     start = time.monotonic()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        for done, one in enumerate(_each(args.seed, args.rigs, args.jobs), 1):
+        rigs = ((args.seed, number) for number in range(args.rigs))
+        for done, one in enumerate(each(trials, rigs, args.jobs), 1):
             found += one
             _write(args.output, args.page, args.seed, found)
             passed = time.monotonic() - start
@@ -88,20 +88,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     sys.stdout.write(markdown(found))
     return 0
-
-
-def _each(seed: int, rigs: int, workers: int) -> Iterator[list[Trial]]:
-    if workers == 1:
-        yield from (trials(seed, number) for number in range(rigs))
-        return
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:  # in the order in which they end
-        for done in as_completed([pool.submit(trials, seed, number) for number in range(rigs)]):
-            yield done.result()
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in active_children():
-            worker.terminate()
 
 
 def _write(output: Path, page: Path | None, seed: int, found: Sequence[Trial]) -> None:

@@ -14,11 +14,9 @@ import datetime
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
@@ -30,6 +28,7 @@ from bowden.recording.recording import Recording
 
 from hil_tests.benchmarks.data_gate_faults import FAULTS
 from hil_tests.benchmarks.diagnosis import recordings_of
+from hil_tests.benchmarks.side_by_side import each
 from hil_tests.hidden_effects import sets
 from hil_tests.hidden_effects.recordings import KINDS, draw_case
 
@@ -109,7 +108,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("--clean, --faulty, --jobs: accepted: 1 or more")
     found: list[Trial] = []
     start = time.monotonic()
-    for one in _each(args):
+    rigs = ((args.seed, number, number < args.faulty) for number in range(args.clean))
+    for one in each(trial, rigs, args.jobs):
+        if one is None:
+            continue
         found.append(one)
         sys.stderr.write(f"{len(found)} {one.kind} {'+'.join(one.hidden)} {one.stopped}\n")
         if args.page is not None:
@@ -118,21 +120,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             break
     sys.stdout.write(table(found))
     return 0
-
-
-def _each(args: argparse.Namespace) -> Iterator[Trial]:
-    pool = ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn"))
-    try:
-        jobs = [
-            pool.submit(trial, args.seed, number, number < args.faulty)
-            for number in range(args.clean)
-        ]
-        for done in as_completed(jobs):
-            one = done.result()
-            if one is not None:
-                yield one
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def table(found: Sequence[Trial]) -> str:

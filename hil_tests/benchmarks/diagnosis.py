@@ -18,10 +18,8 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +34,7 @@ from hil_tests.benchmarks import diagnosis_baselines as baselines
 from hil_tests.benchmarks.diagnosis_picture import svg
 from hil_tests.benchmarks.diagnosis_score import Answer, Result, markdown
 from hil_tests.benchmarks.diagnosis_truth import law_inside, over_truth
+from hil_tests.benchmarks.side_by_side import each
 from hil_tests.hidden_effects import effects, random_laws, sets, unlisted
 from hil_tests.hidden_effects.recordings import Case, draw_case
 from hil_tests.hidden_effects.strength import WEAKEST
@@ -168,20 +167,6 @@ def run(job: Job) -> dict[str, Result]:
     return {method: result(answer) for method, answer in answers.items()}
 
 
-def _each(todo: list[Job], workers: int) -> Iterator[dict[str, Result]]:
-    if workers == 1:
-        yield from map(run, todo)
-        return
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:  # in the order in which they end
-        for done in as_completed([pool.submit(run, job) for job in todo]):
-            yield done.result()
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in active_children():  # a case takes minutes, and its result is not needed
-            worker.terminate()
-
-
 def _write(output: Path, seed: int, methods: dict[str, list[Result]]) -> None:
     document = {
         "seed": seed,
@@ -231,7 +216,7 @@ def main() -> int:
     start = time.monotonic()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        for done, found in enumerate(_each(todo, args.jobs), 1):
+        for done, found in enumerate(each(run, ((job,) for job in todo), args.jobs), 1):
             if not found:
                 sys.stderr.write(f"{done}/{len(todo)} no rig could be drawn\n")
                 continue

@@ -14,12 +14,11 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Final
 
@@ -34,6 +33,7 @@ from bowden.recording.atomic import replace_whole
 from hil_tests.benchmarks.decision_constants import ODDS, OUTSIDE, Constant, Numbers, constants
 from hil_tests.benchmarks.diagnosis import Job, excited, jobs, recordings_of
 from hil_tests.benchmarks.remembered import Memory
+from hil_tests.benchmarks.side_by_side import each
 
 FACTORS: Final = (0.5, 2.0)
 KINDS: Final = ("single", "complete", "unlisted", "pair", "single", "several")  # in turn
@@ -218,17 +218,6 @@ def cases(seed: int, count: int, length_s: float) -> list[Job]:
     return found
 
 
-def _each(todo: Sequence[Job], workers: int) -> Iterator[Tried | None]:
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:  # in the order in which they end
-        for done in as_completed([pool.submit(tried, job) for job in todo]):
-            yield done.result()
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in active_children():
-            worker.terminate()
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(
@@ -250,7 +239,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found: list[Tried] = []
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        for one in _each(cases(args.seed, args.cases, args.length_s), args.jobs):
+        todo = cases(args.seed, args.cases, args.length_s)
+        for one in each(tried, ((job,) for job in todo), args.jobs):
             if one is None:
                 continue
             found.append(one)
