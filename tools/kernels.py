@@ -20,11 +20,12 @@ def models() -> list[Model]:
     """Return models that need each kernel: every solver, every law and every effect."""
     plain = table_1()
     found = [plain, without_mesh(without_stiction_length(plain))]
-    for effect in CATALOGUE.values():
-        for variant in effect.variants:
-            if variant.is_computed:
-                values = {one.name: one.typical for one in variant.parameters}
-                found.append(plain.with_effect(effect.name, values))
+    found += [
+        plain.with_effect(effect.name, variant.typical)
+        for effect in CATALOGUE.values()
+        for variant in effect.variants
+        if variant.is_computed
+    ]
     return found
 
 

@@ -104,7 +104,7 @@ def _read(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[st
         key = parameter.name
         if key not in given:
             if parameter.optional:
-                values[key] = parameter.typical if parameter.off is None else parameter.off
+                values[key] = variant.off[key]
             continue
         try:
             values[key] = NUMBER.validate_python(given[key]).value
