@@ -8,6 +8,8 @@ import numpy as np
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.model.description import TABLE_1
 
+from .rigs import through, times
+
 STICTION = "friction: {law: stiction, mu_d: 0.21, mu_s: 0.63, stiction_length_m: 0.1}"
 PERIODS = 1.5
 FREQUENCY_HZ = 0.7
@@ -37,3 +39,9 @@ def given(mode: Mode, samples: int = 1500, *, rest_s: float = 0.0) -> Inputs:
     if mode is Mode.POSITION_TORQUE:
         return Inputs(t, found.motor_angle_rad, None, None, found.load_torque_nm, warm)
     return Inputs(t, found.motor_angle_rad, angle, None, None, warm)
+
+
+def strokes(*corners: float, steps: int = 400) -> Inputs:
+    """The load from one angle to the next, without motor torque."""
+    angle = through(*corners, steps=steps)
+    return Inputs(times(angle), motor_torque_nm=np.zeros_like(angle), load_angle_rad=angle)

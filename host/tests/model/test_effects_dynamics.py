@@ -11,8 +11,8 @@ from bowden.model.effects.dwell_strengthening import rested
 from bowden.model.experiments.variants import with_damping
 from scipy.integrate import solve_ivp
 
-from .effects_rig import given, plain
-from .rigs import EA_N, LENGTH_M, R_LOAD_M, R_MOTOR_M, RHO, FloatArray, through, times
+from .effects_rig import given, plain, strokes
+from .rigs import EA_N, LENGTH_M, R_LOAD_M, R_MOTOR_M, RHO, FloatArray
 
 TP, PT, PP = Mode.TORQUE_POSITION, Mode.POSITION_TORQUE, Mode.POSITION_POSITION
 PLATEAU_NM = 3.12  # 2 r_load T0 m: what the moving pair takes at the load
@@ -30,48 +30,6 @@ def swinging(hertz: float, seconds: float = 2.0, amplitude: float = 0.5) -> Inpu
     t = np.arange(int(seconds * 1000)) * 1e-3
     angle = amplitude * np.sin(2 * np.pi * hertz * t)
     return Inputs(t, motor_torque_nm=np.zeros_like(t), load_angle_rad=angle)
-
-
-def strokes(*corners: float, steps: int = 400) -> Inputs:
-    angle = through(*corners, steps=steps)
-    return Inputs(times(angle), motor_torque_nm=np.zeros_like(angle), load_angle_rad=angle)
-
-
-# Acceleration ---------------------------------------------------------------------------------
-
-
-def test_a_bearing_may_leave_out_its_viscous_part() -> None:
-    inputs = given(Mode.TORQUE_POSITION)
-    short, whole = (
-        simulate(plain().with_effect("bearing_friction", values), Mode.TORQUE_POSITION, inputs)
-        for values in ({"torque_nm": 0.01}, {"torque_nm": 0.01, "viscous_nm_s_per_rad": 0.0})
-    )
-    np.testing.assert_array_equal(short.load_torque_nm, whole.load_torque_nm)
-
-
-def test_the_load_s_bearing_turns_over_along_twice_its_wind_up() -> None:
-    """After a turn it holds F (1 - x / w), from F one way to -F the other, x the way since."""
-    dry_nm, wind_up_rad = 0.1, 2e-3
-    inputs = strokes(0.0, 0.1, -0.1, steps=2000)
-    values = {"load_torque_nm": dry_nm, "load_wind_up_rad": wind_up_rad}
-    took = base(inputs).load_torque_nm - run("bearing_friction", values, inputs).load_torque_nm
-    angle = inputs.load_angle_rad
-    assert angle is not None
-    back = np.arange(angle.size) > int(np.argmax(angle))
-    expected = dry_nm * np.clip(1.0 - (angle.max() - angle[back]) / wind_up_rad, -1.0, 1.0)
-    np.testing.assert_allclose(took[back], expected, atol=1e-12)  # rounding of two torques
-
-
-def test_a_bearing_without_a_wind_up_in_the_file_has_a_short_one() -> None:
-    inputs = strokes(0.0, 0.01, -0.01)
-    short, told = (
-        run("bearing_friction", values, inputs)
-        for values in (
-            {"load_torque_nm": 0.1},
-            {"load_torque_nm": 0.1, "load_wind_up_rad": 1e-4, "load_viscous_nm_s_per_rad": 0.0},
-        )
-    )
-    np.testing.assert_array_equal(short.load_torque_nm, told.load_torque_nm)
 
 
 # Inertia and weight ------------------------------------------------------------------------------
