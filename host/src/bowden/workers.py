@@ -8,11 +8,16 @@ from the command line, which starts with one BLAS thread.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import islice
+from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 
 @contextmanager
@@ -23,3 +28,15 @@ def workers() -> Iterator[ThreadPoolExecutor]:
         ThreadPoolExecutor(max_workers=os.cpu_count()) as pool,
     ):
         yield pool
+
+
+def a_few_at_a_time(
+    pool: ThreadPoolExecutor, what: Callable[[_Item], _Result], items: Iterable[_Item]
+) -> Iterator[_Result]:
+    """Map over items of which memory holds only as many as there are cores.
+
+    Not from within a task of the pool: that would wait for threads that wait for it.
+    """
+    left = iter(items)
+    while few := list(islice(left, os.cpu_count() or 1)):
+        yield from pool.map(what, few)

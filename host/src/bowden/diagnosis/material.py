@@ -121,11 +121,10 @@ class Material:
             The model cannot run one of them.
         """
         offsets, finer = self.correction(model, numbers), self.finer(model)
-
-        def one(k: int) -> Covariance:
-            return covariance(finer[k], model, numbers[k], correction=offsets[k])
-
-        return list(self.pool.map(one, range(len(self.coarse))))
+        return [
+            covariance(data, model, own, correction, self.pool)
+            for data, own, correction in zip(finer, numbers, offsets, strict=True)
+        ]
 
 
 def make_material(

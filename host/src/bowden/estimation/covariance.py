@@ -10,6 +10,7 @@ correction counts as error.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -28,6 +29,7 @@ from bowden.recording.recording import Recording
 from bowden.signals.alternatives import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
+from bowden.workers import a_few_at_a_time
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
@@ -237,6 +239,7 @@ def covariance(
     model: Model,
     numbers: Sequence[tuple[Nuisance, float]] = (),
     correction: _Floats | None = None,
+    pool: ThreadPoolExecutor | None = None,
 ) -> Covariance:
     """Push the input paths through a model and return the covariance about its prediction.
 
@@ -249,6 +252,8 @@ def covariance(
     correction : ndarray of shape (n,), optional
         What a finer mesh and all samples add to the prediction, where the caller knows it: it is
         corrected then, and doubted by half.
+    pool : ThreadPoolExecutor, optional
+        Threads that simulate paths side by side; one after the other when absent.
 
     Raises
     ------
@@ -257,7 +262,15 @@ def covariance(
     """
     seen = data.observations
     best = data.predict(model, numbers)
-    paths = np.array([data.predict(model, numbers, one) for one in data.paths()]) - best
+
+    def predicted(path: Recording) -> _Floats:
+        return data.predict(model, numbers, path)
+
+    drawn = data.paths()
+    paths = np.array(
+        list(a_few_at_a_time(pool, predicted, drawn) if pool else map(predicted, drawn))
+    )
+    paths -= best
     columns, offset = [paths / np.sqrt(DRAWS)], np.zeros(best.size)
     if "motor_torque_nm" in data.mode.columns:
         held = data.predict(model, numbers, held_torque(data.given)) - best

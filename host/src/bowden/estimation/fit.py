@@ -138,9 +138,9 @@ def _on_all(whole: Problem, part: Problem, best: Optimum) -> Optimum:
     def noise(one: Data) -> Covariance:
         if one.number in known:
             return known[one.number]
-        return covariance(one, model, whole.numbers(best.x, one.number))
+        return covariance(one, model, whole.numbers(best.x, one.number), pool=whole.pool)
 
-    noises = list(whole.pool.map(noise, whole.data))
+    noises = [noise(one) for one in whole.data]
     residuals = whole.residuals(best.x, noises)
     if residuals is None:
         raise ModelError("found a held-out recording that the fitted model cannot run")

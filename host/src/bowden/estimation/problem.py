@@ -120,11 +120,9 @@ class Problem:
     def noises(self, x: _Floats) -> list[Covariance]:
         """Return each recording's covariance about the model at a point."""
         model = self.parameters.model_at(x[: self.size])
-        return list(
-            self.pool.map(
-                lambda one: covariance(one, model, self.numbers(x, one.number)), self.data
-            )
-        )
+        return [
+            covariance(one, model, self.numbers(x, one.number), pool=self.pool) for one in self.data
+        ]
 
     def prior(self, x: _Floats) -> tuple[_Floats, _Floats]:
         """Return residual and Jacobian of the priors."""
