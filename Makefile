@@ -125,7 +125,9 @@ $(VENV)/.ready: requirements.lock host/pyproject.toml rig/pyproject.toml pyproje
 	$(call need,gcc -E -include stdint.h -include stdio.h -x c /dev/null,gcc libc6-dev)
 	@echo "bowden: making the virtual environment in $(VENV)" >&2
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps \
+	    --no-compile -r requirements.lock
+	@$(BIN)/python -W ignore -m compileall -qq -j 0 $(VENV)/lib || : # templates in it are no Python
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation -e host -e rig -e .
 	@touch $@
 
