@@ -14,6 +14,7 @@ from bowden.commission.job import Declined, Facts
 from bowden.commission.run import MODEL_FILE, STEPS, commission, steps_for
 from bowden.commission.state import (
     STATE_FILE,
+    CommissioningState,
     DoneStep,
     DriveIdentity,
     open_state,
@@ -24,6 +25,7 @@ from bowden.drive.connection import Connection
 from bowden.drive.homing import home_at_index, home_here
 from bowden.errors import BadInput, DriveFailed
 from bowden.model import parse_model
+from bowden.recording.yaml_file import read_yaml
 from bowden_rig.rig.parameters import Cable, Operator, Rig
 
 from hil_tests.workshop import Fitter, Wiring, open_workshop
@@ -155,16 +157,22 @@ def test_a_rig_as_stated_is_left_as_it_is(nominal: Path, tmp_path: Path) -> None
     verdicts = {what: finding.verdict for what, finding in tired.findings.items()}
     verdicts.pop("current zero")
     assert set(verdicts.values()) == {"as stated"}
+    steps = read_yaml(tmp_path / "bench" / STATE_FILE, CommissioningState, "state").steps
+    taken = {name: value for step in steps for name, value in step.facts.items()}
+    assert taken == FACTS.named(["angle_rad", "angle_tolerance_rad", "weights_kg", "lever_m"])
     bus.shutdown()
 
 
-def ended(folder: Path, nominal: Path, drive: Drive) -> None:
+def ended(folder: Path, nominal: Path, drive: Drive, facts: Facts = FACTS) -> None:
     """Leave a folder as a commissioning without --learn-index does."""
     identity = DriveIdentity(
         node_id=drive.node_id, serial_number=drive.read_raw("identity.serial_number")
     )
     state = open_state(folder, nominal, identity)
-    steps = tuple(DoneStep(name=step.name, ended="") for step in steps_for(FACTS))
+    steps = tuple(
+        DoneStep(name=step.name, ended="", facts=facts.named(step.takes))
+        for step in steps_for(facts)
+    )
     folder.mkdir()
     save_state(folder, state.model_copy(update={"steps": steps}))
     (folder / MODEL_FILE).write_text(NOMINAL)
@@ -209,9 +217,10 @@ def test_the_command_adds_the_index_to_what_was_commissioned(
     folder = tmp_path / "bench"
     weights = ["--weights", "1", "2", "--lever", "0.1", "--yes"]
     command = ["commission", str(nominal), "--output", str(folder), *weights]
+    stated = Facts(math.radians(80.0), math.radians(1.0), (1.0, 2.0), 0.1)
     with lent_rig(Rig(operator=Operator(motion="sine", starts="now"))) as bus:
         drive = Drive(Connection(bus, clock=lambda: bus.time_s, threaded=False))
-        ended(folder, nominal, drive)
+        ended(folder, nominal, drive, stated)
         assert main([*command, "--learn-index", "--json"]) == 0
     steps = json.loads(capsys.readouterr().out)["steps"]
     assert [step["name"] for step in steps[-2:]] == ["index", "keep"]
@@ -229,6 +238,17 @@ def test_a_rig_without_index_pulses_is_told_and_keeps_what_is_done(
     fitter.asked.clear()
     commission(drive, nominal, folder, fitter, FACTS)
     assert fitter.asked == []
+    bus.shutdown()
+
+
+def test_a_step_that_is_done_is_not_mixed_with_other_facts(nominal: Path, tmp_path: Path) -> None:
+    drive, bus, fitter = open_workshop(Wiring(), CABLE)
+    ended(folder := tmp_path / "bench", nominal, drive)
+    with pytest.raises(BadInput, match=r"weights_kg: found 1 3; accepted: 0.5 1 2, by which load_"):
+        commission(drive, nominal, folder, fitter, replace(FACTS, weights_kg=(1.0, 3.0)))
+    with pytest.raises(BadInput, match=r"angle_rad: found 1.5; accepted: 1.4, by which counts"):
+        commission(drive, nominal, folder, fitter, replace(FACTS, angle_rad=1.5))
+    commission(drive, nominal, folder, fitter, FACTS)
     bus.shutdown()
 
 

@@ -6,10 +6,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
+
+import numpy as np
 
 from bowden.commission.state import StepFinding
 from bowden.drive.capture import record
@@ -73,6 +75,10 @@ class Facts:
     by_hand_s: float = 10.0
     ramp_nm_per_s: float = 0.1
     learn_index: bool = False
+
+    def named(self, names: Iterable[str]) -> dict[str, tuple[float, ...]]:
+        """Return some of the numbers by name."""
+        return {name: tuple(np.atleast_1d(getattr(self, name)).tolist()) for name in names}
 
 
 @dataclass

@@ -40,6 +40,7 @@ from bowden.drive.client import Drive
 from bowden.drive.configuration import difference, store, write
 from bowden.drive.reduced_model import reduced_model
 from bowden.drive.restart import require_bridge_off
+from bowden.errors import BadInput
 from bowden.model import Model, format_model, parse_model
 from bowden.recording.atomic import replace_whole
 
@@ -48,11 +49,15 @@ MODEL_FILE = "model.yaml"
 
 @dataclass(frozen=True)
 class CommissioningStep:
-    """One step: its name in the state file, what it is about, and what does it."""
+    """One step: its name in the state file, what it is about, and what does it.
+
+    `takes`: the facts by which it measures.
+    """
 
     name: str
     title: str
     do: Callable[[Job], list[StepFinding]]
+    takes: tuple[str, ...] = ()
 
 
 def configure_nominal(job: Job) -> list[StepFinding]:
@@ -80,9 +85,19 @@ def keep(job: Job) -> list[StepFinding]:
 STEPS = (
     CommissioningStep("nominal", "write the model's rig into the drive", configure_nominal),
     CommissioningStep("directions", "signs of both encoders and of the load cell", find_directions),
-    CommissioningStep("counts", "counts per turn of both encoders", find_counts),
+    CommissioningStep(
+        "counts",
+        "counts per turn of both encoders",
+        find_counts,
+        takes=("angle_rad", "angle_tolerance_rad"),
+    ),
     CommissioningStep("current_zero", "current with the bridge off", find_current_zero),
-    CommissioningStep("load_cell", "zero and gain of the load cell", find_load_cell),
+    CommissioningStep(
+        "load_cell",
+        "zero and gain of the load cell",
+        find_load_cell,
+        takes=("weights_kg", "lever_m"),
+    ),
     CommissioningStep("winding", "resistance and inductance of the motor", find_winding),
     CommissioningStep("motor_direction", "sign of the motor", find_motor_direction),
     CommissioningStep("torque_constant", "torque per ampere", find_torque_constant),
@@ -117,7 +132,8 @@ def commission(
     Raises
     ------
     BadInput
-        A folder of another drive or model, or a recording that does not hold what a step needs.
+        A folder of another drive or model, facts other than those by which a step was done, or a
+        recording that does not hold what a step needs.
     DriveFailed
     Declined
         The operator ended it; what is done stays done.
@@ -127,6 +143,7 @@ def commission(
         node_id=drive.node_id, serial_number=drive.read_raw("identity.serial_number")
     )
     state = open_state(folder, model_file, identity)
+    _require_same_facts(state, facts)
     folder.mkdir(parents=True, exist_ok=True)
     model = _read_model(folder / MODEL_FILE if state.steps else model_file)
     job = Job(drive, model, folder, operator, facts)
@@ -146,6 +163,7 @@ def commission(
         done = DoneStep(
             name=step.name,
             ended=datetime.now(UTC).isoformat(timespec="seconds"),
+            facts=facts.named(step.takes),
             recordings=tuple(job.recordings),
             findings=tuple(findings),
             written=dict(job.written),
@@ -154,6 +172,17 @@ def commission(
         state = state.model_copy(update={"steps": (*others, done)})
         save_state(folder, state)
     return state
+
+
+def _require_same_facts(state: CommissioningState, facts: Facts) -> None:
+    for done in state.steps:
+        for name, value in facts.named(done.facts).items():
+            if value != done.facts[name]:
+                found, was = (
+                    " ".join(f"{one:.6g}" for one in each) for each in (value, done.facts[name])
+                )
+                accepted = f"{was}, by which {done.name} was done, or another folder (--output)"
+                raise BadInput(name, found, accepted)
 
 
 def _read_model(path: Path) -> Model:

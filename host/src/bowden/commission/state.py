@@ -63,10 +63,14 @@ class StepFinding(FilePart):
 
 
 class DoneStep(FilePart):
-    """A step that is over: what it recorded, found and wrote to the drive (names, SI values)."""
+    """A step that is over: what it recorded, found and wrote to the drive (names, SI values).
+
+    `facts`: what the operator said of the rig that it took, by name.
+    """
 
     name: str
     ended: str
+    facts: dict[str, tuple[float, ...]] = Field(default_factory=dict)
     recordings: tuple[str, ...] = ()
     findings: tuple[StepFinding, ...] = ()
     written: dict[str, float] = Field(default_factory=dict)
