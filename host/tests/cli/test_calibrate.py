@@ -74,6 +74,14 @@ def test_calibrate_refuses_unknown_parameters(
     assert "Traceback" not in shown
 
 
+def test_what_is_held_out_is_not_fitted(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, recording = files
+    assert main(["calibrate", str(model), str(recording), "--hold-out", str(recording)]) == 2
+    assert "run.csv: found the same recording again" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", [["calibrate"], ["estimate", "pretension"]])
 def test_the_start_of_a_rig_that_was_used_before_can_be_left_unjudged(
     files: tuple[Path, Path], capsys: pytest.CaptureFixture[str], command: list[str]

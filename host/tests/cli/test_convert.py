@@ -66,6 +66,9 @@ def test_a_folder_of_tables_becomes_a_session() -> None:
     table("logs/b.txt", start=5)
     Path("map.yaml").write_text(MAP)
     assert main(["convert", "logs", "out", "--map", "map.yaml", "--rig", "arm"]) == 0
+    one = ["convert", "logs/a.csv", "a.csv", "--map", "map.yaml", "--rig", "arm"]
+    assert main(one) == 2  # one recording is no session, so its rig would be lost
+    assert not Path("a.csv").exists()
     session = read_session(Path("out/session.yaml"))
     assert session.rig == "arm"
     assert session.members("zeros") == {"map": (0, 1)}

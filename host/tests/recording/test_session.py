@@ -94,5 +94,7 @@ def test_a_command_line_names_recordings_or_one_session(folder: Path) -> None:
     assert len(found.members("path")) == len(found.members("tool")) == 1
     one = session(folder, "rig: r\nrecordings: [{file: runs/a.csv}]")
     assert len(read_recordings([one]).recordings) == 1
+    with pytest.raises(BadInput, match=r"runs/\.\./runs/a\.csv: found the same recording again"):
+        read_recordings([*paths, folder / "runs" / ".." / "runs" / "a.csv"])
     with pytest.raises(BadInput, match="a session file among other files"):
         read_recordings([*paths, one])

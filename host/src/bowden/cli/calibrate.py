@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     from bowden.model import format_model  # noqa: PLC0415
     from bowden.model.model_file import Source  # noqa: PLC0415
     from bowden.recording.atomic import refuse_unwritable, replace_whole  # noqa: PLC0415
-    from bowden.recording.session import read_recordings  # noqa: PLC0415
+    from bowden.recording.session import read_recordings, require_once  # noqa: PLC0415
 
     refuse_unwritable([args.write_model], [*args.recordings, *(args.hold_out or [])])
     model = read_model(args.model)
@@ -98,6 +98,7 @@ def run(args: argparse.Namespace) -> int:
     held_out = read_recordings(args.hold_out).since(settle_s) if args.hold_out else None
     zeros = [*session.groups["zeros"], *(held_out.groups["zeros"] if held_out else ())]
     every = [*session.recordings, *(held_out.recordings if held_out else ())]
+    require_once(one.source for one in every)
     admit_data(model, every, mode_of(args))
     with stages("fitting") as tell:
         calibration = calibrate(

@@ -66,7 +66,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--map", metavar="MAP.yaml", type=Path, help="mapping file for any table")
     form.add_argument("--from", dest="form", choices=FORMS, help="default: blf or csv, as it is")
-    parser.add_argument("--rig", metavar="NAME", help="name of the rig in the session (with --map)")
+    parser.add_argument(
+        "--rig",
+        metavar="NAME",
+        help="name of the rig in a folder's session (default: the folder's)",
+    )
     add_json_argument(parser)
     mrd = parser.add_argument_group("mrd only")
     mrd.add_argument(
@@ -99,6 +103,9 @@ def _target(args: argparse.Namespace) -> Path:
         raise BadInput("OUT", "no output" if not given else "OUT and --output", "one of them")
     if args.form != "mrd" and (args.startup is not None or args.distal_zero is not None):
         raise BadInput("--startup, --distal-zero", "no --from mrd", "these only with --from mrd")
+    if args.rig is not None and (args.form == "mrd" or not args.recording.is_dir()):
+        found = "IN that is a file" if args.form != "mrd" else "--from mrd, which names its tool"
+        raise BadInput("--rig", found, "a folder of other recordings, which become a session")
     target: Path = given[0]
     if target.resolve() == args.recording.resolve():
         raise BadInput(str(target), "the input as output", "another name")

@@ -13,7 +13,7 @@ writes files only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -121,6 +121,21 @@ def read_session(path: str | Path) -> Session:
     return Session(content.rig, tuple(recordings), groups)
 
 
+def require_once(paths: Iterable[str | Path]) -> None:
+    """Refuse a recording that is given twice: it would count twice, or be held out and fitted.
+
+    Raises
+    ------
+    BadInput
+        Names the second of them.
+    """
+    seen: set[Path] = set()
+    for one in paths:
+        if (path := Path(one).resolve()) in seen:
+            raise BadInput(str(one), "the same recording again", "each recording once")
+        seen.add(path)
+
+
 def read_recordings(paths: Sequence[str | Path]) -> Session:
     """Read what a command line names: one session file, or recordings of one rig.
 
@@ -129,9 +144,11 @@ def read_recordings(paths: Sequence[str | Path]) -> Session:
     Raises
     ------
     BadInput
-        What `read_session` and `read_recording` raise, or a session among other files.
+        What `read_session` and `read_recording` raise, a session among other files, or a recording
+        twice.
     """
     found = [Path(path) for path in paths]
+    require_once(found)
     sessions = [path for path in found if path.suffix.lower() in SESSION_ENDINGS]
     if sessions and len(found) > 1:
         raise BadInput(
