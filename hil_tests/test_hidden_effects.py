@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil_tests.benchmarks.diagnosis_score import Answer, Rate, Result, rates
+from hil_tests.benchmarks.diagnosis_score import Answer, Rate, Result, rates, reliability
 from hil_tests.benchmarks.diagnosis_truth import true_model
 from hil_tests.hidden_effects import draws, effects, sets, unlisted
 from hil_tests.hidden_effects.cable_law import Law
@@ -370,6 +370,29 @@ def test_always_viscous_gets_what_it_deserves() -> None:
     assert found["unlisted: recognised"] == Rate(0, 1)
     assert found["pair: both named"] == Rate(0, 1)
     assert found["pair: at least one"] == Rate(1, 1)
+
+
+def test_a_stated_probability_is_held_against_how_often_it_is_right() -> None:
+    def case(kind: str, truth: tuple[str, ...], **odds: float) -> Result:
+        given = {name.replace("_and_", " + "): share for name, share in odds.items()}
+        answer = Answer("named", truth, odds=given)
+        return Result(1, "continuum", kind, {name: {} for name in truth}, 10.0, answer)
+
+    found = reliability(
+        [
+            case("pair", ("cogging", "wear"), wear_and_cogging=0.97, wear=0.03),
+            case("single", ("wear",), wear=0.7, unlisted=0.3),
+            case("complete", (), nothing=0.9, wear=0.1),
+            case("unlisted", ("wave",), wear=0.99, unlisted=0.01),
+        ]
+    )
+    assert [(round(mean, 3), rate.hits, rate.trials) for mean, rate in found] == [
+        (0.065, 0, 2),
+        (0.3, 0, 1),
+        (0.7, 1, 1),
+        (0.9, 1, 1),
+        (0.98, 1, 2),
+    ]
 
 
 def test_wilson_interval_of_a_textbook_case() -> None:

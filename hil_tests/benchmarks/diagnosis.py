@@ -130,6 +130,7 @@ def ours(
         seconds,
         _credible(found.law_odds),
         inside,
+        dict(found.odds),
     )
 
 

@@ -7,6 +7,7 @@ at most three members.
 
 from __future__ import annotations
 
+import itertools
 import math
 import statistics
 from collections import Counter, defaultdict
@@ -19,6 +20,7 @@ LARGEST_TIE = 3
 PERIODIC = ("phase_rad", "load_phase_rad")
 NO_EFFECT = "(none)"
 UNKNOWN = "(unlisted)"
+STATED = (0.02, 0.2, 0.5, 0.8, 0.95, 1.0)  # edges between which probabilities are pooled
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,8 @@ class Answer:
     law_inside : float
         Share of the law's knots at which the true curve lies inside the 95 % band; nan where it is
         another law.
+    odds : dict of str to float
+        Probability of each explanation, as the method states it; none where it states none.
     """
 
     verdict: str
@@ -56,6 +60,7 @@ class Answer:
     seconds: float = math.nan
     laws: tuple[str, ...] = ()
     law_inside: float = math.nan
+    odds: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -114,6 +119,13 @@ class Result:
         if self.answer.verdict not in {"named", "ambiguous"}:
             return 0
         return len(set(self.truth) & set(self.answer.named))
+
+    @property
+    def explanation(self) -> frozenset[str]:
+        """The truth in the words of the odds."""
+        if self.kind in {"unlisted", "smooth_law"}:
+            return frozenset({"unlisted"})
+        return frozenset(self.truth or {"nothing"})
 
     @property
     def covered(self) -> list[bool]:
@@ -231,6 +243,25 @@ def rates(results: Sequence[Result]) -> dict[str, Rate]:
     }
 
 
+def reliability(results: Sequence[Result]) -> list[tuple[float, Rate]]:
+    """Return mean stated probability and how often it was right, of explanations alike likely.
+
+    Every explanation of every answer counts, also those that were not chosen.
+    """
+    stated = [
+        (share, frozenset(names.split(" + ")) == one.explanation)
+        for one in results
+        for names, share in one.answer.odds.items()
+    ]
+    found = []
+    for low, high in itertools.pairwise(STATED):
+        pooled = [(p, right) for p, right in stated if low < p <= high]
+        if pooled:
+            mean = float(np.mean([p for p, _ in pooled]))
+            found.append((mean, rate(right for _, right in pooled)))
+    return found
+
+
 def median(results: Sequence[Result], of: Callable[[Result], float]) -> float:
     """Median of what is finite; nan without any."""
     found = [x for x in map(of, results) if math.isfinite(x)]
@@ -278,6 +309,9 @@ def markdown(methods: dict[str, list[Result]]) -> str:
         lines.append(f"| {row} | " + " | ".join(str(tables[n][row]) for n in names) + " |")
     seconds = [median(methods[n], lambda r: r.answer.seconds) for n in names]
     lines.append("| median time, s | " + " | ".join(f"{s:.1f}" for s in seconds) + " |")
+    if stated := reliability(methods[names[0]]):
+        lines += ["", "| probability stated | right |", "|---|---|"]
+        lines += [f"| {100 * mean:.0f} % | {right} |" for mean, right in stated]
     lines += ["", "| truth | named first | first two | gap after / floor | else taken for |"]
     lines.append("|---|---|---|---|---|")
     for effect, (first, second, gap, taken) in per_effect(methods[names[0]]).items():
