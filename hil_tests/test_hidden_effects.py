@@ -1,4 +1,4 @@
-"""The continuum solver against closed forms, each hidden effect's sign, recordings, scoring."""
+"""The continuum solver against closed forms, each hidden effect's sign, recordings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil_tests.benchmarks.diagnosis_score import Answer, Rate, Result, rates, reliability
 from hil_tests.benchmarks.diagnosis_truth import true_model
 from hil_tests.hidden_effects import draws, effects, sets, unlisted
 from hil_tests.hidden_effects.cable_law import Law
@@ -337,71 +336,3 @@ def test_unlisted_effects_are_not_in_the_catalogue() -> None:
     assert list(draws.DRAWS) == list(effects.HIDE)
     assert len(unlisted.HIDE) >= 6
     assert not set(unlisted.HIDE) & set(effects.HIDE)
-
-
-# Scoring
-
-
-def scored(kind: str, truth: tuple[str, ...], verdict: str, *named: str) -> Result:
-    answer = Answer(verdict, named, named)
-    return Result(1, "continuum", kind, {name: {} for name in truth}, 10.0, answer)
-
-
-def test_a_tie_counts_only_if_the_truth_is_in_it_and_it_is_small() -> None:
-    truth = ("load_cell_gain",)
-    assert scored("single", truth, "ambiguous", "torque_constant_error", "load_cell_gain").first
-    assert not scored("single", truth, "ambiguous", "wear", "cogging").first
-    assert not scored("single", truth, "ambiguous", "a", "b", "c", "load_cell_gain").first
-    assert not scored("single", truth, "named", "wear", "load_cell_gain").first
-    assert scored("single", truth, "named", "wear", "load_cell_gain").second
-
-
-def test_always_viscous_gets_what_it_deserves() -> None:
-    results = [
-        scored("single", ("viscous_friction",), "named", "viscous_friction"),
-        scored("single", ("wear",), "named", "viscous_friction"),
-        scored("complete", (), "named", "viscous_friction"),
-        scored("unlisted", ("friction_flicker",), "named", "viscous_friction"),
-        scored("pair", ("wear", "viscous_friction"), "named", "viscous_friction"),
-    ]
-    found = rates(results)
-    assert found["single: named first"] == Rate(1, 2)
-    assert found["complete: false alarm"] == Rate(1, 1)
-    assert found["unlisted: recognised"] == Rate(0, 1)
-    assert found["pair: both named"] == Rate(0, 1)
-    assert found["pair: at least one"] == Rate(1, 1)
-
-
-def test_a_stated_probability_is_held_against_how_often_it_is_right() -> None:
-    def case(kind: str, truth: tuple[str, ...], **odds: float) -> Result:
-        given = {name.replace("_and_", " + "): share for name, share in odds.items()}
-        answer = Answer("named", truth, odds=given)
-        return Result(1, "continuum", kind, {name: {} for name in truth}, 10.0, answer)
-
-    found = reliability(
-        [
-            case("pair", ("cogging", "wear"), wear_and_cogging=0.97, wear=0.03),
-            case("single", ("wear",), wear=0.7, unlisted=0.3),
-            case("complete", (), nothing=0.9, wear=0.1),
-            case("unlisted", ("wave",), wear=0.99, unlisted=0.01),
-        ]
-    )
-    assert [(round(mean, 3), rate.hits, rate.trials) for mean, rate in found] == [
-        (0.065, 0, 2),
-        (0.3, 0, 1),
-        (0.7, 1, 1),
-        (0.9, 1, 1),
-        (0.98, 1, 2),
-    ]
-
-
-def test_wilson_interval_of_a_textbook_case() -> None:
-    low, high = Rate(8, 10).interval
-    assert (low, high) == pytest.approx((0.490, 0.943), abs=1e-3)  # Wilson 1927, z = 1.96
-
-
-def test_a_phase_counts_modulo_a_turn() -> None:
-    given = {"cogging": {"phase_rad": (0.1, -0.1, 0.3), "amplitude_nm": (1.0, 0.9, 1.1)}}
-    truth = {"cogging": {"phase_rad": 2.0 * np.pi + 0.05, "amplitude_nm": 1.2}}
-    answer = Answer("named", ("cogging",), parameters=given)
-    assert Result(1, "continuum", "single", truth, 9.0, answer).covered == [True, False]
