@@ -248,11 +248,6 @@ class Effect:
         """Those of all variants."""
         return tuple(p for variant in self.variants for p in variant.parameters)
 
-    def variant_of(self, names: object) -> Variant | None:
-        """Return the variant that has exactly these parameters."""
-        given = set(names) if isinstance(names, (Mapping, tuple, list, set)) else set()
-        return next((v for v in self.variants if set(v.names) == given), None)
-
 
 def phase(name: str = "phase_rad", meaning: str = "phase at angle 0") -> Parameter:
     """Return the parameter of a phase."""
