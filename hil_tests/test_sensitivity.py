@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from bowden.diagnosis import predict, relevance, verdict
+from bowden.diagnosis import odds, predict, relevance
 
 from hil_tests.benchmarks import decision_constants, remembered, sensitivity
 from hil_tests.benchmarks.decision_constants import Constant, constants
@@ -60,7 +60,7 @@ def test_a_step_is_repeated_where_a_constant_that_it_reaches_has_changed(
     thing, memory = object(), remembered.Memory()
     with memory.used():
         assert place.step(thing) == place.step(thing) == 1
-        with _named("SURE").set_to(0.5):  # of `verdict`, which no fit reads
+        with _named("LIKELIER").set_to(0.6):  # of `verdict`, which no fit reads
             assert place.step(thing) == 1
         with _named("SETTLED").set_to(1.0):
             assert place.step(thing) == 2
@@ -78,10 +78,10 @@ def test_the_page_tells_what_a_constant_changes() -> None:
     assert row.endswith("| 1 of 1 | 0 of 1 | 0.06 | 0.00 | 2.00 | 1.00 |")
     idle = text[text.index("In these cases") :]
     assert "`odds.MORE`" not in idle
-    assert "`verdict.SURE`" in idle
+    assert "`odds.SURE`" in idle
 
 
 def test_cases_are_of_every_kind() -> None:
     found = [one.kind for one in sensitivity.cases(7, 6, 12.0)]
     assert set(found) == {"single", "complete", "unlisted", "pair", "several"}
-    assert verdict.SURE == 0.95  # nothing above has left a constant changed
+    assert odds.SURE == 0.95  # nothing above has left a constant changed

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 from bowden.diagnosis import verdict as verdicts
 from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.localise import Where
 from bowden.diagnosis.odds import Weighed, posterior
 from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect
 from bowden.diagnosis.search import Found
+from bowden.diagnosis.wording import sentence_of
+from bowden.estimation.gap import Gap
 
 BLOCKS = 12
 WEAK = {"weak": 0.01}  # of its usual strength; others have it
@@ -90,6 +93,32 @@ def test_two_that_predict_alike_are_a_tie(monkeypatch: pytest.MonkeyPatch) -> No
     assert {one.name for one in found.effects} == {"a", "b"}
     assert found.tied == (("a", "b"),)
     assert sum(found.odds.values()) == pytest.approx(1.0)
+
+
+def test_what_is_ruled_out_is_not_in_a_tie_that_something_unlisted_shares(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What "unlisted" carries counts as well: sets without weight do not make up for it."""
+    every = weighed(("", 0.0, NOTHING), ("a", 9.0, 9.1), ("b", 9.0, NOTHING), ("c", 1.0, NOTHING))
+    found = decided(every, monkeypatch)
+    assert found.odds["unlisted"] > 0.05
+    assert found.verdict == "ambiguous"
+    assert {one.name for one in found.effects} == {"a", "b"}
+    assert found.tied == (("a", "b"),)
+    gap = Gap("load_torque_nm", 0.02, 0.005, 0.004)
+    said = sentence_of(
+        "ambiguous",
+        found.effects,
+        gap,
+        Where((), (), cast("Any", None)),
+        tied=found.tied,
+        odds=found.odds,
+    )
+    assert said == (
+        "The model lacks a or b or something that no effect of the catalogue explains; these "
+        "recordings cannot say which. Each brings the held-out gap in load torque from 20 mN m to "
+        "about 5 mN m."
+    )
 
 
 def test_what_is_in_every_likely_set_is_named_beside_a_tie(

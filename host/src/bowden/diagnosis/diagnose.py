@@ -111,7 +111,13 @@ def diagnose(
     return Diagnosis(
         verdict=verdict,
         sentence=sentence_of(
-            verdict, decision.effects, gap, where, learned=learned, tied=decision.tied
+            verdict,
+            decision.effects,
+            gap,
+            where,
+            learned=learned,
+            tied=decision.tied,
+            odds=decision.odds,
         ),
         effects=decision.effects,
         ranking=ranking(found),

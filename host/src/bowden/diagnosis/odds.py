@@ -9,7 +9,7 @@ Yao, Vehtari, Simpson, Gelman 2018), which keeps one lucky block from making any
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,8 @@ PRIOR_UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
 MORE = 0.25  # of rigs that miss some effects miss one more
 AFFECTED = (0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
 RESAMPLES = 2000  # draws of the Bayesian bootstrap
+SURE = 0.95  # of the posterior: an effect is named
+NOTHING, UNLISTED = "nothing", "unlisted"  # explanations that name no effect
 NONE = 1e-9  # of its usual strength: an effect counts as no weaker in its prior
 
 
@@ -114,12 +116,23 @@ def posterior(
     return sorted(weighed, key=lambda one: -(one.weight + one.beyond))
 
 
+def explanation(one: Hypothesis) -> str:
+    """Return what a set of effects says is missing, in a word."""
+    if LEARNED in one.names:
+        return UNLISTED
+    return " + ".join(one.names) or NOTHING
+
+
 def explanations(every: Sequence[Weighed]) -> dict[str, float]:
     """Return the posterior of each explanation, likeliest first; "unlisted" is always there."""
-    found = {"unlisted": sum(one.beyond for one in every)}
+    found = {UNLISTED: sum(one.beyond for one in every)}
     for one in every:
-        names = " + ".join(one.hypothesis.names) or "nothing"
-        if LEARNED in one.hypothesis.names:
-            names = "unlisted"
+        names = explanation(one.hypothesis)
         found[names] = found.get(names, 0.0) + one.weight
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def credible(odds: Mapping[str, float]) -> list[str]:
+    """Return the likeliest explanations that are right with a probability of 95 % together."""
+    before = np.cumsum([0.0, *odds.values()])[:-1]
+    return [names for names, less in zip(odds, before, strict=True) if less < SURE]

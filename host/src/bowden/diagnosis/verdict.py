@@ -6,7 +6,7 @@ Takes `search.Found`, returns frozen results. An effect is named where the sets 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.contribution import shares
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.odds import Weighed, explanations
+from bowden.diagnosis.odds import (
+    NOTHING,
+    SURE,
+    UNLISTED,
+    Weighed,
+    credible,
+    explanation,
+    explanations,
+)
 from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
 from bowden.diagnosis.search import Found
@@ -23,7 +31,6 @@ from bowden.model.effects import LEARNED
 
 _Floats = NDArray[np.float64]
 
-SURE = 0.95  # of the posterior: an effect is named
 LIKELIER = 0.5  # of the posterior: an explanation is likelier than all others
 VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
 
@@ -61,7 +68,7 @@ def decide(found: Found) -> Decision:
             inclusion[name] = inclusion.get(name, 0.0) + one.weight + one.beyond
     odds = explanations(every)
     sure = {name for name, share in inclusion.items() if share >= SURE}
-    beyond, nothing = odds["unlisted"], odds.get("nothing", 0.0)
+    beyond, nothing = odds[UNLISTED], odds.get(NOTHING, 0.0)
     base = next(one for one in every if not one.hypothesis.effects)
     verdict: Verdict
     if beyond > LIKELIER:
@@ -72,7 +79,7 @@ def decide(found: Found) -> Decision:
     elif nothing > LIKELIER:
         verdict, chosen, shown = "complete", base, []
     else:
-        shown = _credible(every)
+        shown = _credible(every, odds)
         verdict, chosen = "ambiguous", shown[0]
     named: dict[str, NamedEffect] = {}
     for one in shown:
@@ -85,7 +92,7 @@ def decide(found: Found) -> Decision:
     order = sorted(
         named.values(), key=lambda one: (-round(one.confidence, 2), -sizes.get(one.name, 0.0))
     )
-    return Decision(verdict, tuple(order), chosen, _ties(_credible(every)), odds)
+    return Decision(verdict, tuple(order), chosen, _ties(_credible(every, odds)), odds)
 
 
 def odds_of_laws(every: Sequence[Weighed]) -> dict[str, float]:
@@ -103,21 +110,17 @@ def odds_of_laws(every: Sequence[Weighed]) -> dict[str, float]:
     return {k: v / total for k, v in sorted(found.items(), key=lambda pair: -pair[1])}
 
 
-def _credible(every: Sequence[Weighed]) -> list[Weighed]:
-    """Return the likeliest hypotheses that together carry 95 %, one a set of names.
+def _credible(every: Sequence[Weighed], odds: Mapping[str, float]) -> list[Weighed]:
+    """Return the likeliest set of each explanation that is not ruled out, likeliest first.
 
     A learned law is no name: what it carries is that of "unlisted".
     """
-    found: list[Weighed] = []
-    carried = 0.0
+    kept = set(credible(odds))
+    found: dict[str, Weighed] = {}
     for one in sorted(every, key=lambda one: -one.weight):
-        if carried >= SURE:
-            break
-        carried += one.weight
-        names = one.hypothesis.names
-        if LEARNED not in names and all(names != other.hypothesis.names for other in found):
-            found.append(one)
-    return found
+        if (names := explanation(one.hypothesis)) in kept - {UNLISTED}:
+            found.setdefault(names, one)
+    return list(found.values())
 
 
 def _ties(credible: Sequence[Weighed]) -> tuple[tuple[str, str], ...]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from bowden.diagnosis.excitation import Excitation
 from bowden.diagnosis.localise import Where
+from bowden.diagnosis.odds import NOTHING, UNLISTED, credible
 from bowden.diagnosis.result import Diagnosis, Learned, NamedEffect, Verdict
 from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
@@ -60,6 +61,7 @@ def sentence_of(
     *,
     learned: Learned | None = None,
     tied: Sequence[tuple[str, str]] = (),
+    odds: Mapping[str, float],
 ) -> str:
     """Say the verdict in one sentence or two.
 
@@ -73,6 +75,8 @@ def sentence_of(
     learned : Learned, optional
     tied : sequence of (str, str)
         Effects, by name, of which the recordings cannot say which is there.
+    odds : dict of str to float
+        Probability of each explanation.
     """
     scale, unit = (1e3, "mrad") if gap.quantity.endswith("_rad") else (1e3, "mN m")
     channel = gap.quantity.rpartition("_")[0].replace("_", " ")
@@ -89,10 +93,14 @@ def sentence_of(
             f"{channel} falls from {before} to {after}; the noise floor is {floor}."
         )
     if verdict == "ambiguous":
-        return (
-            f"The model lacks {' or '.join(titles)}; these recordings cannot say which. Either "
-            f"brings the held-out gap in {channel} from {before} to about {after}."
-        )
+        unnamed = {
+            NOTHING: "nothing",
+            UNLISTED: "something that no effect of the catalogue explains",
+        }
+        which = " or ".join([*titles, *(unnamed[one] for one in credible(odds) if one in unnamed)])
+        either = "Each" if len(titles) > 1 else "The effect"
+        gains = f" {either} brings the held-out gap in {channel} from {before} to about {after}."
+        return f"The model lacks {which}; these recordings cannot say which." + gains * bool(titles)
     if verdict == "unlisted" and learned is not None:
         return (
             f"Something is missing that no effect of the catalogue explains: "
