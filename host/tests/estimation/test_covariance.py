@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from bowden.estimation.covariance import Covariance, Data, covariance
-from bowden.model import Inputs, Mode, Model, parse_model, simulate
+from bowden.model import Inputs, Mode, Model, ModelError, parse_model, simulate
 from bowden.model.experiments.variants import with_damping, with_memory
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import EDGE_NOISE
@@ -107,6 +108,27 @@ def test_the_same_seed_gives_the_same_covariance() -> None:
     np.testing.assert_array_equal(again.sigma, noise.sigma)
     assert np.any(other.sigma != noise.sigma)
     assert data.observations.time_s.size == noise.sigma.size
+
+
+def test_a_path_that_the_model_cannot_run_leaves_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    data, noise = right_noise_of("triangle")
+    lost = list(data.paths())[::4]
+    predict = Data.predict
+
+    def some(self: Data, model: Model, numbers: Any = (), given: Recording | None = None) -> Any:
+        if any(given is one for one in lost):
+            raise ModelError("found no agreement", model.source)
+        return predict(self, model, numbers, given)
+
+    monkeypatch.setattr(Data, "predict", some)
+    fewer = covariance(data, MODEL)
+    # A standard deviation from 36 paths is known to 12 %, the same paths are in both.
+    assert np.sqrt(np.mean(fewer.sigma**2) / np.mean(noise.sigma**2)) == pytest.approx(1, abs=0.12)
+    lost += list(data.paths())
+    with pytest.raises(ModelError, match="no drawn input path"):
+        covariance(data, MODEL)
 
 
 def test_a_clean_recording_still_has_a_positive_sigma() -> None:

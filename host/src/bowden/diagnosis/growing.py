@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bowden.diagnosis.contribution import coordinates_without
-from bowden.diagnosis.fitting import ROUGH, start_of
+from bowden.diagnosis.fitting import ROUGH, Start, start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.relevance import idle
@@ -69,11 +69,18 @@ def without_idle(
 ) -> Hypothesis | None:
     """Fit a set without its effects that do nothing beside the others; None where it is known."""
     gone = idle(one)
-    kept = [(e, one.values(i)) for i, e in enumerate(one.effects) if i not in gone]
-    if not gone or frozenset(effect.key for effect, _ in kept) in done:
+    if not gone or frozenset(e.key for i, e in enumerate(one.effects) if i not in gone) in done:
         return None
-    start = start_of(material, searched, kept, one.coordinates(), one.best)
+    start = start_without(material, searched, one, gone)
     return None if start is None else start.fitted(ROUGH)
+
+
+def start_without(
+    material: Material, searched: Model, one: Hypothesis, gone: Sequence[int]
+) -> Start | None:
+    """Return a set without some of its effects, the other numbers as they are."""
+    kept = [(e, one.values(i)) for i, e in enumerate(one.effects) if i not in gone]
+    return start_of(material, searched, kept, one.coordinates(), one.best)
 
 
 def refitted_from(

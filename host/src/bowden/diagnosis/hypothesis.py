@@ -103,9 +103,12 @@ class Hypothesis:
         )
 
     def coordinates(self) -> dict[str, float]:
-        """Return the coordinate of each number by its path."""
+        """Return the coordinate of each calibrated number by its path.
+
+        Not of the effects' numbers: in another set their places are other effects'.
+        """
         each = self.problem.parameters.each
-        return {one.path: float(x) for one, x in zip(each, self.best.x, strict=False)}
+        return {each[i].path: float(self.best.x[i]) for i in self.calibrated if i < len(each)}
 
     @cached_property
     def calibrated(self) -> list[int]:

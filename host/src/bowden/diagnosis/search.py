@@ -2,7 +2,8 @@
 
 Every candidate is screened from the calibrated model, the most promising ones are fitted, and the
 best sets are grown. What a candidate does to a rig depends on what else the rig has: candidates are
-screened again from each set that leaves much.
+screened again from each set that leaves much. Where no addition helps such a set, each of its
+effects is exchanged for others.
 """
 
 from __future__ import annotations
@@ -17,12 +18,26 @@ import numpy as np
 
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.fitting import finish, start_of
-from bowden.diagnosis.growing import Done, grown_from, lowest, refitted_from, without_idle
+from bowden.diagnosis.growing import (
+    Done,
+    grown_from,
+    lowest,
+    refitted_from,
+    start_without,
+    without_idle,
+)
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import Weighed, log_prior, penalty, posterior
 from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
-from bowden.diagnosis.proposals import anew, as_filed, every_shape, proposed, screened_from
+from bowden.diagnosis.proposals import (
+    Screening,
+    anew,
+    as_filed,
+    every_shape,
+    proposed,
+    screened_from,
+)
 from bowden.diagnosis.relevance import holds, matters
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.estimation.covariance import Covariance
@@ -95,38 +110,60 @@ def search(
     tell("screening every effect", 0.15)
     filed = as_filed(material, searched, base)
     first = screened_from(material, searched, base, partial(every_shape, material, every))
+    again = partial(anew, material, first.here)
     done: Done = {base.key: base}
-    frontier = [base]
-    in_time = True
-    for size in range(1, MOST + 1):
-        in_time = time.monotonic() - started < time_limit_s
-        if not in_time:
-            break
-        tell(f"sets of {size}", 0.2 + 0.13 * size)
-        children: list[Hypothesis] = []
-        for parent in frontier:
-            screening = first
-            if parent.effects and holds(parent):
-                screening = replace(first, screen=Screen(parent))
-            elif parent.effects:
-                again = partial(anew, material, first.here)
-                screening = screened_from(material, searched, parent, again)
-            children += grown_from(material, searched, parent, proposed(screening), done)
-        if not children:
-            break
-        best = min(children, key=lambda one: one.best.cost)
-        if size == 1:  # the noise of a model that holds is not that of one that doesn't
-            tell("noise scale about the best", 0.3)
-            noises = _noises_about(material, best)
+
+    def settled(children: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Fit the likeliest children to the end, and without effects that do nothing."""
         finished = [finish(material, one, noises) for one in lowest(children, FINISHED)]
         finished += [
             finish(material, less, noises)
             for one in finished
             if (less := without_idle(material, searched, one, done)) is not None
         ]
-        for one in finished:
-            done[one.key] = one
-        grown = sorted([*finished, *frontier], key=_merit)
+        done.update((one.key, one) for one in finished)
+        return finished
+
+    def screened(parent: Hypothesis) -> Screening:
+        if parent is base:
+            return first
+        if holds(parent):
+            return replace(first, screen=Screen(parent))
+        return screened_from(material, searched, parent, again)
+
+    def added(parents: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Fit one more effect beside those of each parent."""
+        return [
+            child
+            for one in parents
+            if len(one.effects) < MOST
+            for child in grown_from(material, searched, one, proposed(screened(one)), done)
+        ]
+
+    def exchanged(one: Hypothesis) -> list[Hypothesis]:
+        """Fit another effect in the place of each: what came first may only imitate it."""
+        found = []
+        for k in range(len(one.effects)):
+            start = start_without(material, searched, one, [k])
+            if start is not None:
+                less = start.fitted(0)
+                likely = proposed(replace(first, screen=Screen(less)))[:FINISHED]
+                found += grown_from(material, searched, less, likely, done)
+        return found
+
+    frontier = [base]
+    while in_time := time.monotonic() - started < time_limit_s:
+        size = 1 + max(len(one.effects) for one in frontier)
+        tell(f"sets of {min(size, MOST)}", 0.2 + 0.12 * min(size, MOST))
+        children = added(frontier)
+        if frontier == [base] and children:  # the noise of a model that holds is another's
+            tell("noise scale about the best", 0.3)
+            noises = _noises_about(material, min(children, key=lambda one: one.best.cost))
+        grown = sorted([*settled(children), *frontier], key=_merit)
+        best = grown[0]
+        if best in frontier and len(best.effects) > 1 and max(best.best.scales.discrepancy) > 0.0:
+            tell("exchanging effects", 0.8)
+            grown = sorted([*settled(exchanged(best)), *frontier], key=_merit)
         if grown[0] in frontier:
             break
         frontier = [one for one in _parents(grown) if one not in frontier]

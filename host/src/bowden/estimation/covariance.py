@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bowden.estimation.kept import Kept
 from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import Observations, observe
-from bowden.model import Mode, Model
+from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.model.trajectory import TEMPERATURE
@@ -243,6 +243,8 @@ def covariance(
 ) -> Covariance:
     """Push the input paths through a model and return the covariance about its prediction.
 
+    A path that the model cannot run tells nothing, and the others stand for it.
+
     Parameters
     ----------
     data : Data
@@ -258,20 +260,23 @@ def covariance(
     Raises
     ------
     ModelError
-        The model cannot run one of them.
+        The model cannot run the best estimate, or none of the paths.
     """
     seen = data.observations
     best = data.predict(model, numbers)
 
-    def predicted(path: Recording) -> _Floats:
-        return data.predict(model, numbers, path)
+    def moved(path: Recording) -> _Floats | None:
+        try:
+            return data.predict(model, numbers, path) - best
+        except ModelError:  # passes that don't come to agree, on one path in many
+            return None
 
     drawn = data.paths()
-    paths = np.array(
-        list(a_few_at_a_time(pool, predicted, drawn) if pool else map(predicted, drawn))
-    )
-    paths -= best
-    columns, offset = [paths / np.sqrt(DRAWS)], np.zeros(best.size)
+    found = list(a_few_at_a_time(pool, moved, drawn) if pool else map(moved, drawn))
+    paths = np.array([one for one in found if one is not None])
+    if not paths.size:
+        raise ModelError("found no drawn input path that the model can run", model.source)
+    columns, offset = [paths / np.sqrt(len(paths))], np.zeros(best.size)
     if "motor_torque_nm" in data.mode.columns:
         held = data.predict(model, numbers, held_torque(data.given)) - best
         columns.append(HELD_OR_NOT * held[None])
