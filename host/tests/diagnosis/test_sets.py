@@ -10,7 +10,7 @@ import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
 from bowden.diagnosis.contribution import coordinates_without
 from bowden.diagnosis.fitting import finish, start_of
-from bowden.diagnosis.growing import refitted_from, without_idle
+from bowden.diagnosis.growing import refitted_from, start_without, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.relevance import idle
@@ -21,6 +21,7 @@ from bowden.model import Mode
 from .lab import MODEL, TRUTH, measured
 
 (OFFSET,) = candidates(("motor_torque_offset",))
+(CELL,) = candidates(("load_cell_offset",))
 (GAIN,) = candidates(("load_cell_gain",))
 (WRAP,) = candidates(("wrap_angle_change",))
 HIDDEN_NM: Final = 0.03
@@ -57,6 +58,25 @@ def test_an_effect_that_does_nothing_beside_another_is_dropped(
     # Known to a hundredth of itself: counts and noise of 12 s.
     assert less.values(0)["offset_nm"] == pytest.approx(HIDDEN_NM, rel=0.01)
     assert without_idle(material, as_searched(MODEL), both, {less.key: less}) is None
+
+
+def test_a_set_without_an_effect_starts_with_the_numbers_of_the_others(
+    material: Material, base: Hypothesis
+) -> None:
+    """Their places move up, and two of them call their numbers alike."""
+    three = fitted(
+        material,
+        base,
+        (GAIN, {"g": 0.01}),
+        (CELL, {"offset_nm": 0.002}),
+        (OFFSET, {"offset_nm": HIDDEN_NM}),
+    )
+    start = start_without(material, as_searched(MODEL), three, [0])
+    assert start is not None
+    less = start.fitted(0)
+    assert less.values(0) == pytest.approx(three.values(1))
+    assert less.values(1) == pytest.approx(three.values(2))
+    assert less.coordinates() == pytest.approx(three.coordinates())
 
 
 def test_calibrated_numbers_take_over_what_an_effect_did(
