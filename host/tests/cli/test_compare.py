@@ -65,10 +65,9 @@ def test_figures_for_programs_on_stdout_for_people_on_stderr(
 
 def test_the_report_is_written_whole(files: tuple[Path, Path], tmp_path: Path) -> None:
     model, recording = files
-    report = tmp_path / "report.html"
-    assert (
-        main(["compare", str(model), str(recording), str(recording), "--report", str(report)]) == 0
-    )
+    report, other = tmp_path / "report.html", tmp_path / "other.csv"
+    other.write_bytes(recording.read_bytes())
+    assert main(["compare", str(model), str(recording), str(other), "--report", str(report)]) == 0
     text = report.read_text()
     assert text.startswith("<!DOCTYPE html>")
     assert text.rstrip().endswith("</html>")
