@@ -147,7 +147,7 @@ def search(
             start = start_without(material, searched, one, [k])
             if start is not None:
                 less = start.fitted(0)
-                likely = proposed(replace(first, screen=Screen(less)))[:FINISHED]
+                likely = proposed(replace(first, screen=Screen(less)))
                 found += grown_from(material, searched, less, likely, done)
         return found
 
@@ -229,6 +229,9 @@ def _comparable(
     ranked = sorted((one for one in done.values() if matters(one)), key=_merit)[:COMPARED]
     if base not in ranked:
         ranked.append(base)
+    likeliest = min(ranked, key=_merit)
+    if len(likeliest.effects) > 1:  # what it makes of the inputs is not what one effect does
+        noises = _noises_about(material, likeliest)
     finished = [finish(material, one, noises) for one in ranked]
     likeliest = min(finished, key=_merit)
 
