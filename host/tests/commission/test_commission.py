@@ -252,6 +252,16 @@ def test_a_step_that_is_done_is_not_mixed_with_other_facts(nominal: Path, tmp_pa
     bus.shutdown()
 
 
+def test_a_fact_of_another_version_is_left_alone(nominal: Path, tmp_path: Path) -> None:
+    drive, bus, fitter = open_workshop(Wiring(), CABLE)
+    ended(folder := tmp_path / "bench", nominal, drive)
+    state = read_yaml(folder / STATE_FILE, CommissioningState, "state")
+    steps = tuple(one.model_copy(update={"facts": {"spring_n": (1.0,)}}) for one in state.steps)
+    save_state(folder, state.model_copy(update={"steps": steps}))
+    assert commission(drive, nominal, folder, fitter, FACTS).steps == steps
+    bus.shutdown()
+
+
 def test_a_folder_belongs_to_one_drive_and_one_model(nominal: Path, tmp_path: Path) -> None:
 
     drive = DriveIdentity(node_id=16, serial_number=1)

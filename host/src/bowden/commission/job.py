@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
 from bowden.commission.state import StepFinding
 from bowden.drive.capture import record
 from bowden.drive.client import Drive
@@ -78,7 +76,8 @@ class Facts:
 
     def named(self, names: Iterable[str]) -> dict[str, tuple[float, ...]]:
         """Return some of the numbers by name."""
-        return {name: tuple(np.atleast_1d(getattr(self, name)).tolist()) for name in names}
+        values = {name: getattr(self, name) for name in names}
+        return {k: one if isinstance(one, tuple) else (one,) for k, one in values.items()}
 
 
 @dataclass

@@ -175,13 +175,13 @@ def commission(
 
 
 def _require_same_facts(state: CommissioningState, facts: Facts) -> None:
-    for done in state.steps:
-        for name, value in facts.named(done.facts).items():
-            if value != done.facts[name]:
-                found, was = (
-                    " ".join(f"{one:.6g}" for one in each) for each in (value, done.facts[name])
-                )
-                accepted = f"{was}, by which {done.name} was done, or another folder (--output)"
+    for step in STEPS:
+        done = state.done(step.name)
+        for name, value in facts.named(step.takes).items():
+            taken = value if done is None else done.facts.get(name, value)
+            if value != taken:
+                found, was = (" ".join(f"{one:.6g}" for one in each) for each in (value, taken))
+                accepted = f"{was}, by which {step.name} was done, or another folder (--output)"
                 raise BadInput(name, found, accepted)
 
 
