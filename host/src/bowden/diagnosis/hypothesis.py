@@ -38,7 +38,7 @@ class Contribution:
     beyond: tuple[_Floats, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hypothesis:
     """The model with some effects, fitted.
 
