@@ -118,7 +118,7 @@ class Material:
         Raises
         ------
         ModelError
-            The model cannot run one of them.
+            The model cannot run a recording, or none of its paths.
         """
         offsets, finer = self.correction(model, numbers), self.finer(model)
         return [

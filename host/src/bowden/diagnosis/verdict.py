@@ -67,6 +67,7 @@ def decide(found: Found) -> Decision:
         for name in set(one.hypothesis.names) - {LEARNED}:
             inclusion[name] = inclusion.get(name, 0.0) + one.weight + one.beyond
     odds = explanations(every)
+    likely = _credible(every, odds)
     sure = {name for name, share in inclusion.items() if share >= SURE}
     beyond, nothing = odds[UNLISTED], odds.get(NOTHING, 0.0)
     base = next(one for one in every if not one.hypothesis.effects)
@@ -79,8 +80,7 @@ def decide(found: Found) -> Decision:
     elif nothing > LIKELIER:
         verdict, chosen, shown = "complete", base, []
     else:
-        shown = _credible(every, odds)
-        verdict, chosen = "ambiguous", shown[0]
+        verdict, chosen, shown = "ambiguous", likely[0], likely
     named: dict[str, NamedEffect] = {}
     for one in shown:
         for effect in effects_of(one.hypothesis, inclusion):
@@ -92,7 +92,7 @@ def decide(found: Found) -> Decision:
     order = sorted(
         named.values(), key=lambda one: (-round(one.confidence, 2), -sizes.get(one.name, 0.0))
     )
-    return Decision(verdict, tuple(order), chosen, _ties(_credible(every, odds)), odds)
+    return Decision(verdict, tuple(order), chosen, _ties(likely), odds)
 
 
 def odds_of_laws(every: Sequence[Weighed]) -> dict[str, float]:
@@ -123,10 +123,10 @@ def _credible(every: Sequence[Weighed], odds: Mapping[str, float]) -> list[Weigh
     return list(found.values())
 
 
-def _ties(credible: Sequence[Weighed]) -> tuple[tuple[str, str], ...]:
+def _ties(likely: Sequence[Weighed]) -> tuple[tuple[str, str], ...]:
     """Return which effects stand for each other among the credible sets."""
     pairs: set[tuple[str, str]] = set()
-    sets = [set(one.hypothesis.names) for one in credible]
+    sets = [set(one.hypothesis.names) for one in likely]
     for i, one in enumerate(sets):
         for other in sets[i + 1 :]:
             pairs |= {(min(a, b), max(a, b)) for a in one - other for b in other - one}

@@ -99,8 +99,12 @@ def sentence_of(
         }
         which = " or ".join([*titles, *(unnamed[one] for one in credible(odds) if one in unnamed)])
         either = "Each" if len(titles) > 1 else "The effect"
-        gains = f" {either} brings the held-out gap in {channel} from {before} to about {after}."
-        return f"The model lacks {which}; these recordings cannot say which." + gains * bool(titles)
+        said = f"The model lacks {which}; these recordings cannot say which."
+        if not titles:
+            return said
+        return (
+            f"{said} {either} brings the held-out gap in {channel} from {before} to about {after}."
+        )
     if verdict == "unlisted" and learned is not None:
         return (
             f"Something is missing that no effect of the catalogue explains: "

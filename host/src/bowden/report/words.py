@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from bowden.diagnosis.compare import Comparison
+from bowden.diagnosis.odds import NOTHING, UNLISTED
 from bowden.model.effects import CATALOGUE
 from bowden.recording.channels import MAIN_CHANNELS, channel
 
@@ -114,8 +115,8 @@ def title_of(name: str) -> str:
 
 def explanation_of(names: str) -> str:
     """Return an explanation of the posterior in words."""
-    if names == "nothing":
+    if names == NOTHING:
         return "no effect is missing"
-    if names == "unlisted":
+    if names == UNLISTED:
         return "an effect outside the catalogue"
     return " and ".join(title_of(name) for name in names.split(" + "))
