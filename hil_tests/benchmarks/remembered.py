@@ -12,29 +12,29 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
-from bowden.diagnosis import growing, proposals, search
+from bowden.diagnosis import growing, proposals, search, sets
 from bowden.diagnosis.fitting import Start
 from bowden.diagnosis.screening import Screen
 
 from hil_tests.benchmarks.decision_constants import constants, reached_from
 
 #: Where each step is looked up, its name, and the module beyond which it calls nothing. `_base` and
-#: `_noises_about` stand in `search` but only fit.
+#: `_noises_about` stand in `sets` but only fit.
 STEPS: Final[tuple[tuple[Any, str, str], ...]] = (
     (search, "as_searched", "material"),
-    (search, "_base", "fitting"),
-    (search, "_noises_about", "fitting"),
-    (search, "start_of", "fitting"),
+    (sets, "_base", "fitting"),
+    (sets, "_noises_about", "fitting"),
+    (sets, "start_of", "fitting"),
     (proposals, "start_of", "fitting"),
     (growing, "start_of", "fitting"),
     (Start, "fitted", "fitting"),
-    (search, "finish", "fitting"),
-    (search, "Screen", "screening"),
+    (sets, "finish", "fitting"),
+    (sets, "Screen", "screening"),
     (proposals, "Screen", "screening"),
     (Screen, "screen", "screening"),
     (Screen, "anew", "screening"),
     (Screen, "annealed", "screening"),
-    (search, "predict_unseen", "predict"),
+    (sets, "predict_unseen", "predict"),
 )
 
 

@@ -19,8 +19,9 @@ from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import ROUNDS, descend, jacobians, principal_axes
+from bowden.estimation.likelihood import best_scales
 from bowden.estimation.parameters import Parameters, parameters_of
-from bowden.estimation.problem import Optimum, Problem
+from bowden.estimation.problem import Optimum, Problem, fitted_parts, objective
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
@@ -142,13 +143,38 @@ def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) ->
         found = _descend(problem, best, own, axes=axes, slopes=slopes)
         if found is None:
             return one
-        settled = float(np.max(np.abs(found.x - best.x) / problem.unit)) < SETTLED
+        settled = _is_near(problem, best.x, found.x)
         best = found
         slopes = best.slopes if best.settled else None
         one = replace(one, problem=problem, best=best)
         if settled:
             break
     return _with_slopes(one.effects, problem, best)
+
+
+def is_settled(before: Hypothesis, one: Hypothesis) -> bool:
+    """Whether a fit ended where an earlier one of the same set did: what holds there holds here."""
+    alike = [e.key for e in before.effects] == [e.key for e in one.effects]
+    return alike and _is_near(one.problem, before.best.x, one.best.x)
+
+
+def _is_near(problem: Problem, before: _Floats, x: _Floats) -> bool:
+    return bool(np.max(np.abs(x - before) / problem.unit, initial=0.0) < SETTLED)
+
+
+def weighed_under(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
+    """Return a hypothesis where it is, under another covariance.
+
+    With its own correction, its own laws' errors, and the scales that suit it there.
+    """
+    problem, best = one.problem, one.best
+    own = [
+        replace(noise, offset=before.offset, law=before.law)
+        for noise, before in zip(noises, best.noises, strict=True)
+    ]
+    scales = best_scales(fitted_parts(problem, best.residuals, own), best.scales)
+    cost = objective(problem, best.x, best.residuals, own, scales)
+    return replace(one, best=replace(best, noises=own, scales=scales, cost=cost))
 
 
 def _descend(
@@ -174,7 +200,7 @@ def _descend(
 
 SECANTS = 4  # steps after each with derivatives of its own: a search fits hundreds of sets
 CORRECTED = 4  # times at most that a fit is repeated with the correction of where it ended
-SETTLED = 0.05  # unit steps: the correction doesn't change within that
+SETTLED = 0.05  # unit steps: neither correction nor covariance changes within that
 
 
 def corrected(

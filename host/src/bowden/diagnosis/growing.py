@@ -6,17 +6,20 @@ Takes what `proposals` chose; `search` compares what comes back.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from bowden.diagnosis.contribution import coordinates_without
-from bowden.diagnosis.fitting import ROUGH, Start, start_of
+from bowden.diagnosis.fitting import ROUGH, Start, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.relevance import idle
 from bowden.diagnosis.screening import ScreenedCandidate
 from bowden.model import Model
 
-Done = dict[frozenset[tuple[str, str]], Hypothesis]
-"""The best fit of each set, by the names and places of its effects."""
+Key = frozenset[tuple[str, str]]
+"""Names and places of a set's effects."""
+Done = dict[Key, Hypothesis]
+"""The best fit of each set."""
 
 
 def grown_from(
@@ -35,9 +38,18 @@ def grown_from(
         child = _with_effect(material, searched, parent, screened)
         if child is not None:
             found.append(child)
-            if key not in done or child.best.cost < done[key].best.cost:
+            before = done.get(key)
+            if (
+                before is None
+                or child.best.cost < weighed_under(before, child.best.noises).best.cost
+            ):
                 done[key] = child
     return found
+
+
+def _cost_beside(one: Hypothesis, other: Hypothesis) -> float:
+    """Return the cost of another fit of the same set under the covariance of one."""
+    return weighed_under(other, one.best.noises).best.cost
 
 
 def _with_effect(
@@ -49,7 +61,8 @@ def _with_effect(
     None where the effect ends as one that does nothing: that is the parent once more.
     """
     known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
-    effects, like = [*known, (screened.candidate, screened.values)], screened.origin.best
+    effects = [*known, (screened.candidate, screened.values)]
+    like = replace(screened.origin.best, noises=parent.best.noises)
     starts = [
         start_of(material, searched, effects, screened.others_at(share), like)
         for share in (1.0, 0.0)

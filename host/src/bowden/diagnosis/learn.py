@@ -30,7 +30,7 @@ from bowden.diagnosis.law_candidates import (
 )
 from bowden.diagnosis.material import Material, as_searched, with_offset
 from bowden.diagnosis.numbers_known import solver_errors
-from bowden.diagnosis.odds import log_prior, posterior
+from bowden.diagnosis.odds import log_prior, merit, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.relevance import holds, matters
 from bowden.diagnosis.result import Learned
@@ -210,14 +210,9 @@ def _in_reach(
     tried: Sequence[Hypothesis | None], rivals: Sequence[Hypothesis] = ()
 ) -> list[Hypothesis]:
     """Return the laws that could still be as likely as the likeliest, the likeliest first."""
-    laws = sorted((one for one in tried if one is not None), key=_merit)
-    least = min(map(_merit, (*laws, *rivals)), default=0.0)
+    laws = sorted((one for one in tried if one is not None), key=merit)
+    least = min(map(merit, (*laws, *rivals)), default=0.0)
     return [one for one in laws if _reach(one, one.best.noises) - log_prior(one) <= least + APART]
-
-
-def _merit(one: Hypothesis) -> float:
-    """Return -log posterior of a law, with the prior of the effects beside it."""
-    return one.best.cost - log_prior(one)
 
 
 def _reach(one: Hypothesis, noises: Sequence[Covariance]) -> float:

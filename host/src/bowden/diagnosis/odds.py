@@ -71,6 +71,11 @@ def log_prior(one: Hypothesis, candidates: int = len(CATALOGUE)) -> float:
     return orders - penalties + room + laws * math.log(PRIOR_UNLISTED / LAWS)
 
 
+def merit(one: Hypothesis) -> float:
+    """Return -log posterior of a set of effects where its fit ended, up to a constant."""
+    return one.best.cost - log_prior(one)
+
+
 def penalty(effect: Effect, candidates: int = len(CATALOGUE)) -> float:
     """Return the log prior odds against one more effect, among so many that it may be."""
     return math.log(candidates * len(effect.variants) / MORE)

@@ -243,7 +243,8 @@ def covariance(
 ) -> Covariance:
     """Push the input paths through a model and return the covariance about its prediction.
 
-    A path that the model cannot run tells nothing, and the others stand for it.
+    A path or another reading of the rig that the model cannot run tells nothing, and the others
+    stand for it.
 
     Parameters
     ----------
@@ -265,11 +266,14 @@ def covariance(
     seen = data.observations
     best = data.predict(model, numbers)
 
-    def moved(path: Recording) -> _Floats | None:
+    def change(other: Model, path: Recording | None = None) -> _Floats | None:
         try:
-            return data.predict(model, numbers, path) - best
+            return data.predict(other, numbers, path) - best
         except ModelError:  # passes that don't come to agree, on one path in many
             return None
+
+    def moved(path: Recording) -> _Floats | None:
+        return change(model, path)
 
     drawn = data.paths()
     found = list(a_few_at_a_time(pool, moved, drawn) if pool else map(moved, drawn))
@@ -277,12 +281,11 @@ def covariance(
     if not paths.size:
         raise ModelError("found no drawn input path that the model can run", model.source)
     columns, offset = [paths / np.sqrt(len(paths))], np.zeros(best.size)
+    others = []
     if "motor_torque_nm" in data.mode.columns:
-        held = data.predict(model, numbers, held_torque(data.given)) - best
-        columns.append(HELD_OR_NOT * held[None])
-    columns += [
-        share * (data.predict(other, numbers) - best)[None] for other, share in open_numbers(model)
-    ]
+        others.append((moved(held_torque(data.given)), HELD_OR_NOT))
+    others += [(change(other), share) for other, share in open_numbers(model)]
+    columns += [share * one[None] for one, share in others if one is not None]
     segments = model.transmission.segments
     if correction is not None:
         offset, columns = correction, [*columns, DOUBTED * correction[None]]

@@ -1,0 +1,182 @@
+"""The sets of effects fitted so far, all that are compared under one covariance.
+
+`search` says which are grown next; `proposals` and `growing` make their children, `predict` says
+how well the finalists predict what their fits have not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.fitting import finish, is_settled, start_of, weighed_under
+from bowden.diagnosis.growing import (
+    Done,
+    grown_from,
+    lowest,
+    refitted_from,
+    start_without,
+    without_idle,
+)
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.material import Material
+from bowden.diagnosis.odds import merit
+from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
+from bowden.diagnosis.proposals import (
+    Screening,
+    anew,
+    as_filed,
+    every_shape,
+    proposed,
+    screened_from,
+)
+from bowden.diagnosis.relevance import holds, matters
+from bowden.diagnosis.screening import Screen
+from bowden.estimation.covariance import Covariance
+from bowden.estimation.likelihood import Scales
+from bowden.estimation.nuisance import Nuisance
+from bowden.estimation.problem import Optimum
+from bowden.estimation.search import WRONG
+from bowden.model import Model, ModelError
+
+MOST = 4  # effects in a set: of the rigs that miss some, MORE**4 = 0.4 % miss more
+FINISHED = 3  # of the fitted sets at each step
+COMPARED = 8  # sets at most, beside the calibrated model, by their predictions
+NEAR = 50.0  # nats: by as much are sums over blocks too sure (`odds` averages over them)
+
+
+class Sets:
+    """The sets of effects fitted so far.
+
+    Those that are compared are weighed under one covariance: that about the likeliest of them. What
+    a model makes of its inputs' errors is its own; about a set that lacks an inertia or a lag it
+    would be too small by orders, and the fits of the right set would be drawn away.
+
+    Parameters
+    ----------
+    material : Material
+    searched : Model
+        As it is searched, with the file's values.
+    """
+
+    def __init__(self, material: Material, searched: Model) -> None:
+        self.material, self.searched = material, searched
+        base = _base(material, searched)
+        self.done: Done = {base.key: base}
+        self.about, self.noises = base, base.best.noises
+
+    @property
+    def base(self) -> Hypothesis:
+        """The calibrated model."""
+        return self.done[frozenset()]
+
+    def screen(self, every: Sequence[Candidate]) -> None:
+        """Screen every effect from the calibrated model."""
+        self.filed = as_filed(self.material, self.searched, self.base)
+        shapes = partial(every_shape, self.material, every)
+        self.first = screened_from(self.material, self.searched, self.base, shapes)
+
+    def _screened(self, parent: Hypothesis) -> Screening:
+        if not parent.effects:
+            return self.first
+        if holds(parent):
+            return replace(self.first, screen=Screen(parent))
+        again = partial(anew, self.material, self.first.here)
+        return screened_from(self.material, self.searched, parent, again)
+
+    def added(self, parents: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Fit one more effect beside those of each parent."""
+        return [
+            child
+            for one in parents
+            if len(one.effects) < MOST
+            for child in self._grown(one, self._screened(one))
+        ]
+
+    def exchanged(self, one: Hypothesis) -> list[Hypothesis]:
+        """Fit another effect in the place of each: what came first may only imitate it."""
+        found = []
+        for k in range(len(one.effects)):
+            start = start_without(self.material, self.searched, one, [k])
+            if start is not None:
+                less = start.fitted(0)
+                found += self._grown(less, replace(self.first, screen=Screen(less)))
+        return found
+
+    def _grown(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
+        return grown_from(self.material, self.searched, parent, proposed(screening), self.done)
+
+    def weighed(
+        self, parents: Sequence[Hypothesis], children: Sequence[Hypothesis]
+    ) -> list[Hypothesis]:
+        """Fit parents and the likeliest children to the end; best first.
+
+        Under the covariance about the likeliest, and without effects that do nothing.
+        """
+        known = list(parents)
+        if self._move_to(min([*parents, *children], key=merit)):
+            known = [finish(self.material, one, self.noises) for one in parents]
+        fresh = [finish(self.material, one, self.noises) for one in lowest(children, FINISHED)]
+        fresh += [
+            finish(self.material, less, self.noises)
+            for one in fresh
+            if (less := without_idle(self.material, self.searched, one, self.done)) is not None
+        ]
+        self.done.update((one.key, one) for one in (*known, *fresh))
+        return sorted([*fresh, *known], key=merit)
+
+    def _move_to(self, likeliest: Hypothesis) -> bool:
+        """Let the covariance be that about a fit; return whether it was about another one."""
+        if is_settled(self.about, likeliest):
+            return False
+        self.about, self.noises = likeliest, _noises_about(self.material, likeliest)
+        return True
+
+    def comparable(self) -> list[tuple[Hypothesis, UnseenPrediction]]:
+        """Fit the finalists to the end under one covariance and predict what was held out.
+
+        A jagged likelihood may hold a fit in a notch, and a further effect may seem to gain what is
+        only the way out of it: each set near the likeliest starts once more from where that ended.
+        """
+        ranked = sorted(
+            (weighed_under(one, self.noises) for one in self.done.values() if matters(one)),
+            key=merit,
+        )[:COMPARED]
+        if all(one.effects for one in ranked):
+            ranked.append(self.base)
+        self._move_to(ranked[0])
+        finished = [finish(self.material, one, self.noises) for one in ranked]
+        likeliest = min(finished, key=merit)
+
+        def restarted(one: Hypothesis) -> Hypothesis:
+            if one is likeliest or merit(one) > merit(likeliest) + NEAR:
+                return one
+            again = refitted_from(self.material, self.searched, one, likeliest)
+            return min(one, finish(self.material, again, self.noises), key=merit)
+
+        found = [restarted(one) for one in finished]
+        self.done.update((one.key, one) for one in found)
+        return [(one, predict_unseen(one)) for one in found if matters(one)]
+
+
+def _base(material: Material, searched: Model) -> Hypothesis:
+    """Calibrate the model without a further effect."""
+    numbers: list[list[tuple[Nuisance, float]]] = [[] for _ in material.coarse]
+    noises = material.noise(searched, numbers)
+    nothing = np.zeros(len(material.nuisances))
+    start = Optimum(nothing, 0.0, np.zeros((0, 0)), [], noises, Scales((WRONG, WRONG)))
+    begun = start_of(material, searched, [], {}, start)
+    if begun is None:
+        raise ModelError("found no start that the model can run, accepted: other values")
+    found = begun.fitted(12)
+    return finish(material, found, _noises_about(material, found))
+
+
+def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
+    """Return the covariances about a hypothesis where it is."""
+    numbers = [one.problem.numbers(one.best.x, k) for k in range(len(material.coarse))]
+    return material.noise(one.model, numbers)

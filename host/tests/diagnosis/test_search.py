@@ -1,0 +1,90 @@
+"""The search: effects are exchanged, and what is compared is compared under one covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+import numpy as np
+import pytest
+from bowden.diagnosis.candidates import Candidate, candidates
+from bowden.diagnosis.fitting import finish, start_of, weighed_under
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.material import Material, as_searched, make_material
+from bowden.diagnosis.search import search
+from bowden.diagnosis.sets import Sets
+from bowden.model import Mode
+
+from .lab import MODEL, TRUTH, measured
+
+(GAIN,) = candidates(("load_cell_gain",))
+(OFFSET,) = candidates(("motor_torque_offset",))
+(CELL,) = candidates(("load_cell_offset",))
+(INERTIA,) = candidates(("motor_inertia",))
+HIDDEN: Final = {GAIN: {"g": 0.02}, OFFSET: {"offset_nm": 0.03}}
+INERTIA_KG_M2: Final = 1e-4  # five times the usual
+
+
+def _material(pool: ThreadPoolExecutor, hidden: dict[Candidate, dict[str, float]]) -> Material:
+    truth = TRUTH
+    for effect, values in hidden.items():
+        truth = effect.added_to(truth, values)
+    return make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
+
+
+@pytest.fixture(scope="module")
+def sets() -> Iterator[Sets]:
+    with ThreadPoolExecutor(1) as pool:
+        found = Sets(_material(pool, HIDDEN), as_searched(MODEL))
+        found.screen([GAIN, OFFSET, CELL])
+        yield found
+
+
+def _fitted(sets: Sets, *effects: Candidate) -> Hypothesis:
+    values = [(one, HIDDEN.get(one, {"offset_nm": 0.01})) for one in effects]
+    start = start_of(sets.material, sets.searched, values, {}, sets.base.best)
+    assert start is not None
+    return finish(sets.material, start.fitted(4), sets.noises)
+
+
+def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
+    """Nothing that is added to two effects mends that one of them is the wrong one."""
+    wrong = _fitted(sets, OFFSET, CELL)
+    found = sets.weighed([wrong], sets.exchanged(wrong))
+    assert set(found[0].effects) == {GAIN, OFFSET}
+    assert found[0].best.cost < wrong.best.cost - 100.0
+    assert abs(found[0].values(found[0].effects.index(GAIN))["g"] - 0.02) < 0.002
+
+
+def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest() -> None:
+    """An inertia makes more of the inputs' errors than the calibrated model knows of."""
+    with ThreadPoolExecutor(2) as pool:
+        material = _material(pool, {INERTIA: {"inertia_kg_m2": INERTIA_KG_M2}})
+        found = search(material, MODEL, [INERTIA, OFFSET], seed=1)
+        best = found.weighed[0].hypothesis
+        assert best.effects == (INERTIA,)
+        numbers = [best.problem.numbers(best.best.x, k) for k in range(len(material.coarse))]
+        (about,) = material.noise(best.model, numbers)
+        (before,) = material.noise(found.filed.model, numbers)
+    sizes = [np.trace(one) for one in about.inputs]
+    for one in found.weighed:
+        (noise,) = one.hypothesis.best.noises
+        # The same paths through a fit that moved by less than a twentieth of a unit since.
+        np.testing.assert_allclose([np.trace(each) for each in noise.inputs], sizes, rtol=0.05)
+    assert max(np.trace(one) for one in before.inputs) < 0.5 * max(sizes)
+
+
+def test_a_set_is_weighed_where_it_is_under_another_covariance(sets: Sets) -> None:
+    """With more noise it is less likely by the determinant; its residuals stay."""
+    one = _fitted(sets, GAIN, OFFSET)
+    same = weighed_under(one, one.best.noises)
+    assert same.best.cost == pytest.approx(one.best.cost, abs=1e-6)
+    other = _fitted(sets, OFFSET, CELL)
+    there = weighed_under(other, one.best.noises)
+    assert there.best.residuals is other.best.residuals
+    for noise, mine, before in zip(
+        there.best.noises, one.best.noises, other.best.noises, strict=True
+    ):
+        assert noise.inputs is mine.inputs
+        assert noise.offset is before.offset
