@@ -12,7 +12,9 @@ and Solin 2019, 12.6)
 A node says where x is through a Gaussian of precision `precision` and mean `pull / precision`.
 Kalman's filter runs forwards; what later nodes say of a state is gathered backwards as precision
 (the two-filter smoother, Fraser and Potter 1969). What is said of d and of x is then a product and
-never the small difference of two covariances. Matrices so small are multiplied by hand.
+never the small difference of two covariances. Matrices so small are multiplied by hand, in loops
+whose length the compiler knows (`high` has as many rows), in memory of the caller: a path of ten
+minutes has half a million nodes and is smoothed a hundred times.
 `wiener_draws` draws from the same posterior.
 """
 
@@ -27,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.model.compiled import compiled
+from bowden.model.compiled import compiled_in_place
 
 _Floats = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]  # a tuple, so that the compiler knows the order
@@ -87,8 +89,28 @@ def with_scores(nodes: Nodes, order: int) -> tuple[Smoothed, _Floats]:
     size, steps = nodes.precision.size, (nodes.step.size, 2)
     found = Smoothed(np.empty((size, order)), np.empty(size), np.empty(steps), np.empty(steps))
     scores = np.empty((nodes.step.size, order))
-    _smooth(*nodes, squares(order), *found, scores)
+    _smooth(*nodes, squares(order), *found, scores, np.empty((size, order, order)), _Room.of(order))
     return found, scores
+
+
+class _Room(NamedTuple):
+    """Where the kernels keep what they need of one node."""
+
+    now: _Floats
+    spread: _Floats
+    ahead: _Floats
+    towards: _Floats
+    both: _Floats
+    column: _Floats
+    noise: _Floats
+    square: _Floats
+    work: _Floats
+
+    @classmethod
+    def of(cls, n: int) -> _Room:
+        """Return it for states of so many numbers."""
+        shapes = (n,), (n, n), (n, n), (n,), (n, n + 1), (n, 1), (n, n), (n, n), (n, n)
+        return cls(*map(np.zeros, shapes))
 
 
 @cache
@@ -109,7 +131,7 @@ def rows(matrix: NDArray[np.floating]) -> Matrix:
     return tuple(tuple(float(value) for value in row) for row in matrix)
 
 
-@compiled
+@compiled_in_place
 def move(high: Matrix, h: float, now: _Floats, to: _Floats) -> None:
     """Set `to` = F now."""
     n = len(high)
@@ -121,7 +143,7 @@ def move(high: Matrix, h: float, now: _Floats, to: _Floats) -> None:
             to[i] += part * now[j]
 
 
-@compiled
+@compiled_in_place
 def _add_noise(h: float, intensity: float, unit: Matrix, spread: _Floats) -> None:
     """Add intensity Q to a covariance."""
     last = intensity * h
@@ -133,7 +155,7 @@ def _add_noise(h: float, intensity: float, unit: Matrix, spread: _Floats) -> Non
         last *= h
 
 
-@compiled
+@compiled_in_place
 def against(h: float, unit: Matrix, square: _Floats) -> float:
     """Return tr(Q square); of Q^-1 for 1 / h and the inverse."""
     total, last = 0.0, h
@@ -146,7 +168,7 @@ def against(h: float, unit: Matrix, square: _Floats) -> float:
     return total
 
 
-@compiled
+@compiled_in_place
 def _carry(high: Matrix, h: float, spread: _Floats, ahead: _Floats) -> None:
     """Set `ahead` = F spread F'."""
     n = len(high)
@@ -160,7 +182,7 @@ def _carry(high: Matrix, h: float, spread: _Floats, ahead: _Floats) -> None:
                 ahead[i, column] += part * ahead[j, column]
 
 
-@compiled
+@compiled_in_place
 def _filter(
     step: _Floats,
     intensity: _Floats,
@@ -169,6 +191,7 @@ def _filter(
     units: Pair,
     states: _Floats,
     spreads: _Floats,
+    room: _Room,
 ) -> None:
     """Set state and covariance of each node given those before it."""
     high, low = units
@@ -177,7 +200,7 @@ def _filter(
     spreads[0] = 0.0
     for i in range(n):
         spreads[0, i, i] = FIRST[i]
-    now, spread = np.empty(n), np.empty((n, n))
+    now, spread = room.now, room.spread
     for k in range(step.size):
         # With the node itself.
         wide = 1.0 + precision[k] * spreads[k, 0, 0]
@@ -196,13 +219,13 @@ def _filter(
         _add_noise(step[k], intensity[k, 1], low, spreads[k + 1])
 
 
-@compiled
-def _solve(left: _Floats, right: _Floats, work: _Floats, wanted: _Floats) -> None:
+@compiled_in_place
+def _solve(high: Matrix, left: _Floats, right: _Floats, work: _Floats, wanted: _Floats) -> None:
     """Replace `wanted` by (1 + left right)^-1 wanted; left and right are covariances or inverses.
 
     So products take the place of small differences: P - P N P is (1 + P J)^-1 P.
     """
-    n = left.shape[0]
+    n = len(high)
     for i in range(n):
         for j in range(n):
             work[i, j] = 1.0 if i == j else 0.0
@@ -221,7 +244,7 @@ def _solve(left: _Floats, right: _Floats, work: _Floats, wanted: _Floats) -> Non
             wanted[i, j] /= work[i, i]
 
 
-@compiled
+@compiled_in_place
 def _smooth(
     step: _Floats,
     intensity: _Floats,
@@ -233,27 +256,29 @@ def _smooth(
     felt: _Floats,
     known: _Floats,
     scores: _Floats,
+    spreads: _Floats,
+    room: _Room,
 ) -> None:
     """Set what `Smoothed` holds, and of each step the gradient of the log-likelihood by d."""
     high, low = units
     size, n = precision.size, len(high)
-    spreads = np.empty((size, n, n))
-    _filter(step, intensity, precision, pull, units, states, spreads)
+    _filter(step, intensity, precision, pull, units, states, spreads, room)
     # What this node and those ahead say of the state: precision, and precision times mean.
-    ahead, towards = np.zeros((n, n)), np.zeros(n)
-    both, column, noise = np.empty((n, n + 1)), np.empty((n, 1)), np.empty((n, n))
-    square, work = np.empty((n, n)), np.empty((n, n))
+    ahead, towards, both, column = room.ahead, room.towards, room.both, room.column
+    noise, square, work = room.noise, room.square, room.work
+    ahead[:], towards[:] = 0.0, 0.0
     for k in range(size - 1, -1, -1):
         ahead[0, 0] += precision[k]
         towards[0] += pull[k]
         # The information on an error of the state, and the gradient of the log-likelihood by it.
-        _beside(ahead, towards, both)
+        _beside(high, ahead, towards, both)
         for i in range(n):
             for j in range(n):
                 both[i, n] -= ahead[i, j] * states[k, j]
-        _solve(ahead, spreads[k], work, both)
-        column[:, 0] = spreads[k, 0]
-        _solve(spreads[k], ahead, work, column)
+        _solve(high, ahead, spreads[k], work, both)
+        for i in range(n):
+            column[i, 0] = spreads[k, 0, i]
+        _solve(high, spreads[k], ahead, work, column)
         variance[k] = column[0, 0]
         for i in range(n):
             for j in range(n):
@@ -261,8 +286,8 @@ def _smooth(
         if k == 0:
             break
         h, strength = step[k - 1], intensity[k - 1]
-        scores[k - 1] = both[:, n]
         for i in range(n):
+            scores[k - 1, i] = both[i, n]
             for j in range(n):
                 square[i, j] = both[i, n] * both[j, n]
         felt[k - 1, 0] = strength[0] ** 2 * against(h, high, square)
@@ -273,19 +298,21 @@ def _smooth(
         noise[:] = 0.0
         _add_noise(h, strength[0], high, noise)
         _add_noise(h, strength[1], low, noise)
-        _beside(ahead, towards, both)
-        _solve(ahead, noise, work, both)
+        _beside(high, ahead, towards, both)
+        _solve(high, ahead, noise, work, both)
         _carry_back(high, h, both, ahead, towards)
 
 
-@compiled
-def _beside(matrix: _Floats, vector: _Floats, both: _Floats) -> None:
-    n = vector.size
-    both[:, :n] = matrix
-    both[:, n] = vector
+@compiled_in_place
+def _beside(high: Matrix, matrix: _Floats, vector: _Floats, both: _Floats) -> None:
+    n = len(high)
+    for i in range(n):
+        for j in range(n):
+            both[i, j] = matrix[i, j]
+        both[i, n] = vector[i]
 
 
-@compiled
+@compiled_in_place
 def _carry_back(high: Matrix, h: float, both: _Floats, ahead: _Floats, towards: _Floats) -> None:
     """Set `ahead` = F' J F and `towards` = F' j, where `both` holds J and j."""
     n = len(high)

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.model.compiled import compiled
+from bowden.model.compiled import compiled_in_place
 from bowden.signals.wiener import (
     FIRST,
     Matrix,
@@ -46,8 +46,9 @@ def draw(nodes: Nodes, order: int, generator: np.random.Generator) -> tuple[_Flo
     noise = np.zeros((size - 1, 2, order))
     _prior_path(*nodes, _roots(order), normal, path, missed, noise)
     found, scores = with_scores(nodes._replace(pull=missed), order)
-    felt = np.empty((size - 1, 2))
-    _felt(nodes.step, nodes.intensity, squares(order), _inverses(order), scores, noise, felt)
+    felt, square = np.empty((size - 1, 2)), np.empty((order, order))
+    matrices = squares(order), _inverses(order)
+    _felt(nodes.step, nodes.intensity, *matrices, scores, noise, felt, square)
     return path + found.states, felt
 
 
@@ -63,7 +64,7 @@ def _roots(order: int) -> Pair:
     )
 
 
-@compiled
+@compiled_in_place
 def _prior_path(
     step: _Floats,
     intensity: _Floats,
@@ -93,7 +94,7 @@ def _prior_path(
         missed[k] = pull[k] - read
 
 
-@compiled
+@compiled_in_place
 def _add_drawn(h: float, intensity: float, root: Matrix, normal: _Floats, noise: _Floats) -> None:
     scale = math.sqrt(intensity * h)
     for i in range(len(root) - 1, -1, -1):
@@ -102,7 +103,7 @@ def _add_drawn(h: float, intensity: float, root: Matrix, normal: _Floats, noise:
         scale *= h
 
 
-@compiled
+@compiled_in_place
 def _felt(
     step: _Floats,
     intensity: _Floats,
@@ -111,10 +112,10 @@ def _felt(
     scores: _Floats,
     noise: _Floats,
     felt: _Floats,
+    square: _Floats,
 ) -> None:
     """Set d' Q^-1 d of both noises, each corrected by intensity Q score."""
-    n = scores.shape[1]
-    square = np.empty((n, n))
+    n = len(units[0])
     for k in range(step.size):
         _correct(step[k], intensity[k, 0], units[0], scores[k], noise[k, 0])
         _correct(step[k], intensity[k, 1], units[1], scores[k], noise[k, 1])
@@ -128,7 +129,7 @@ def _felt(
                 felt[k, 1] = against(1.0 / step[k], inverses[1], square)
 
 
-@compiled
+@compiled_in_place
 def _correct(h: float, intensity: float, unit: Matrix, score: _Floats, noise: _Floats) -> None:
     last = intensity * h
     for i in range(len(unit) - 1, -1, -1):
