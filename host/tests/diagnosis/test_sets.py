@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
@@ -100,6 +101,20 @@ def test_calibrated_numbers_take_over_what_an_effect_did(
         material, refitted_from(material, as_searched(MODEL), less, both), base.best.noises
     )
     assert again.best.cost < both.best.cost + 1.0
+
+
+def test_a_screen_holds_numbers_of_its_blocks_not_of_every_pair_of_observations(
+    base: Hypothesis,
+) -> None:
+    """Ten minutes at 1 kHz have 74 000 observations: a number of each pair would take 44 GB."""
+    count = sum(data.observations.time_s.size for data in base.problem.data)
+    tracemalloc.start()
+    try:
+        Screen(base)
+        _, peak_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak_bytes < 8 * count**2
 
 
 def test_a_gain_is_predicted_with_what_tolerances_no_longer_have_to_stretch() -> None:

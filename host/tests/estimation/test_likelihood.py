@@ -14,6 +14,7 @@ from bowden.estimation.likelihood import (
     block_weight,
     cost,
     whiten,
+    whitening_roots,
 )
 from bowden.estimation.nuisance import Nuisance, as_given, as_read, usual_nuisances
 from bowden.estimation.observations import USUAL_BLOCK_S, _block_edges
@@ -191,6 +192,19 @@ def test_a_block_is_whitened_alike_whatever_was_whitened_before() -> None:
         assert all(np.array_equal(a.rows, b) for a, b in zip(found, expected, strict=True))
     sums = [float(np.sum(np.square(np.concatenate(rows)))) for rows in fresh]
     assert len(set(sums)) == len(every)
+
+
+def test_a_root_whitens_its_block_by_a_product() -> None:
+    _, read = run()
+    data = Data.of(read, 0, MODEL, MODE)
+    noise, scales = covariance(data, MODEL), Scales((0.3, 0.1))
+    column = np.random.default_rng(0).normal(size=(data.observations.time_s.size, 1))
+    roots, white = whitening_roots(data, noise, scales), whiten(data, noise, scales, column)
+    for rows, root, expected in zip(data.observations.blocks, roots, white, strict=True):
+        assert root.rows.shape == (rows.size, rows.size)
+        assert root.half_log_det == expected.half_log_det
+        size = float(np.abs(expected.rows).max())
+        np.testing.assert_allclose(root.rows @ column[rows], expected.rows, atol=1e-9 * size)
 
 
 def test_paths_are_the_same_each_time_and_hold_what_a_simulation_reads(

@@ -24,7 +24,7 @@ from bowden.diagnosis.probes import (
     switched_off,
     value_of,
 )
-from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whiten
+from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whitening_roots
 from bowden.estimation.problem import fitted_parts, objective
 from bowden.model import ModelError
 
@@ -98,12 +98,12 @@ class Screen:
         ]
         white, self._roots = [], []
         for k, data in enumerate(self.problem.data):
-            roots = whiten(data, best.noises[k], best.scales, np.eye(best.residuals[k].size))
+            roots = whitening_roots(data, best.noises[k], best.scales)
             for rows, block in zip(data.observations.blocks, roots, strict=True):
-                here = Whitened(block.rows[:, rows] @ columns[k][rows], block.half_log_det)
+                here = Whitened(block.rows @ columns[k][rows], block.half_log_det)
                 weight = np.sqrt(block_weight(here))
                 white.append(weight * here.rows)
-                self._roots.append((k, rows, weight * block.rows[:, rows]))
+                self._roots.append((k, rows, weight * block.rows))
         prior, slope = self.problem.prior(best.x)
         rows = np.concatenate([*white, np.column_stack([prior, slope])])
         self._residual, self._slopes = rows[:, 0], rows[:, 1:]

@@ -77,11 +77,20 @@ def whiten(
     for k, rows in enumerate(data.observations.blocks):
         if only is not None and k not in only:
             continue
-        known = data.factors.get((noise.identity, scales, k))
-        factor, half_log_det = known or _factor(data, noise, scales, k)
+        factor, half_log_det = _factor(data, noise, scales, k)
         # By LAPACK itself: a fit whitens ten thousand small blocks.
         white, _ = dtrtrs(factor, columns[rows], lower=True)
         found.append(Whitened(white, half_log_det))
+    return found
+
+
+def whitening_roots(data: Data, noise: Covariance, scales: Scales) -> list[Whitened]:
+    """Return what whitens each block of a recording by a product; `rows` of shape (m, m)."""
+    found = []
+    for k, rows in enumerate(data.observations.blocks):
+        factor, half_log_det = _factor(data, noise, scales, k)
+        root, _ = dtrtrs(factor, np.eye(rows.size), lower=True)
+        found.append(Whitened(root, half_log_det))
     return found
 
 
@@ -90,6 +99,9 @@ def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> tuple[
 
     A fit whitens many residuals under few scales.
     """
+    known = data.factors.get((noise.identity, scales, block))
+    if known is not None:
+        return known
     rows = data.observations.blocks[block]
     matrix = noise.inputs[block].copy()
     if max(scales.discrepancy) > 0.0:
