@@ -11,8 +11,10 @@ from bowden.estimation.likelihood import (
     Scales,
     Whitened,
     best_scales,
+    block_cost,
     block_weight,
     cost,
+    recording_costs,
     whiten,
     whitening_roots,
 )
@@ -20,6 +22,7 @@ from bowden.estimation.nuisance import Nuisance, as_given, as_read, usual_nuisan
 from bowden.estimation.observations import USUAL_BLOCK_S, _block_edges
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
+from scipy.linalg.lapack import dpotrf
 from scipy.stats import multivariate_normal, multivariate_t
 
 from ..rigs import TABLE_1, experiment_2
@@ -205,6 +208,37 @@ def test_a_root_whitens_its_block_by_a_product() -> None:
         assert root.half_log_det == expected.half_log_det
         size = float(np.abs(expected.rows).max())
         np.testing.assert_allclose(root.rows @ column[rows], expected.rows, atol=1e-9 * size)
+
+
+def test_factors_are_made_once_however_long_a_recording_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With room for fewer blocks than a recording has, each would displace the one wanted next."""
+    _, read = run(seconds=6.0)
+    data = Data.of(read, 0, MODEL, MODE)
+    noise, scales = covariance(data, MODEL), Scales((0.3, 0.1))
+    count, size = len(data.observations.blocks), data.observations.time_s.size
+    residuals = list(np.random.default_rng(0).normal(size=(5, size)))
+    made: list[int] = []
+
+    def counted(matrix: np.ndarray, **options: bool) -> object:
+        made.append(matrix.shape[0])
+        return dpotrf(matrix, **options)
+
+    monkeypatch.setattr("bowden.estimation.likelihood.dpotrf", counted)
+    monkeypatch.setattr("bowden.estimation.covariance.MOST_FACTORS_BYTES", 0)
+    for residual in residuals:
+        whiten(data, noise, scales, residual[:, None])
+    assert count > 2
+    assert len(made) == count  # there is room for one covariance in any case
+    other = [Scales((0.1 * k, 0.0)) for k in range(1, 4)]
+    for one in other:
+        recording_costs(data, noise, one, residuals)
+    assert len(made) == (1 + len(other)) * count  # each serves all residuals
+    costs = recording_costs(data, noise, scales, residuals, only=(0, 2))
+    alone = [
+        sum(block_cost(one) for one in whiten(data, noise, scales, residual[:, None], (0, 2)))
+        for residual in residuals
+    ]
+    assert costs == alone
 
 
 def test_paths_are_the_same_each_time_and_hold_what_a_simulation_reads(

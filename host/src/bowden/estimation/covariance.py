@@ -41,7 +41,7 @@ ROUGH_S = 1.0  # and lasts so long
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
 FINEST_S = 1e-3  # shortest step between simulated samples
 MOST_PATHS_BYTES = 100_000_000  # of a recording: 87 s at 1 kHz
-MOST_FACTORS_BYTES = 48_000_000  # a recording: 16 scales over 20 s; ten minutes keep few
+MOST_FACTORS_BYTES = 48_000_000  # a recording: 16 scales over 20 s; one where it takes more
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
 
 
@@ -116,8 +116,14 @@ class Data:
 
     @cached_property
     def factors(self) -> Kept[tuple[_Floats, float]]:
-        """Factors of covariances that were used last; `likelihood` keeps them here."""
-        return Kept(MOST_FACTORS_BYTES)
+        """Factors of covariances that were used last; `likelihood` keeps them here.
+
+        Those of one covariance in any case: blocks are gone through in turn, and with less room
+        each would displace the one that is wanted next.
+        """
+        size_bytes = np.dtype(np.float64).itemsize
+        one_bytes = sum(rows.size**2 for rows in self.observations.blocks) * size_bytes
+        return Kept(max(MOST_FACTORS_BYTES, one_bytes))
 
     @cached_property
     def _paths(self) -> tuple[Recording, ...]:

@@ -71,16 +71,42 @@ def whiten(
     ----------
     columns : ndarray of shape (n, c)
     only : sequence of int, optional
-        Which blocks; all when absent.
+        Which blocks, rising; all when absent.
     """
+    every = data.observations.blocks
     found = []
-    for k, rows in enumerate(data.observations.blocks):
-        if only is not None and k not in only:
-            continue
+    for k in range(len(every)) if only is None else only:
         factor, half_log_det = _factor(data, noise, scales, k)
         # By LAPACK itself: a fit whitens ten thousand small blocks.
-        white, _ = dtrtrs(factor, columns[rows], lower=True)
+        white, _ = dtrtrs(factor, columns[every[k]], lower=True)
         found.append(Whitened(white, half_log_det))
+    return found
+
+
+def recording_costs(
+    data: Data,
+    noise: Covariance,
+    scales: Scales,
+    residuals: Sequence[_Floats],
+    only: Sequence[int] | None = None,
+) -> list[float]:
+    """Return -log likelihood of each of several residuals of one recording, up to a constant.
+
+    Block by block: a factor is made once for all of them, however many factors can be kept.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray of shape (n,)
+    only : sequence of int, optional
+        Which blocks, rising; all when absent.
+    """
+    every = data.observations.blocks
+    found = [0.0] * len(residuals)
+    for k in range(len(every)) if only is None else only:
+        factor, half_log_det = _factor(data, noise, scales, k)
+        for i, residual in enumerate(residuals):
+            white, _ = dtrtrs(factor, residual[every[k]][:, None], lower=True)
+            found[i] += block_cost(Whitened(white, half_log_det))
     return found
 
 

@@ -110,7 +110,8 @@ def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observati
     row_time_s = columns[0]
     edges = _block_edges(estimates.recording)
     block = np.searchsorted(edges, row_time_s, side="right")
-    rows = tuple(np.flatnonzero(block == k) for k in np.unique(block))
+    order = np.argsort(block, kind="stable")
+    rows = tuple(np.split(order, np.flatnonzero(np.diff(block[order])) + 1))
     channel = columns[3].astype(np.intp)
     return Observations(row_time_s, columns[1], columns[2], channel, columns[4], rows)
 

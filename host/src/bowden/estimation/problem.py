@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance, Data, covariance
-from bowden.estimation.likelihood import Part, Scales, block_cost, cost, whiten
+from bowden.estimation.likelihood import Part, Scales, cost, recording_costs
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
 from bowden.model import Model, ModelError
@@ -202,12 +202,26 @@ def objective(
     scales: Scales,
 ) -> float:
     """Return -log posterior of a point under given scales, up to a constant."""
-    prior, _ = problem.prior(x)
-    total = cost([], scales) + 0.5 * float(prior @ prior)
-    for k, (data, noise, residual) in enumerate(zip(problem.data, noises, residuals, strict=True)):
-        blocks = whiten(data, noise, scales, residual[:, None], problem.blocks[k])
-        total += sum(block_cost(one) for one in blocks)
-    return total
+    return objectives(problem, [x], [residuals], noises, scales)[0]
+
+
+def objectives(
+    problem: Problem,
+    points: Sequence[_Floats],
+    residuals: Sequence[Sequence[_Floats]],
+    noises: Sequence[Covariance],
+    scales: Scales,
+) -> list[float]:
+    """Return `objective` of several points, of which all have residuals."""
+    totals = []
+    for x in points:
+        prior, _ = problem.prior(x)
+        totals.append(cost([], scales) + 0.5 * float(prior @ prior))
+    for k, (data, noise) in enumerate(zip(problem.data, noises, strict=True)):
+        mine = [one[k] for one in residuals]
+        costs = recording_costs(data, noise, scales, mine, problem.blocks[k])
+        totals = [total + more for total, more in zip(totals, costs, strict=True)]
+    return totals
 
 
 def about(problem: Problem, x: _Floats, like: Optimum) -> float:

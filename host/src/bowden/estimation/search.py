@@ -25,7 +25,7 @@ from bowden.estimation.descend import (
     principal_axes,
 )
 from bowden.estimation.likelihood import Scales
-from bowden.estimation.problem import Optimum, Problem, about, objective
+from bowden.estimation.problem import Optimum, Problem, about, objectives
 from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
@@ -298,9 +298,9 @@ def _costs_of(
     scales: Scales,
 ) -> _Floats:
     """Return -log posterior at several points whose residuals are known; None: no rig answers."""
-    return np.array(
-        [
-            math.inf if one is None else objective(problem, point, one, noises, scales)
-            for point, one in zip(points, residuals, strict=True)
-        ]
+    costs = np.full(len(points), math.inf)
+    able = [(k, one) for k, one in enumerate(residuals) if one is not None]
+    costs[[k for k, _ in able]] = objectives(
+        problem, [points[k] for k, _ in able], [one for _, one in able], noises, scales
     )
+    return costs
