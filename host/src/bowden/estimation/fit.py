@@ -184,7 +184,9 @@ def path_and_floor(
         The model cannot run the recording.
     """
     data = Data.of(recording, number, model, mode)
-    sigma = covariance(data, model).sigma[data.observations.channel == 0]
+    with workers() as pool:
+        noise = covariance(data, model, pool=pool)
+    sigma = noise.sigma[data.observations.channel == 0]
     return data.estimates.recording, _rms(sigma)
 
 

@@ -16,6 +16,7 @@ residual is left as it is where its noise is white.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import repeat
@@ -320,21 +321,24 @@ def estimate_channels(recording: Recording, model: Model, mode: Mode) -> Estimat
     }
     given = (*mode.columns, TEMPERATURE)
     channels: dict[str, Estimated] = {}
-    for name in (*_TORQUES, "motor_angle_rad", "load_angle_rad", TEMPERATURE):
-        if name not in recording.channels:
-            continue
-        values = recording[name]
-        turn = counts.get(name)
-        if name.endswith("_rad") or name in given:
-            one = 2.0 * np.pi / turn.value if turn is not None else None
-            felt = _felt(channels, name, mode)
-            order = ANGLE_ORDER if name.endswith("_rad") else TORQUE_ORDER
-            channels[name] = dequantise(
-                recording.time_s, values, expected_quantum=one, felt=felt, order=order
-            )
-        else:
-            noise = noise_sigma(values, recording.time_s)
-            channels[name] = Estimated(values, None, noise)
+
+    def estimated(name: str) -> Estimated:
+        values, turn = recording[name], counts.get(name)
+        if not name.endswith("_rad") and name not in given:
+            return Estimated(values, None, noise_sigma(values, recording.time_s))
+        return dequantise(
+            recording.time_s,
+            values,
+            expected_quantum=2.0 * np.pi / turn.value if turn is not None else None,
+            felt=_felt(channels, name, mode),
+            order=ANGLE_ORDER if name.endswith("_rad") else TORQUE_ORDER,
+        )
+
+    # The angles ask for the torques; those of one line know nothing of each other.
+    with ThreadPoolExecutor() as side_by_side:
+        for line in (_TORQUES, ("motor_angle_rad", "load_angle_rad", TEMPERATURE)):
+            names = [name for name in line if name in recording.channels]
+            channels |= zip(names, list(side_by_side.map(estimated, names)), strict=True)
     paths = {name: one.values for name, one in channels.items()}
     return Estimates(recording.with_channels(paths | speeds(recording.time_s, paths)), channels)
 
