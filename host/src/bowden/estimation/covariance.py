@@ -93,13 +93,13 @@ class Data:
         if step_s is None:
             step_s = COARSE_S if is_dear(model, mode) else FINEST_S
         kept = simulated_samples(estimates.recording, step_s, mode)
-        given = estimates.recording.select(kept)
+        given = _selected(estimates.recording, kept)
         return cls(number, mode, estimates, given, observations, kept, seed)
 
     def sampled(self, step_s: float) -> Data:
         """Return the same observations of a simulation with samples so far apart."""
         kept = simulated_samples(self.estimates.recording, step_s, self.mode)
-        return replace(self, kept=kept, given=self.estimates.recording.select(kept))
+        return replace(self, kept=kept, given=_selected(self.estimates.recording, kept))
 
     @property
     def is_thinned(self) -> bool:
@@ -139,7 +139,7 @@ class Data:
         unread = self.estimates.recording.channels.keys() - self._read
         seed = np.random.SeedSequence([self.seed, self.number])
         for one in islice(self.estimates.draws(self.mode, seed), DRAWS):
-            yield one.without_channels(unread).select(self.kept)
+            yield _selected(one.without_channels(unread), self.kept)
 
     def predict(
         self,
@@ -191,6 +191,11 @@ def simulated_samples(recording: Recording, step_s: float, mode: Mode) -> _Index
             values = recording[name]
             kept.append(np.flatnonzero(np.diff(np.sign(np.diff(values))) != 0) + 1)
     return np.unique(np.concatenate(kept))
+
+
+def _selected(recording: Recording, kept: _Index) -> Recording:
+    """Return some samples of a recording; itself where they are all, for copies fill memory."""
+    return recording if kept.size == recording.time_s.size else recording.select(kept)
 
 
 def is_dear(model: Model, mode: Mode) -> bool:
