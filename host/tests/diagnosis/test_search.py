@@ -88,3 +88,21 @@ def test_a_set_is_weighed_where_it_is_under_another_covariance(sets: Sets) -> No
     ):
         assert noise.inputs is mine.inputs
         assert noise.offset is before.offset
+
+
+def test_a_set_that_ended_in_a_notch_starts_again_from_the_likeliest(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else an effect that does nothing would seem to gain what is only the way out."""
+    base, right = sets.base, _fitted(sets, GAIN, OFFSET)
+    numbers = base.coordinates() | {"friction.mu_d": base.coordinates()["friction.mu_d"] + 0.2}
+    start = start_of(sets.material, sets.searched, [], numbers, base.best)
+    assert start is not None
+    stuck = start.fitted(0)
+    assert stuck.best.cost > base.best.cost + 100.0
+    monkeypatch.setattr(sets, "done", {stuck.key: stuck, right.key: right})
+    # No fit of its own leads out of a notch.
+    monkeypatch.setattr("bowden.diagnosis.sets.finish", lambda _material, one, _noises: one)
+    found = {one.key: one for one, _ in sets.comparable()}
+    # Four rounds come as near as a tenth of the way that is left to them.
+    assert found[base.key].best.cost - base.best.cost < 0.1 * (stuck.best.cost - base.best.cost)

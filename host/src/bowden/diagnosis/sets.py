@@ -46,7 +46,6 @@ from bowden.model import Model, ModelError
 MOST = 4  # effects in a set: of the rigs that miss some, MORE**4 = 0.4 % miss more
 FINISHED = 3  # of the fitted sets at each step
 COMPARED = 8  # sets at most, beside the calibrated model, by their predictions
-NEAR = 50.0  # nats: by as much are sums over blocks too sure (`odds` averages over them)
 
 
 class Sets:
@@ -140,7 +139,7 @@ class Sets:
         """Fit the finalists to the end under one covariance and predict what was held out.
 
         A jagged likelihood may hold a fit in a notch, and a further effect may seem to gain what is
-        only the way out of it: each set near the likeliest starts once more from where that ended.
+        only the way out of it: each set starts once more from where the likeliest ended.
         """
         ranked = sorted(
             (weighed_under(one, self.noises) for one in self.done.values() if matters(one)),
@@ -153,7 +152,7 @@ class Sets:
         likeliest = min(finished, key=merit)
 
         def restarted(one: Hypothesis) -> Hypothesis:
-            if one is likeliest or merit(one) > merit(likeliest) + NEAR:
+            if one is likeliest:
                 return one
             again = refitted_from(self.material, self.searched, one, likeliest)
             return min(one, finish(self.material, again, self.noises), key=merit)
