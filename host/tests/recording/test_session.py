@@ -75,6 +75,7 @@ def test_what_is_written_is_read_back(folder: Path) -> None:
         ("rig: r\nrecordings: [{file: runs/a.csv, path: 3}]", r"\[0\]\.path: '3', .*valid string"),
         ("recordings: [{zeros: x}]", r"rig: missing; recordings\[0\]\.file: missing"),
         ("rig: r\nrecordings:\n- {file: runs/a.csv}\n- {file: runs/a.csv}", "a.csv again"),
+        ("rig: r\nrecordings:\n- {file: runs/a.csv}\n- {file: runs/../runs/a.csv}", "a.csv again"),
         ("rig: [", "line 1"),
         ("rig: r\nrig: s", "line 2"),
         ("", "no keys"),

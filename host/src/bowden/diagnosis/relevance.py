@@ -30,6 +30,11 @@ def holds(one: Hypothesis) -> bool:
     return max(one.best.scales.discrepancy) <= LISTED[-1]
 
 
+def leaves_something(one: Hypothesis) -> bool:
+    """Whether a set leaves a discrepancy, however small: another effect may be what it is."""
+    return max(one.best.scales.discrepancy) > 0.0
+
+
 def matters(one: Hypothesis) -> bool:
     """Whether each effect of a set does something in practice: else the set is that without it."""
     return not idle(one)

@@ -18,7 +18,7 @@ from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import Weighed, merit, penalty, posterior
-from bowden.diagnosis.relevance import holds
+from bowden.diagnosis.relevance import holds, leaves_something
 from bowden.diagnosis.screening import ScreenedCandidate
 from bowden.diagnosis.sets import MOST, Sets
 from bowden.model import Model
@@ -88,7 +88,7 @@ def search(
         grown = sets.weighed(frontier, sets.added(frontier))
         tried.update(one.key for one in frontier)
         best = grown[0]
-        if best.key in tried and len(best.effects) > 1 and max(best.best.scales.discrepancy) > 0.0:
+        if best.key in tried and len(best.effects) > 1 and leaves_something(best):
             tell("exchanging effects", 0.8)
             grown = sets.weighed(frontier, sets.exchanged(best))
         if grown[0].key in tried:

@@ -34,7 +34,7 @@ from bowden.diagnosis.proposals import (
     proposed,
     screened_from,
 )
-from bowden.diagnosis.relevance import holds, matters
+from bowden.diagnosis.relevance import leaves_something, matters
 from bowden.diagnosis.screening import Screen
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales
@@ -82,7 +82,7 @@ class Sets:
     def _screened(self, parent: Hypothesis) -> Screening:
         if not parent.effects:
             return self.first
-        if holds(parent):
+        if not leaves_something(parent):
             return replace(self.first, screen=Screen(parent))
         again = partial(anew, self.material, self.first.here)
         return screened_from(self.material, self.searched, parent, again)

@@ -101,11 +101,11 @@ def read_session(path: str | Path) -> Session:
     """
     path = Path(path)
     content = read_yaml(path, SessionFile, "a session file (YAML)")
-    names = [entry.file for entry in content.recordings]
-    for number, name in enumerate(names):
-        if name in names[:number]:
+    files = [(path.parent / entry.file).resolve() for entry in content.recordings]
+    for number, entry in enumerate(content.recordings):
+        if files[number] in files[:number]:
             raise BadInput(
-                f"{path}, recordings[{number}].file", f"{name} again", "each recording once"
+                f"{path}, recordings[{number}].file", f"{entry.file} again", "each recording once"
             )
     recordings = []
     for number, entry in enumerate(content.recordings):
