@@ -25,6 +25,13 @@ def test_a_recording_of_the_model_itself_has_no_gap() -> None:
     assert comparison.recordings[0].other_gap < 1e-12
 
 
+def test_progress_names_the_recording_under_way() -> None:
+    first, second = (replace(experiment_2(MODEL), source=name) for name in ("a.csv", "b.csv"))
+    told: list[tuple[str, float]] = []
+    compare(MODEL, [first, second], progress=lambda *stage: told.append(stage))
+    assert told == [("comparing a.csv", 0.0), ("comparing b.csv", 0.5)]
+
+
 @pytest.mark.parametrize("mode", list(Mode))
 def test_every_mode_reproduces_its_own_answer(mode: Mode) -> None:
     recording = wiggle(MODEL)

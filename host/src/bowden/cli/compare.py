@@ -26,7 +26,7 @@ from bowden.cli.model_arguments import (
     read_model,
     settle_of,
 )
-from bowden.cli.output import add_json_argument, console, print_json
+from bowden.cli.output import add_json_argument, console, print_json, stages
 
 if TYPE_CHECKING:
     from bowden.diagnosis.compare import Comparison
@@ -84,7 +84,10 @@ def compare_files(
     session = read_recordings(recordings).since(settle_s)
     described = read_model(model)
     admit_data(described, session.recordings, mode)
-    comparison = compare(described, session.recordings, mode, zeros=session.groups["zeros"])
+    with stages("comparing") as tell:
+        comparison = compare(
+            described, session.recordings, mode, zeros=session.groups["zeros"], progress=tell
+        )
     if report:
         write_report(comparison, model, report)
     return comparison

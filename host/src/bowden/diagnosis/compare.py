@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bowden.diagnosis.budget import Compared, GapStep, gap_budget, shared_means
 from bowden.diagnosis.conditions import Condition, split_by_motion
 from bowden.estimation.fit import path_and_floor
+from bowden.estimation.search import Progress
 from bowden.model import Mode, Model, Trajectory
 from bowden.recording.recording import Recording
 from bowden.signals.motion import LOCKED_SHARE, Motion
@@ -175,6 +176,7 @@ def compare(
     mode: Mode = Mode.TORQUE_POSITION,
     *,
     zeros: Sequence[str] | None = None,
+    progress: Progress | None = None,
 ) -> Comparison:
     """Simulate each recording and measure the gap.
 
@@ -188,6 +190,7 @@ def compare(
     zeros : sequence of str, optional
         A label for each recording: those of one label share their zeros. Each has its own when
         absent.
+    progress : callable (stage, share of the whole), optional
 
     Returns
     -------
@@ -200,9 +203,11 @@ def compare(
     """
     for recording in recordings:
         recording.require([*mode.columns, *PREDICTED[mode]], f"comparing in mode {mode.value}")
-    parts = tuple(
-        _compare_one(model, recording, mode, number) for number, recording in enumerate(recordings)
-    )
+    tell = progress or (lambda _stage, _share: None)
+    parts = []
+    for number, recording in enumerate(recordings):
+        tell(f"comparing {recording.source}", number / len(recordings))
+        parts.append(_compare_one(model, recording, mode, number))
     residual = np.concatenate([part.residual for part in parts])
     motion = Motion.joined([part.motion for part in parts])
     floors = np.array([part.figures.noise_floor for part in parts])
@@ -231,7 +236,7 @@ def compare(
         [part.residual.size for part in parts],
     )
     where = split_by_motion(residual - constants, motion)
-    return Comparison(model, mode, parts, figures, where, gap_budget(quantity, compared))
+    return Comparison(model, mode, tuple(parts), figures, where, gap_budget(quantity, compared))
 
 
 def _moving(recording: Recording) -> _Floats:
