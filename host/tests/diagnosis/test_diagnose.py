@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from bowden.diagnosis import sets
 from bowden.diagnosis.diagnose import diagnose
 from bowden.diagnosis.result import Diagnosis
 from bowden.model import format_model, parse_model
@@ -275,6 +279,23 @@ def test_a_time_limit_ends_the_search_and_says_so() -> None:
     hidden = TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"])
     found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1, time_limit_s=1e-9)
     assert found.effects == ()
+    assert any("time limit" in one for one in found.notes)
+
+
+def test_a_time_limit_ends_the_search_within_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever waits would wait for minutes where a step fits many sets of four effects."""
+    hidden = TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"])
+    fitted = []
+    before = sets.grown_from
+
+    def one_of_many(*given: Any) -> Any:
+        fitted.append(given)
+        monkeypatch.setattr(sets, "time", SimpleNamespace(monotonic=lambda: math.inf))
+        return before(*given)
+
+    monkeypatch.setattr(sets, "grown_from", one_of_many)
+    found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1, time_limit_s=1e6)
+    assert len(fitted) == 1
     assert any("time limit" in one for one in found.notes)
 
 

@@ -26,25 +26,17 @@ def grown_from(
     material: Material,
     searched: Model,
     parent: Hypothesis,
-    chosen: Sequence[ScreenedCandidate],
+    screened: ScreenedCandidate,
     done: Done,
-) -> list[Hypothesis]:
-    """Fit additions to a parent."""
-    found = []
-    for screened in chosen:
-        key = parent.key | {screened.candidate.key}
-        if key in done and screened.origin is parent:
-            continue
-        child = _with_effect(material, searched, parent, screened)
-        if child is not None:
-            found.append(child)
-            before = done.get(key)
-            if (
-                before is None
-                or child.best.cost < weighed_under(before, child.best.noises).best.cost
-            ):
-                done[key] = child
-    return found
+) -> Hypothesis | None:
+    """Fit an addition to a parent; None where that is known, or does nothing."""
+    key = parent.key | {screened.candidate.key}
+    if key in done and screened.origin is parent:
+        return None
+    child = _with_effect(material, searched, parent, screened)
+    if child is not None and (key not in done or child.best.cost < _cost_beside(child, done[key])):
+        done[key] = child
+    return child
 
 
 def _cost_beside(one: Hypothesis, other: Hypothesis) -> float:

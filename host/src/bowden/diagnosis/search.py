@@ -9,7 +9,6 @@ effects is exchanged for others.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -76,13 +75,12 @@ def search(
     progress : callable (stage, share of the whole), optional
     """
     tell = progress or (lambda _stage, _share: None)
-    started = time.monotonic()
     tell("calibrating", 0.05)
-    sets = Sets(material, as_searched(model))
+    sets = Sets(material, as_searched(model), time_limit_s)
     tell("screening every effect", 0.15)
     sets.screen(every)
     frontier, tried = [sets.base], set[Key]()
-    while in_time := time.monotonic() - started < time_limit_s:
+    while sets.has_time():
         size = 1 + max(len(one.effects) for one in frontier)
         tell(f"sets of {min(size, MOST)}", 0.2 + 0.12 * min(size, MOST))
         grown = sets.weighed(frontier, sets.added(frontier))
@@ -102,7 +100,7 @@ def search(
         sets.base,
         sets.filed,
         tuple(sets.first.here),
-        in_time,
+        not sets.cut,
     )
 
 

@@ -6,6 +6,8 @@ how well the finalists predict what their fits have not seen.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -60,9 +62,12 @@ class Sets:
     material : Material
     searched : Model
         As it is searched, with the file's values.
+    time_limit_s : float, optional
+        From now: after so long no further set is fitted.
     """
 
-    def __init__(self, material: Material, searched: Model) -> None:
+    def __init__(self, material: Material, searched: Model, time_limit_s: float = math.inf) -> None:
+        self._until, self.cut = time.monotonic() + time_limit_s, False
         self.material, self.searched = material, searched
         base = _base(material, searched)
         self.done: Done = {base.key: base}
@@ -89,12 +94,11 @@ class Sets:
 
     def added(self, parents: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Fit one more effect beside those of each parent."""
-        return [
-            child
-            for one in parents
-            if len(one.effects) < MOST
-            for child in self._grown(one, self._screened(one))
-        ]
+        found = []
+        for one in parents:
+            if len(one.effects) < MOST and self.has_time():
+                found += self._grown(one, self._screened(one))
+        return found
 
     def exchanged(self, one: Hypothesis) -> list[Hypothesis]:
         """Fit another effect in the place of each: what came first may only imitate it."""
@@ -106,8 +110,19 @@ class Sets:
                 found += self._grown(less, replace(self.first, screen=Screen(less)))
         return found
 
+    def has_time(self) -> bool:
+        """Whether there is time for one more fit; what is left out for lack of it is `cut`."""
+        self.cut = self.cut or time.monotonic() >= self._until
+        return not self.cut
+
     def _grown(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
-        return grown_from(self.material, self.searched, parent, proposed(screening), self.done)
+        found = []
+        for screened in proposed(screening):
+            if not self.has_time():
+                break
+            child = grown_from(self.material, self.searched, parent, screened, self.done)
+            found += [] if child is None else [child]
+        return found
 
     def weighed(
         self, parents: Sequence[Hypothesis], children: Sequence[Hypothesis]
