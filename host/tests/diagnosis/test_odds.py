@@ -9,12 +9,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from bowden.diagnosis import verdict as verdicts
+from bowden.diagnosis.found import Found
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.localise import Where
 from bowden.diagnosis.odds import Weighed, posterior
 from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect
-from bowden.diagnosis.search import Found
 from bowden.diagnosis.wording import sentence_of
 from bowden.estimation.gap import Gap
 

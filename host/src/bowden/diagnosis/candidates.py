@@ -92,3 +92,21 @@ def candidates(names: Sequence[str] | None = None) -> list[Candidate]:
 def _is_whole(parameter: Parameter) -> bool:
     """Whether only whole numbers make sense: a count per turn."""
     return parameter.off is None and parameter.name.startswith(("harmonic", "count"))
+
+
+def off_value(one: Parameter) -> float:
+    """Return the value at which a strength does nothing; far beyond any stiffness for a spring."""
+    return one.high * 1e6 if one.scale == "reciprocal" else float(one.off or 0.0)
+
+
+def strength_of(one: Parameter, value: float) -> float:
+    """How strong an effect is at a value: linear from nothing."""
+    return 1.0 / value if one.scale == "reciprocal" else value - float(one.off or 0.0)
+
+
+def value_of(one: Parameter, strength: float) -> float:
+    """Return the value of a strength, within what is plausible."""
+    if one.scale == "reciprocal":
+        return float(np.clip(1.0 / max(strength, 1e-15), one.low, one.high * BELOW))
+    low = min(one.low, float(one.off or 0.0))
+    return float(np.clip(float(one.off or 0.0) + strength, low, one.high))

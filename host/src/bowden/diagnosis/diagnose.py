@@ -17,6 +17,7 @@ import numpy as np
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.excitation import excitation
 from bowden.diagnosis.figures import gap_in, series_of
+from bowden.diagnosis.found import Found
 from bowden.diagnosis.law_candidates import learned_among
 from bowden.diagnosis.learn import learned_of, with_laws
 from bowden.diagnosis.localise import Where, localise
@@ -25,13 +26,14 @@ from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.numbers_known import estimates_of, with_posterior
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, Series
-from bowden.diagnosis.search import Found, Progress, search
+from bowden.diagnosis.search import search
 from bowden.diagnosis.validation import validate
 from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking, stated
 from bowden.diagnosis.waterfall import gap_steps
 from bowden.diagnosis.wording import as_solved_before, sentence_of, stopped
 from bowden.estimation.gate.check import check_data
 from bowden.estimation.gate.finding import stops
+from bowden.estimation.search import Progress
 from bowden.model import Mode, Model
 from bowden.model.effects import LEARNED
 from bowden.recording.recording import Recording

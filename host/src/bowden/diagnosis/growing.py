@@ -1,6 +1,6 @@
 """Fit a set of effects with one more, or without those that do nothing.
 
-Takes what `proposals` chose; `search` compares what comes back.
+Takes what `proposals` chose; `sets` compares what comes back.
 """
 
 from __future__ import annotations

@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.probes import off_value, strength_of
+from bowden.diagnosis.candidates import Candidate, off_value, strength_of
 from bowden.estimation.problem import Optimum, Problem
 from bowden.model import Model, ModelError
 

@@ -10,13 +10,14 @@ is tried, `verdict` words it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.fitting import FRICTION, ROUGH, finish, start_of
+from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import FITTED as KNOTS
@@ -35,12 +36,11 @@ from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.relevance import holds, matters
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
-from bowden.diagnosis.search import Found
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import bounded_step, normal_equations
 from bowden.estimation.likelihood import best_scales
 from bowden.estimation.problem import WIDEST, fitted_parts, objective
-from bowden.estimation.search import INTERVAL
+from bowden.estimation.search import INTERVAL, Progress
 from bowden.model import Model
 from bowden.recording.recording import Recording
 
@@ -54,8 +54,6 @@ BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differenc
 ALIVE = 0.01  # of the posterior: sets that a law is held against
 # Of -log posterior: odds that count for nothing, and what another smoothness may do to each knot.
 APART = math.log(1.0 / ALIVE) + KNOTS
-
-Progress = Callable[[str, float], None]
 
 
 def with_laws(

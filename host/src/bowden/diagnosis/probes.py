@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.candidates import BELOW, Candidate
-from bowden.model.effects.effect import Parameter
+from bowden.diagnosis.candidates import Candidate, off_value, strength_of, value_of
 
 _Floats = NDArray[np.float64]
 
@@ -64,21 +63,3 @@ def start_values(
 def switched_off(candidate: Candidate, shape: Mapping[str, float]) -> dict[str, float]:
     """Return all its parameters: of that shape, with every strength off."""
     return {**{one.name: off_value(one) for one in candidate.strengths}, **shape}
-
-
-def off_value(one: Parameter) -> float:
-    """Return the value at which a strength does nothing; far beyond any stiffness for a spring."""
-    return one.high * 1e6 if one.scale == "reciprocal" else float(one.off or 0.0)
-
-
-def strength_of(one: Parameter, value: float) -> float:
-    """How strong an effect is at a value: linear from nothing."""
-    return 1.0 / value if one.scale == "reciprocal" else value - float(one.off or 0.0)
-
-
-def value_of(one: Parameter, strength: float) -> float:
-    """Return the value of a strength, within what is plausible."""
-    if one.scale == "reciprocal":
-        return float(np.clip(1.0 / max(strength, 1e-15), one.low, one.high * BELOW))
-    low = min(one.low, float(one.off or 0.0))
-    return float(np.clip(float(one.off or 0.0) + strength, low, one.high))

@@ -9,47 +9,20 @@ effects is exchanged for others.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched
-from bowden.diagnosis.odds import Weighed, merit, penalty, posterior
+from bowden.diagnosis.odds import merit, penalty, posterior
 from bowden.diagnosis.relevance import holds, leaves_something
-from bowden.diagnosis.screening import ScreenedCandidate
 from bowden.diagnosis.sets import MOST, Sets
+from bowden.estimation.search import Progress
 from bowden.model import Model
 
 PARENTS = 2  # sets that are grown further at each step
-
-Progress = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class Found:
-    """What the search ends with.
-
-    Parameters
-    ----------
-    weighed : tuple of Weighed
-        All that were compared, best first.
-    base : Hypothesis
-        The calibrated model.
-    filed : Hypothesis
-        The model with the file's own values.
-    screened : tuple of ScreenedCandidate
-        Every candidate from the calibrated model, best shape of each place.
-    in_time : bool
-        Whether the search ended by itself, not by its time limit.
-    """
-
-    weighed: tuple[Weighed, ...]
-    base: Hypothesis
-    filed: Hypothesis
-    screened: tuple[ScreenedCandidate, ...]
-    in_time: bool = True
 
 
 def search(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.contribution import shares
+from bowden.diagnosis.found import Found
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.odds import (
     NOTHING,
@@ -25,7 +26,6 @@ from bowden.diagnosis.odds import (
 )
 from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
-from bowden.diagnosis.search import Found
 from bowden.estimation.search import INTERVAL
 from bowden.model.effects import LEARNED
 
