@@ -86,14 +86,14 @@ class Start:
         best, here = self.here, self.here
         if rounds:
             best = _descend(self.problem, here, here.noises, rounds, slopes=slopes) or here
-        return _with_slopes(self.effects, self.problem, best)
+        return with_slopes(self.effects, self.problem, best)
 
     def begun(self) -> Hypothesis:
         """Return the hypothesis after one round, with the derivatives that it ended with."""
         here = self.here
         best = _descend(self.problem, here, here.noises, 1) or here
         if best.slopes is None:
-            return _with_slopes(self.effects, self.problem, best)
+            return with_slopes(self.effects, self.problem, best)
         return Hypothesis(self.effects, self.problem, best, tuple(best.slopes))
 
 
@@ -149,7 +149,7 @@ def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) ->
         one = replace(one, problem=problem, best=best)
         if settled:
             break
-    return _with_slopes(one.effects, problem, best)
+    return with_slopes(one.effects, problem, best)
 
 
 def is_settled(before: Hypothesis, one: Hypothesis) -> bool:
@@ -215,7 +215,8 @@ def corrected(
         return list(noises)
 
 
-def _with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum) -> Hypothesis:
+def with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum) -> Hypothesis:
+    """Return the hypothesis at an optimum, with the derivatives there."""
     slopes = best.slopes
     if slopes is None or not best.settled:
         axes = principal_axes(problem, best.hessian)

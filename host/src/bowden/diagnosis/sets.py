@@ -12,10 +12,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.fitting import finish, is_settled, start_of, weighed_under
+from bowden.diagnosis.fitting import (
+    finish,
+    is_settled,
+    parameters_with,
+    weighed_under,
+    with_slopes,
+)
 from bowden.diagnosis.growing import (
     Done,
     grown_from,
@@ -39,11 +43,8 @@ from bowden.diagnosis.proposals import (
 from bowden.diagnosis.relevance import leaves_something, matters
 from bowden.diagnosis.screening import Screen
 from bowden.estimation.covariance import Covariance
-from bowden.estimation.likelihood import Scales
-from bowden.estimation.nuisance import Nuisance
-from bowden.estimation.problem import Optimum
-from bowden.estimation.search import WRONG
-from bowden.model import Model, ModelError
+from bowden.estimation.search import solve
+from bowden.model import Model
 
 MOST = 4  # effects in a set: of the rigs that miss some, MORE**4 = 0.4 % miss more
 FINISHED = 3  # of the fitted sets at each step
@@ -178,15 +179,9 @@ class Sets:
 
 
 def _base(material: Material, searched: Model) -> Hypothesis:
-    """Calibrate the model without a further effect."""
-    numbers: list[list[tuple[Nuisance, float]]] = [[] for _ in material.coarse]
-    noises = material.noise(searched, numbers)
-    nothing = np.zeros(len(material.nuisances))
-    start = Optimum(nothing, 0.0, np.zeros((0, 0)), [], noises, Scales((WRONG, WRONG)))
-    begun = start_of(material, searched, [], {}, start)
-    if begun is None:
-        raise ModelError("found no start that the model can run, accepted: other values")
-    found = begun.fitted(12)
+    """Calibrate the model without a further effect, as `calibrate` does."""
+    problem = material.problem(parameters_with(searched, []))
+    found = with_slopes((), problem, solve(problem))
     return finish(material, found, _noises_about(material, found))
 
 
