@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from bowden.diagnosis.result import Diagnosis
-from bowden.model import Model, parse_model
+from bowden.model import Model, ModelError, parse_model
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import estimate_channels
 from bowden.signals.prediction import simulate_recording
@@ -29,13 +29,17 @@ CALIBRATED = {
 def over_truth(case: Case, recordings: Sequence[Recording], found: Diagnosis) -> float:
     """Return the gap after over what the true model leaves, held out; of the worse channel.
 
-    nan where the truth is in no catalogue, where the data allowed no verdict, and for sets.
+    nan where the truth is in no catalogue or cannot be run, where the data allowed no verdict, and
+    for sets.
     """
     if case.truth.kind in {"unlisted", "smooth_law"} or not found.series or len(recordings) > 1:
         return math.nan
     model = true_model(case)
     given = estimate_channels(recordings[0], model, found.mode).recording
-    trajectory = simulate_recording(model, found.mode, given)
+    try:
+        trajectory = simulate_recording(model, found.mode, given)
+    except ModelError:
+        return math.nan
     ratios = []
     for gap, one in zip(found.gaps, found.series, strict=True):
         left = one.measured - getattr(trajectory, one.quantity)
