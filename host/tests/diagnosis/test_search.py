@@ -45,7 +45,8 @@ def _fitted(sets: Sets, *effects: Candidate) -> Hypothesis:
     values = [(one, HIDDEN.get(one, {"offset_nm": 0.01})) for one in effects]
     start = start_of(sets.material, sets.searched, values, {}, sets.base.best)
     assert start is not None
-    return finish(sets.material, start.fitted(4), sets.noises)
+    (found,) = finish(sets.material, [start.fitted(4)], sets.noises)
+    return found
 
 
 def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
+import numpy as np
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
 from bowden.diagnosis.contribution import coordinates_without
-from bowden.diagnosis.fitting import finish, start_of
+from bowden.diagnosis.fitting import about_first, finish, start_of
 from bowden.diagnosis.growing import refitted_from, start_without, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.relevance import idle
 from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
-from bowden.model import Mode
+from bowden.estimation.nuisance import Nuisance
+from bowden.model import Mode, Model, ModelError
+from numpy.typing import NDArray
 
 from .lab import MODEL, TRUTH, measured
 
@@ -26,6 +29,7 @@ from .lab import MODEL, TRUTH, measured
 (GAIN,) = candidates(("load_cell_gain",))
 (WRAP,) = candidates(("wrap_angle_change",))
 HIDDEN_NM: Final = 0.03
+_Numbers = Sequence[Sequence[tuple[Nuisance, float]]]
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +49,8 @@ def fitted(
 ) -> Hypothesis:
     start = start_of(material, as_searched(MODEL), effects, {}, base.best)
     assert start is not None
-    return finish(material, start.fitted(4), base.best.noises)
+    (found,) = finish(material, [start.fitted(4)], base.best.noises)
+    return found
 
 
 def test_an_effect_that_does_nothing_beside_another_is_dropped(
@@ -97,9 +102,8 @@ def test_calibrated_numbers_take_over_what_an_effect_did(
     assert without / with_it - 1.0 == pytest.approx(extra / wrap, rel=0.2)
     # So the smaller set, fitted from there, is no less likely but for the prior of one number more.
     less = fitted(material, base, offset)
-    again = finish(
-        material, refitted_from(material, as_searched(MODEL), less, both), base.best.noises
-    )
+    refitted = refitted_from(material, as_searched(MODEL), less, both)
+    (again,) = finish(material, [refitted], base.best.noises)
     assert again.best.cost < both.best.cost + 1.0
 
 
@@ -163,3 +167,24 @@ def test_an_effect_has_to_do_what_calibration_cannot(
         found = fitted(readings, calibrated, (effect, {number: hidden}))
     assert found.values(0)[number] == pytest.approx(hidden, rel=0.05)
     assert idle(found) == ([0] if is_idle else [])
+
+
+def test_what_the_fine_model_cannot_run_is_no_hypothesis(
+    material: Material, base: Hypothesis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A law so steep that only the coarse model runs it describes no rig."""
+    steep = fitted(material, base, (OFFSET, {"offset_nm": HIDDEN_NM}))
+    correction = Material.correction
+
+    def able(self: Material, model: Model, numbers: _Numbers) -> list[NDArray[np.float64]]:
+        if model.effects:
+            raise ModelError("found no agreement, accepted: weaker effects")
+        return correction(self, model, numbers)
+
+    monkeypatch.setattr(Material, "correction", able)
+    noises = base.best.noises
+    assert [one.effects for one in finish(material, [steep, base], noises)] == [()]
+    first, _ = about_first(material, [steep, base])
+    assert first is base
+    with pytest.raises(ModelError, match="weaker effects"):
+        about_first(material, [steep])

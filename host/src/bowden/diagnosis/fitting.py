@@ -127,22 +127,60 @@ def start_of(
         first[i] = start.get(one.path, first[i])
     count = len(material.nuisances)
     x = problem.feasible(np.concatenate([first, like.x[like.x.size - count :]]))
-    noises = corrected(material, problem, x, like.noises)
+    noises = corrected(material, problem, x, like.noises) or like.noises
     here = descend(problem, x, noises, like.scales, rounds=0)
     return None if here is None else Start(tuple(one for one, _ in effects), problem, here)
 
 
-def finish(material: Material, one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
-    """Fit a hypothesis to the end under a covariance, with the correction of where it ends."""
+def about_first(
+    material: Material, ones: Sequence[Hypothesis]
+) -> tuple[Hypothesis, list[Covariance]]:
+    """Return the first hypothesis that the fine model can run, and the covariances about it.
+
+    Raises
+    ------
+    ModelError
+        None can be run.
+    """
+    *others, last = ones
+    for one in others:
+        try:
+            return one, _noises_about(material, one)
+        except ModelError:
+            continue
+    return last, _noises_about(material, last)
+
+
+def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
+    numbers = [one.problem.numbers(one.best.x, k) for k in range(len(material.coarse))]
+    return material.noise(one.model, numbers)
+
+
+def finish(
+    material: Material, ones: Sequence[Hypothesis], noises: Sequence[Covariance]
+) -> list[Hypothesis]:
+    """Fit hypotheses to the end under a covariance, with the corrections of where they end.
+
+    Without those that the fine model cannot run: they describe no rig.
+    """
+    found = [_finished(material, one, noises) for one in ones]
+    return [one for one in found if one is not None]
+
+
+def _finished(
+    material: Material, one: Hypothesis, noises: Sequence[Covariance]
+) -> Hypothesis | None:
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
     problem, best = material.problem(one.problem.parameters, effects), one.best
     slopes: Sequence[_Floats] | None = one.slopes
     for _ in range(CORRECTED):
         own = corrected(material, problem, best.x, with_laws_doubted(one, noises))
+        if own is None:
+            return None
         axes = principal_axes(problem, best.hessian)
         found = _descend(problem, best, own, axes=axes, slopes=slopes)
         if found is None:
-            return one
+            return None
         settled = _is_near(problem, best.x, found.x)
         best = found
         slopes = best.slopes if best.settled else None
@@ -205,14 +243,14 @@ SETTLED = 0.05  # unit steps: neither correction nor covariance changes within t
 
 def corrected(
     material: Material, problem: Problem, x: _Floats, noises: Sequence[Covariance]
-) -> list[Covariance]:
-    """Return covariances with the correction of a point; as they are where the fine model fails."""
+) -> list[Covariance] | None:
+    """Return covariances with the correction of a point; None where the fine model fails."""
     model = problem.parameters.model_at(x[: problem.size])
     numbers = [problem.numbers(x, one.number) for one in material.coarse]
     try:
         return with_offset(noises, material.correction(model, numbers))
     except ModelError:
-        return list(noises)
+        return None
 
 
 def with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum) -> Hypothesis:

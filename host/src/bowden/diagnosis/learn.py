@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.diagnosis.fitting import FRICTION, ROUGH, finish, start_of
+from bowden.diagnosis.fitting import FRICTION, ROUGH, about_first, finish, start_of
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
@@ -41,7 +41,7 @@ from bowden.estimation.descend import bounded_step, normal_equations
 from bowden.estimation.likelihood import best_scales
 from bowden.estimation.problem import WIDEST, fitted_parts, objective
 from bowden.estimation.search import INTERVAL, Progress
-from bowden.model import Model
+from bowden.model import Model, ModelError
 from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
@@ -87,9 +87,10 @@ def with_laws(
     alone = [without_idle(material, searched, one, done) for one in laws]
     laws += [one for one in alone if one is not None and learned_among(one.effects)]
     tell("predicting by learned laws", 0.93)
-    best = min(laws, key=lambda one: one.best.cost)
-    numbers = [best.problem.numbers(best.best.x, k) for k in range(len(material.coarse))]
-    noises = material.noise(best.model, numbers)
+    try:
+        best, noises = about_first(material, sorted(laws, key=merit))
+    except ModelError:  # so steep that they describe no rig
+        return found
     known = [
         one.hypothesis
         for one in found.weighed
@@ -98,7 +99,7 @@ def with_laws(
     known = [
         one for one in known if not one.effects or _reach(one, noises) <= best.best.cost + APART
     ]
-    compared = [finish(material, one, noises) for one in (*laws, *known)]
+    compared = finish(material, [*laws, *known], noises)
     compared = [one for one in compared if not one.effects or matters(one)]
     names = len({one.candidate.name for one in found.screened})
     weighed = posterior([(one, predict_unseen(one)) for one in compared], names, seed)

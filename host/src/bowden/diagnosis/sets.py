@@ -14,6 +14,7 @@ from functools import partial
 
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.fitting import (
+    about_first,
     finish,
     is_settled,
     parameters_with,
@@ -42,7 +43,6 @@ from bowden.diagnosis.proposals import (
 )
 from bowden.diagnosis.relevance import leaves_something, matters
 from bowden.diagnosis.screening import Screen
-from bowden.estimation.covariance import Covariance
 from bowden.estimation.search import solve
 from bowden.model import Model
 
@@ -133,22 +133,20 @@ class Sets:
         Under the covariance about the likeliest, and without effects that do nothing.
         """
         known = list(parents)
-        if self._move_to(min([*parents, *children], key=merit)):
-            known = [finish(self.material, one, self.noises) for one in parents]
-        fresh = [finish(self.material, one, self.noises) for one in lowest(children, FINISHED)]
-        fresh += [
-            finish(self.material, less, self.noises)
-            for one in fresh
-            if (less := without_idle(self.material, self.searched, one, self.done)) is not None
-        ]
+        if self._move_to([*parents, *children]):
+            known = finish(self.material, parents, self.noises) or known
+        fresh = finish(self.material, lowest(children, FINISHED), self.noises)
+        less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
+        fresh += finish(self.material, [one for one in less if one is not None], self.noises)
         self.done.update((one.key, one) for one in (*known, *fresh))
         return sorted([*fresh, *known], key=merit)
 
-    def _move_to(self, likeliest: Hypothesis) -> bool:
-        """Let the covariance be that about a fit; return whether it was about another one."""
-        if is_settled(self.about, likeliest):
+    def _move_to(self, ones: Sequence[Hypothesis]) -> bool:
+        """Let the covariance be that about the likeliest; return whether it was about another."""
+        ranked = sorted(ones, key=merit)
+        if is_settled(self.about, ranked[0]):
             return False
-        self.about, self.noises = likeliest, _noises_about(self.material, likeliest)
+        self.about, self.noises = about_first(self.material, ranked)
         return True
 
     def comparable(self) -> list[tuple[Hypothesis, UnseenPrediction]]:
@@ -163,15 +161,15 @@ class Sets:
         )[:COMPARED]
         if all(one.effects for one in ranked):
             ranked.append(self.base)
-        self._move_to(ranked[0])
-        finished = [finish(self.material, one, self.noises) for one in ranked]
+        self._move_to(ranked)
+        finished = finish(self.material, ranked, self.noises)
         likeliest = min(finished, key=merit)
 
         def restarted(one: Hypothesis) -> Hypothesis:
             if one is likeliest:
                 return one
             again = refitted_from(self.material, self.searched, one, likeliest)
-            return min(one, finish(self.material, again, self.noises), key=merit)
+            return min([one, *finish(self.material, [again], self.noises)], key=merit)
 
         found = [restarted(one) for one in finished]
         self.done.update((one.key, one) for one in found)
@@ -181,11 +179,6 @@ class Sets:
 def _base(material: Material, searched: Model) -> Hypothesis:
     """Calibrate the model without a further effect, as `calibrate` does."""
     problem = material.problem(parameters_with(searched, []))
-    found = with_slopes((), problem, solve(problem))
-    return finish(material, found, _noises_about(material, found))
-
-
-def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
-    """Return the covariances about a hypothesis where it is."""
-    numbers = [one.problem.numbers(one.best.x, k) for k in range(len(material.coarse))]
-    return material.noise(one.model, numbers)
+    found, noises = about_first(material, [with_slopes((), problem, solve(problem))])
+    (base,) = finish(material, [found], noises)
+    return base
