@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from bowden.estimation.gate.answer import answer, thinned, usable_mode
-from bowden.estimation.gate.explain import LASTS_S, ChannelReading
+from bowden.estimation.gate.explain import LASTS_S, ChannelReading, held_direction
 from bowden.estimation.gate.finding import NAMES, TORQUES, Finding
-from bowden.estimation.gate.readings import FEWEST
+from bowden.estimation.gate.readings import ANOTHER_RIG, FAR_OFF, FEWEST, STOP_LOG_ODDS
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
+from bowden.signals.motion import velocity
 from bowden.signals.noise import effective_samples, noise_sigma
 
 _Floats = NDArray[np.float64]
@@ -82,29 +83,37 @@ def _zero_step(
     if len(alike) > MOST_JUMPS or abs(sum(alike)) < 0.5 * abs(jump):
         return  # friction that flickers, a dropout
     elsewhere = [one[name] for name in ("motor_angle_rad", "motor_torque_nm")]
-    if _turns(one["load_angle_rad"], sample) or any(_jumps_too(x, sample) for x in elsewhere):
+    if _turns(one, sample) or any(_jumps_too(x, sample) for x in elsewhere):
         return  # the rig did it: friction that turns round or lets go, a torque that was asked
-    step, sigma = _shift_after(cell, thin.time_s >= one.time_s[sample])
+    after = (thin.time_s >= one.time_s[sample]).astype(np.float64)
+    step, sigma = _shift_by(cell, after)
     if abs(step - jump) > AGREES * sigma + 0.2 * abs(jump):
         return  # what follows is not shifted by it
+    way = held_direction(velocity(thin.time_s, thin["load_angle_rad"]))
+    slip, slip_sigma = _shift_by(cell, after * way)
+    told = 0.5 * ((step / sigma) ** 2 - (slip / slip_sigma) ** 2)
+    if told < 0.0:
+        return  # what follows is friction that has changed: it turns round with the motion
+    large = abs(jump) > MATTERS * noise_sigma(one[CELL], one.time_s)
     yield Finding(
         "zero_step",
         where,
         f"its zero steps by {jump:.3g} N m at {one.time_s[sample]:.4g} s, from one sample to the "
         "next",
         "one zero for the whole recording",
-        "stop" if abs(jump) > MATTERS * noise_sigma(one[CELL], one.time_s) else "warn",
+        "stop" if large and told > STOP_LOG_ODDS else "warn",
     )
 
 
-def _turns(angle_rad: _Floats, sample: int) -> bool:
-    """Whether an angle turns round where it stands at a sample."""
-    step = np.sign(np.diff(angle_rad))
-    (before,) = np.nonzero(step[:sample])
-    (after,) = np.nonzero(step[sample:])
-    if not before.size or not after.size:
-        return False
-    return bool(step[before[-1]] != step[sample + after[0]])
+def _turns(one: Recording, sample: int) -> bool:
+    """Whether the load turns round at a sample, or as near to it as a channel may be late."""
+    at = one.time_s[sample]
+    first, last = np.searchsorted(one.time_s, [at - LONGEST_DELAY_S, at + LONGEST_DELAY_S])
+    step = np.sign(np.diff(one["load_angle_rad"]))
+    (before,) = np.nonzero(step[:first])
+    (after,) = np.nonzero(step[last:])
+    near = [*step[before[-1:]], *step[first:last], *step[last + after[:1]]]
+    return {-1.0, 1.0} <= set(near)
 
 
 def _jumps_too(values: _Floats, sample: int) -> bool:
@@ -116,16 +125,16 @@ def _jumps_too(values: _Floats, sample: int) -> bool:
     return bool(np.max(here) > JUMP_STEPS * max(float(np.median(near)), resolution))
 
 
-def _shift_after(cell: ChannelReading, after: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return by how much a channel is shifted from a moment on, and its sigma."""
-    columns = np.column_stack([cell.columns, after.astype(np.float64)])
+def _shift_by(cell: ChannelReading, course: _Floats) -> tuple[float, float]:
+    """Return by how much of a course of time a channel is shifted, and its sigma."""
+    columns = np.column_stack([cell.columns, course])
     target = cell.measured - cell.target
     variance = max(float(np.mean(cell.explained(1.0).residual ** 2)), 1e-300)
     share = cell.independent / target.size / variance
     normal = share * columns.T @ columns + np.diag(np.append(cell.sigmas, np.inf) ** -2.0)
     inverse = np.linalg.pinv(normal)
     weights = share * inverse @ columns.T @ target
-    return float(weights[-1]), math.sqrt(max(float(inverse[-1, -1]), 0.0))
+    return float(weights[-1]), math.sqrt(max(float(inverse[-1, -1]), 1e-300))
 
 
 def _jumps(values: _Floats, time_s: _Floats) -> list[tuple[int, float]]:
@@ -262,12 +271,17 @@ def _improved(
     again = answer(model, mode, right)
     if again is None:
         return -math.inf
-    found = 0.0
     for key, channel in channels.items():
         again.channels[key].independent = channel.independent
-        found += again.channels[key].explained(1.0).log_likelihood
-        found -= channel.explained(1.0).log_likelihood
-    return found
+    return _log_likelihood(again.channels) - _log_likelihood(channels)
+
+
+def _log_likelihood(channels: dict[str, ChannelReading]) -> float:
+    """Return how likely the channels are, by a model that is near the rig or far from it."""
+    return max(
+        prior + sum(one.explained(1.0, far).log_likelihood for one in channels.values())
+        for far, prior in ((1.0, 0.0), (FAR_OFF, ANOTHER_RIG.log_prior))
+    )
 
 
 def _shifted(channel: ChannelReading, late_s: _Floats) -> float:
