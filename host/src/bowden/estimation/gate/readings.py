@@ -69,7 +69,10 @@ class Readings:
         )
 
     def is_mended_by(self, mistake: Mistake) -> bool:
-        """Return whether each channel is explained, or no worse, once a mistake is undone."""
+        """Return whether each channel is explained once a mistake is undone.
+
+        One that the mistake does not touch need only be no worse than it was.
+        """
         predicted, asked = self._split(mistake)
         if asked is None:
             return False
@@ -78,6 +81,8 @@ class Readings:
             now = channel.explained(predicted.get(name, 1.0))
             if _unexplained(now, MOST_SURPRISE) < FAR:
                 continue
+            if name in predicted:
+                return False
             was = before[name].explained(1.0) if name in before else None
             if was is None or now.relative > was.relative or now.surprise > was.surprise:
                 return False
