@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
-from bowden.workers import workers
+import pytest
+from bowden.workers import cores, workers
 from threadpoolctl import threadpool_info
 
 
@@ -17,3 +20,13 @@ def test_blas_keeps_to_one_thread_beside_the_workers_and_gets_its_threads_back()
     with workers() as pool:
         assert set().union(*pool.map(lambda _: _blas_threads(), range(4))) == {1}
     assert _blas_threads() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity on this system")
+def test_a_process_that_is_held_to_one_core_counts_one() -> None:
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(before)})
+    try:
+        assert cores() == 1
+    finally:
+        os.sched_setaffinity(0, before)

@@ -20,12 +20,17 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 
+def cores() -> int:
+    """Return how many cores this process may use, which may be fewer than the machine has."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @contextmanager
 def workers() -> Iterator[ThreadPoolExecutor]:
     """Return as many threads as there are cores; BLAS has one thread until they end."""
     with (
         threadpool_limits(1, user_api="blas"),
-        ThreadPoolExecutor(max_workers=os.cpu_count()) as pool,
+        ThreadPoolExecutor(max_workers=cores()) as pool,
     ):
         yield pool
 
@@ -38,5 +43,5 @@ def a_few_at_a_time(
     Not from within a task of the pool: that would wait for threads that wait for it.
     """
     left = iter(items)
-    while few := list(islice(left, os.cpu_count() or 1)):
+    while few := list(islice(left, cores())):
         yield from pool.map(what, few)

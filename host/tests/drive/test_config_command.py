@@ -102,7 +102,7 @@ def test_an_older_version_s_names_are_found_by_their_addresses(tmp_path: Path) -
         "segment_length.2": 300_000,
     }
     assert [text.split(" ")[0] for text in read.unknown] == ["config.old_gain", "config.pretension"]
-    assert "another unit" in read.unknown[1]
+    assert "unit 'N', not 'kN'" in read.unknown[1]
 
 
 @pytest.mark.usefixtures("bus")

@@ -172,7 +172,11 @@ def _entries_of(name: str, one: FileEntry) -> list[Entry]:
     if not found and one.at is not None:
         found = [find(one.at)]
         if found[0].unit != one.unit:
-            raise BadInput(name, "", f"unknown; {one.at} is now {found[0].name} in another unit")
+            raise BadInput(
+                name,
+                f"unit {one.unit!r}",
+                f"unit {found[0].unit!r}, not {one.unit!r}: {one.at} is now {found[0].name}",
+            )
     first = found[0] if found else lookup(name)
     entries = [TABLE.at(first.index, first.sub + place) for place in range(count)]
     return [entry for entry in entries if entry is not None]

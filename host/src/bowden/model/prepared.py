@@ -14,7 +14,6 @@ does not depend on the values. Impossible values are a `ModelError` of `run` and
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from bowden.model.description import Model
 from bowden.model.errors import ModelError
 from bowden.model.simulation import simulate
 from bowden.model.trajectory import FloatArray, Inputs, Mode, Trajectory
+from bowden.workers import cores
 
 
 @dataclass(frozen=True)
@@ -143,6 +143,6 @@ def simulate_many(prepared: Prepared, values: ArrayLike) -> FloatArray:
             found[number, :, place] = getattr(trajectory, name)
 
     # The kernels release the interpreter, so threads do and nothing has to be copied.
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with ThreadPoolExecutor(max_workers=cores()) as pool:
         list(pool.map(run, range(rows.shape[0])))
     return found

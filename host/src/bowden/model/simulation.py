@@ -7,7 +7,6 @@ The equations are theirs.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -22,6 +21,7 @@ from bowden.model.mesh.solver import simulate_mesh
 from bowden.model.mesh_free.solver import simulate_mesh_free
 from bowden.model.passes import Passes
 from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajectory
+from bowden.workers import cores
 
 MOST_PASSES = 16
 AGREED = 1e-6  # of a series' largest value: then passes end
@@ -126,7 +126,7 @@ def simulate_batch(
     if not models or not series or {len(models), len(series)} - {1, count}:
         raise ValueError(f"found {len(models)} models and {len(series)} inputs, accepted: 1 or n")
     # The kernels release the interpreter, so threads do and nothing has to be copied.
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with ThreadPoolExecutor(max_workers=cores()) as pool:
         jobs = [
             pool.submit(simulate, models[i % len(models)], mode, series[i % len(series)])
             for i in range(count)
