@@ -2,8 +2,8 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
+from bowden.diagnosis.contribution import holds
 from bowden.diagnosis.material import as_searched, make_material
-from bowden.diagnosis.relevance import holds
 from bowden.diagnosis.sets import Sets
 from bowden.model import Mode, parse_model
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from bowden.diagnosis import odds, predict, relevance
+from bowden.diagnosis import contribution, odds, predict, unseen
 
 from hil_tests.benchmarks import decision_constants, remembered, sensitivity
 from hil_tests.benchmarks.decision_constants import Constant, constants
@@ -37,10 +37,10 @@ def test_only_the_decision_path_is_read() -> None:
 
 
 def test_a_constant_is_changed_wherever_it_is_read_and_set_back() -> None:
-    before = predict.LISTED
+    before = unseen.LISTED
     with _named("LISTED").set_to((0.0, 2.0)):
-        assert vars(predict)["LISTED"] == vars(relevance)["LISTED"] == (0.0, 2.0)
-    assert vars(predict)["LISTED"] is vars(relevance)["LISTED"] is before
+        assert vars(predict)["LISTED"] == vars(contribution)["LISTED"] == (0.0, 2.0)
+    assert vars(predict)["LISTED"] is vars(contribution)["LISTED"] is before
 
 
 def test_half_and_double() -> None:

@@ -13,8 +13,8 @@ from bowden.diagnosis.found import Found
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.localise import Where
 from bowden.diagnosis.odds import Weighed, posterior
-from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.diagnosis.wording import sentence_of
 from bowden.estimation.gap import Gap
 

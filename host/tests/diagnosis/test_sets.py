@@ -10,12 +10,11 @@ from typing import Final
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
-from bowden.diagnosis.contribution import coordinates_without
+from bowden.diagnosis.contribution import coordinates_without, idle
 from bowden.diagnosis.fitting import about_first, finish, start_of
 from bowden.diagnosis.growing import refitted_from, start_without, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
-from bowden.diagnosis.relevance import idle
 from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
 from bowden.estimation.nuisance import Nuisance

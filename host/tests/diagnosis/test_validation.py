@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from bowden.diagnosis.odds import Weighed, explanations, posterior
-from bowden.diagnosis.predict import UnseenPrediction
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.diagnosis.validation import SIGNIFICANT, _earlier, _inputs, _largest, _splits
 
 from .test_odds import NOTHING, Stub

@@ -1,20 +1,23 @@
-"""How much the effects of a fitted hypothesis do, in errors of an observation and in tolerances.
+"""What counts in practice: a set that leaves little, an effect that does something.
 
-`relevance` decides by it, `fitting` doubts each law by its share of it.
+Read off a fitted `Hypothesis`, in errors of an observation and in tolerances. The search grows sets
+that don't hold and drops effects that are idle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.estimation.covariance import Covariance
+from bowden.diagnosis.unseen import LISTED
 
 _Floats = NDArray[np.float64]
+
+STRAINED = 2.5  # tolerances by which calibration moves a number: more may stand in for an effect
+ERROR = 1.0  # of a single observation, or a tolerance: the region of practical equivalence
 
 
 def size_in_noise(
@@ -32,7 +35,7 @@ def size_in_noise(
     change : sequence of ndarray of shape (n,)
         One a recording.
     laws : sequence of ndarray of shape (n,), optional
-        Variances that laws add to the errors, as `law_variances` has them.
+        Variances that laws add to the errors, as `Hypothesis.law_variances` has them.
     """
     sizes = [0.0]
     for channel in (0, 1):
@@ -77,7 +80,7 @@ def shares(one: Hypothesis, *, beside_laws: bool = False) -> list[float]:
     """
     found = []
     for index, effect in enumerate(one.contributions):
-        laws = law_variances(one, besides=index) if beside_laws else None
+        laws = one.law_variances(besides=index) if beside_laws else None
         found.append(np.inf if effect is None else size_in_noise(one, effect.beyond, laws))
     return found
 
@@ -94,30 +97,36 @@ def strains(one: Hypothesis) -> list[float]:
     ]
 
 
-def law_variances(one: Hypothesis, besides: int | None = None) -> list[_Floats]:
-    """Return by how much the laws of a set may be off: a variance of each observation.
+def is_strained(one: Hypothesis) -> bool:
+    """Whether calibration had to move a number further than its tolerance makes likely.
 
-    Each by its `form_error`, how much the laws of one name differ, of what it does there beyond
-    calibration; parts and solvers of one law differ by a little, too. Of an effect without which
-    the model cannot run nothing is known, and all may be its law's.
-
-    Parameters
-    ----------
-    one : Hypothesis
-    besides : int, optional
-        An effect whose own law does not count.
+    It may stand in for an effect then, along a valley that starts at the file's values.
     """
-    found = [np.zeros(noise.own.size) for noise in one.best.noises]
-    for index, (candidate, effect) in enumerate(zip(one.effects, one.contributions, strict=True)):
-        if index == besides:
-            continue
-        for k in range(len(found)):
-            part = np.inf if effect is None else candidate.effect.form_error * effect.beyond[k]
-            found[k] += part**2
-    return found
+    residual, _ = one.problem.prior(one.best.x)
+    return bool(np.max(np.abs(residual), initial=0.0) > STRAINED)
 
 
-def with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
-    """Return covariances in which each effect's law may be off, as far as that is known."""
-    known = [np.where(np.isfinite(v), v, 0.0) for v in law_variances(one)]
-    return [replace(noise, law=np.sqrt(v)) for noise, v in zip(noises, known, strict=True)]
+def holds(one: Hypothesis) -> bool:
+    """Whether a set leaves no more than a model may that is right in practice."""
+    return max(one.best.scales.discrepancy) <= LISTED[-1]
+
+
+def leaves_something(one: Hypothesis) -> bool:
+    """Whether a set leaves a discrepancy, however small: another effect may be what it is."""
+    return max(one.best.scales.discrepancy) > 0.0
+
+
+def matters(one: Hypothesis) -> bool:
+    """Whether each effect of a set does something in practice: else the set is that without it."""
+    return not idle(one)
+
+
+def idle(one: Hypothesis) -> list[int]:
+    """Return which effects of a set do nothing in practice.
+
+    What such an effect does beyond calibration within its tolerances is less than the error of a
+    single observation, the inaccuracy of the other effects' laws included: it is no other
+    explanation of the data, however many samples agree on the little that is left.
+    """
+    sizes = zip(shares(one, beside_laws=True), strains(one), strict=True)
+    return [index for index, size in enumerate(sizes) if max(size) < ERROR]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_fine
 from bowden.diagnosis.odds import Weighed
-from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import Series
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Data
 from bowden.estimation.gap import Gap
 from bowden.estimation.nuisance import as_given, as_read

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import with_laws_doubted
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
@@ -174,7 +173,7 @@ def _finished(
     problem, best = material.problem(one.problem.parameters, effects), one.best
     slopes: Sequence[_Floats] | None = one.slopes
     for _ in range(CORRECTED):
-        own = corrected(material, problem, best.x, with_laws_doubted(one, noises))
+        own = corrected(material, problem, best.x, _with_laws_doubted(one, noises))
         if own is None:
             return None
         axes = principal_axes(problem, best.hessian)
@@ -188,6 +187,12 @@ def _finished(
         if settled:
             break
     return with_slopes(one.effects, problem, best)
+
+
+def _with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
+    """Return covariances in which each effect's law may be off, as far as that is known."""
+    known = [np.where(np.isfinite(v), v, 0.0) for v in one.law_variances()]
+    return [replace(noise, law=np.sqrt(v)) for noise, v in zip(noises, known, strict=True)]
 
 
 def is_settled(before: Hypothesis, one: Hypothesis) -> bool:

@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from bowden.diagnosis.contribution import coordinates_without
+from bowden.diagnosis.contribution import coordinates_without, idle
 from bowden.diagnosis.fitting import ROUGH, Start, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
-from bowden.diagnosis.relevance import idle
 from bowden.diagnosis.screening import ScreenedCandidate
 from bowden.model import Model
 

@@ -137,6 +137,27 @@ class Hypothesis:
             found.append(Contribution(change, step, beyond))
         return tuple(found)
 
+    def law_variances(self, besides: int | None = None) -> list[_Floats]:
+        """Return by how much the laws of the set may be off: a variance of each observation.
+
+        Each by its `form_error`, how much the laws of one name differ, of what it does there beyond
+        calibration; parts and solvers of one law differ by a little, too. Of an effect without
+        which the model cannot run nothing is known, and all may be its law's.
+
+        Parameters
+        ----------
+        besides : int, optional
+            An effect whose own law does not count.
+        """
+        found = [np.zeros(noise.own.size) for noise in self.best.noises]
+        for index, (one, effect) in enumerate(zip(self.effects, self.contributions, strict=True)):
+            if index == besides:
+                continue
+            for k in range(len(found)):
+                part = np.inf if effect is None else one.effect.form_error * effect.beyond[k]
+                found[k] += part**2
+        return found
+
     @cached_property
     def calibrated_prior(self) -> _Floats:
         """Root of the priors' precision of the calibrated numbers, shape (r, c)."""

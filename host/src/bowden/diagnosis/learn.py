@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.diagnosis.contribution import holds, matters
 from bowden.diagnosis.fitting import FRICTION, ROUGH, about_first, finish, start_of
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import without_idle
@@ -33,7 +34,6 @@ from bowden.diagnosis.material import Material, as_searched, with_offset
 from bowden.diagnosis.numbers_known import solver_errors
 from bowden.diagnosis.odds import log_prior, merit, posterior
 from bowden.diagnosis.predict import predict_unseen
-from bowden.diagnosis.relevance import holds, matters
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.estimation.covariance import Covariance

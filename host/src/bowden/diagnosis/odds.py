@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LAWS, LawCandidate
-from bowden.diagnosis.predict import UnseenPrediction
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.model.effects import CATALOGUE, LEARNED, Effect
 
 _Floats = NDArray[np.float64]

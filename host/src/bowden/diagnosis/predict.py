@@ -11,13 +11,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.unseen import LISTED, UNLISTED, UnseenPrediction
 from bowden.estimation.covariance import Covariance, Data
 from bowden.estimation.descend import bounded_step, normal_equations
 from bowden.estimation.likelihood import LAWS, Scales, best_scales, cost, half_square, whiten
@@ -26,52 +27,7 @@ from bowden.estimation.problem import Problem, fitted_parts, objective
 _Floats = NDArray[np.float64]
 
 FOLDS = 4  # that the blocks are dealt to
-LISTED = (0.0, 0.25, 0.5, 1.0)  # times usual noise: what a model leaves that is right in practice
-UNLISTED = (0.0, 2.0, 8.0, 32.0, 128.0)  # times usual noise: what an unlisted effect does besides
-OUTLIER = 0.03  # of the blocks: noise is not what it was taken for (17 of 592, nothing hidden)
 DAMPING = (1e-6, 1e-2, 1.0)  # of a step, in turn
-
-
-@dataclass(frozen=True)
-class UnseenPrediction:
-    """What a hypothesis says of each block that its fit has not seen.
-
-    Parameters
-    ----------
-    small, large : ndarray of shape (blocks,)
-        Log predictive density of each block, up to a constant of the data: where the model leaves
-        no more than one does that is right in practice, and where something unlisted is there.
-    residuals : tuple of ndarray of shape (n,)
-        Measured minus predicted, each observation by a fit that has not seen its block.
-    scales : tuple of Scales
-        Of each fold.
-    points : tuple of ndarray of shape (k,)
-        Where each fold's fit ended.
-    folds : tuple of ndarray of int, shape (blocks,)
-        Which fold each block of each recording is held out in.
-    """
-
-    small: _Floats
-    large: _Floats
-    residuals: tuple[_Floats, ...]
-    scales: tuple[Scales, ...]
-    points: tuple[_Floats, ...]
-    folds: tuple[NDArray[np.intp], ...]
-
-    @property
-    def density(self) -> _Floats:
-        """Log density of each block if the model is right, but for rare outliers of the noise."""
-        return self.affected(OUTLIER)
-
-    def affected(self, share: float) -> _Floats:
-        """Log density of each block if something unlisted is there in such a share of them."""
-        return np.asarray(
-            np.logaddexp(self.small + math.log1p(-share), self.large + math.log(share))
-        )
-
-    def of_blocks(self, chosen: NDArray[np.bool_]) -> UnseenPrediction:
-        """Return what is said of some blocks only; `residuals` and `folds` stay whole."""
-        return replace(self, small=self.small[chosen], large=self.large[chosen])
 
 
 def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPrediction:

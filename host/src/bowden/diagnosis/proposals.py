@@ -11,12 +11,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import law_variances, size_in_noise
+from bowden.diagnosis.contribution import ERROR, is_strained, size_in_noise
 from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import penalty
-from bowden.diagnosis.relevance import ERROR, is_strained
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.model import Model
 
@@ -101,7 +100,7 @@ def proposed(screening: Screening) -> list[ScreenedCandidate]:
     screen, parent = screening.screen, screening.screen.parent
     others = [one for one in screening.here if one.candidate.name not in parent.names]
     fresh = [screen.again(one) for one in others]
-    laws = law_variances(parent)
+    laws = parent.law_variances()
     fresh = [
         one for one in fresh if one.gain > 0.0 and size_in_noise(parent, one.change, laws) > ERROR
     ]

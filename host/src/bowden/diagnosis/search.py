@@ -12,12 +12,12 @@ import math
 from collections.abc import Sequence
 
 from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.contribution import holds, leaves_something
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import merit, penalty, posterior
-from bowden.diagnosis.relevance import holds, leaves_something
 from bowden.diagnosis.sets import MOST, Sets
 from bowden.estimation.search import Progress
 from bowden.model import Model

@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 
 from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.contribution import leaves_something, matters
 from bowden.diagnosis.fitting import (
     about_first,
     finish,
@@ -32,7 +33,7 @@ from bowden.diagnosis.growing import (
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import merit
-from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
+from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.proposals import (
     Screening,
     anew,
@@ -41,8 +42,8 @@ from bowden.diagnosis.proposals import (
     proposed,
     screened_from,
 )
-from bowden.diagnosis.relevance import leaves_something, matters
 from bowden.diagnosis.screening import Screen
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.search import solve
 from bowden.model import Model
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from bowden.diagnosis.odds import Weighed, explanations, posterior
-from bowden.diagnosis.predict import UnseenPrediction, predict_unseen
+from bowden.diagnosis.predict import predict_unseen
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Data
 from bowden.estimation.likelihood import whiten
 from bowden.signals.prediction import PREDICTED

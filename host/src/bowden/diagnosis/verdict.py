@@ -24,8 +24,8 @@ from bowden.diagnosis.odds import (
     explanation,
     explanations,
 )
-from bowden.diagnosis.predict import UnseenPrediction
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.search import INTERVAL
 from bowden.model.effects import LEARNED
 
