@@ -1,9 +1,11 @@
 """The data gate on a recording of the independent solver: a missing effect is no wrong unit."""
 
+import pytest
 from bowden.estimation.gate.check import check_data
 from bowden.model import Mode, parse_model
 
-from hil_tests.benchmarks.diagnosis import recordings_of
+from hil_tests.benchmarks.data_gate import trial
+from hil_tests.benchmarks.diagnosis import Job, excited, recordings_of
 from hil_tests.hidden_effects.recordings import draw_case
 
 # A smooth law of the motor's torque that takes nearly all of the cables' wind-up away: the motor's
@@ -16,3 +18,25 @@ def test_a_law_that_takes_the_wind_up_away_stops_no_good_recording() -> None:
     found = check_data(parse_model(case.model_yaml), recordings_of(case), Mode.TORQUE_POSITION)
     assert [one.severity for one in found] == ["warn"]
     assert [one.what for one in found] == ["far"]
+
+
+@pytest.mark.parametrize(
+    ("seed", "number"),
+    [
+        pytest.param(4400000, 64, id="friction that jumps at one place is no step of the zero"),
+        pytest.param(4400000, 104, id="a plateau of friction is no saturated cell"),
+        pytest.param(4400000, 177, id="a torque that hardly arrives has no other unit"),
+        pytest.param(4700000, 68, id="a plateau at no motor torque is no saturated cell"),
+    ],
+)
+def test_what_a_rig_does_stops_no_good_recording(seed: int, number: int) -> None:
+    found = trial(seed, number, faults=False)
+    assert found is not None
+    assert found.stopped == ""
+
+
+def test_a_model_that_is_far_from_the_rig_has_no_wrong_clock() -> None:
+    """Friction is half as much again: another clock mends a little of that, too."""
+    case = excited(Job(930111, "pair", ("wrap_angle_change", "motor_inertia")))
+    found = check_data(parse_model(case.model_yaml), recordings_of(case), Mode.TORQUE_POSITION)
+    assert "stop" not in {one.severity for one in found}

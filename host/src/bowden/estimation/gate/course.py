@@ -68,7 +68,9 @@ def check_course(model: Model, one: Recording, name: str) -> Iterator[Finding]:
     cell = as_read.channels.get(CELL)
     if cell is not None and not clock:
         yield from _zero_step(one, thin, cell, f"{name}, {NAMES[CELL]}")
-        yield from _clipped(one, thin, cell, f"{name}, {NAMES[CELL]}")
+        pair = model.transmission
+        ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        yield from _clipped(one, thin, cell, ratio, f"{name}, {NAMES[CELL]}")
 
 
 def _zero_step(
@@ -83,32 +85,33 @@ def _zero_step(
     if len(alike) > MOST_JUMPS or abs(sum(alike)) < 0.5 * abs(jump):
         return  # friction that flickers, a dropout
     elsewhere = [one[name] for name in ("motor_angle_rad", "motor_torque_nm")]
-    if _turns(one, sample) or any(_jumps_too(x, sample) for x in elsewhere):
+    if _turns(one, sample, 0.0) or any(_jumps_too(x, sample) for x in elsewhere):
         return  # the rig did it: friction that turns round or lets go, a torque that was asked
     after = (thin.time_s >= one.time_s[sample]).astype(np.float64)
     step, sigma = _shift_by(cell, after)
     if abs(step - jump) > AGREES * sigma + 0.2 * abs(jump):
         return  # what follows is not shifted by it
+    # Friction that has changed at once does the same, but turns round with the motion.
     way = held_direction(velocity(thin.time_s, thin["load_angle_rad"]))
     slip, slip_sigma = _shift_by(cell, after * way)
     told = 0.5 * ((step / sigma) ** 2 - (slip / slip_sigma) ** 2)
-    if told < 0.0:
-        return  # what follows is friction that has changed: it turns round with the motion
+    alone = told > STOP_LOG_ODDS and not _turns(one, sample, LONGEST_DELAY_S)
     large = abs(jump) > MATTERS * noise_sigma(one[CELL], one.time_s)
     yield Finding(
         "zero_step",
         where,
         f"its zero steps by {jump:.3g} N m at {one.time_s[sample]:.4g} s, from one sample to the "
-        "next",
+        "next" + ("" if alone else ", or friction changes at once"),
         "one zero for the whole recording",
-        "stop" if large and told > STOP_LOG_ODDS else "warn",
+        "stop" if large and alone else "warn",
     )
 
 
-def _turns(one: Recording, sample: int) -> bool:
-    """Whether the load turns round at a sample, or as near to it as a channel may be late."""
+def _turns(one: Recording, sample: int, within_s: float) -> bool:
+    """Whether the load turns round where it stands at a sample, or so near to it."""
     at = one.time_s[sample]
-    first, last = np.searchsorted(one.time_s, [at - LONGEST_DELAY_S, at + LONGEST_DELAY_S])
+    first = np.searchsorted(one.time_s, at - within_s)
+    last = np.searchsorted(one.time_s, at + within_s)
     step = np.sign(np.diff(one["load_angle_rad"]))
     (before,) = np.nonzero(step[:first])
     (after,) = np.nonzero(step[last:])
@@ -158,9 +161,12 @@ def _jumps(values: _Floats, time_s: _Floats) -> list[tuple[int, float]]:
 
 
 def _clipped(
-    one: Recording, thin: Recording, cell: ChannelReading, where: str
+    one: Recording, thin: Recording, cell: ChannelReading, ratio: float, where: str
 ) -> Iterator[Finding]:
-    """Find a level that the cell does not pass although more and less is predicted there."""
+    """Find a level that the cell does not pass although more and less is predicted there.
+
+    `ratio`: of the pulleys, and so of load torque over motor torque.
+    """
     values = one[CELL]
     sigma = noise_sigma(values, one.time_s)
     if sigma == 0.0:
@@ -177,8 +183,10 @@ def _clipped(
         groups = _visits(inside, thin.time_s)
         over = side * np.array([fitted[rows].mean() for rows in groups]) - level
         excess = 0.5 * float(np.sum((over / scale) ** 2) - len(groups))
-        flat = _flatness([side * predicted[rows] for rows in groups], band, scale)
-        if flat > SURE and excess > SURE and float(np.mean(over)) > scale:
+        flat = _flatness([side * predicted[rows] for rows in groups], band, DROP * scale)
+        torque = side * thin["motor_torque_nm"]
+        driven = _flatness([torque[rows] for rows in groups], band / ratio, 0.0)
+        if min(flat, driven) > SURE and excess > SURE and float(np.mean(over)) > scale:
             yield Finding(
                 "clipped",
                 where,
@@ -190,21 +198,31 @@ def _clipped(
             )
 
 
-def _flatness(visits: list[_Floats], band: float, scale: float) -> float:
+def _flatness(visits: list[_Floats], band: float, least: float) -> float:
     """Return the log odds that a level this flat is no plateau of friction.
 
-    There the model has a plateau, too: it rises to it and stays. At a sensor's limit what is
-    predicted goes on and comes back within a visit, and differs from visit to visit.
+    There the model has a plateau, too: it rises to it and stays. And while all of the cables slides
+    the load feels the motor's torque less a constant. At a sensor's limit both go on and come back
+    within a visit, and differ from visit to visit.
+
+    Parameters
+    ----------
+    visits : list of ndarray of shape (n,)
+        The prediction, or the motor's torque, during each visit to the level.
+    band : float
+        How far it would move while the level does not.
+    least : float
+        What it must come back by within a visit to count.
     """
     if not visits:
         return -math.inf
     found = 0.0
-    for predicted in visits:
-        smooth = uniform_filter1d(predicted, LEAST_VISIT)
+    for course in visits:
+        smooth = uniform_filter1d(course, LEAST_VISIT)
         drop = float(smooth.max() - max(smooth[0], smooth[-1]))
-        if drop > DROP * scale:
+        if drop > least:
             found += math.log(max(drop / band, 1.0))
-    spread = float(np.std([predicted.mean() for predicted in visits]))
+    spread = float(np.std([course.mean() for course in visits]))
     return found + (len(visits) - 1) * max(math.log(max(spread, 1e-12) / band), 0.0)
 
 
