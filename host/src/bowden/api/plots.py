@@ -41,7 +41,7 @@ def figures(result: object) -> dict[str, go.Figure]:
         return {"time": _channels(result)}
     if isinstance(result, Comparison):
         one = result.recordings[0]
-        prescribed = prescribed_load_torque(one.recording, plots.transmission_ratio(result))
+        prescribed = prescribed_load_torque(one.recording, result.model.transmission.pulley_ratio)
         return {
             "time": plots.over_time(result, one, POINTS),
             "loop": plots.loop(result, one, prescribed, POINTS),

@@ -166,7 +166,6 @@ def judge_locked_run(
     )
     simulated = simulate(model, Mode.TORQUE_POSITION, inputs).load_torque_nm
     last = run.time_s >= run.time_s[-1] - period_s
-    pair = model.transmission
     return LockedRun(
         label=label,
         file=file,
@@ -174,7 +173,7 @@ def judge_locked_run(
         load_pp_nm=float(np.ptp(run.load_torque_nm[last])),
         model_load_pp_nm=float(np.ptp(simulated[last])),
         gap_nm=float(np.sqrt(np.mean((run.load_torque_nm - simulated) ** 2))),
-        ratio=pair.load_pulley_radius_m / pair.motor_pulley_radius_m,
+        ratio=model.transmission.pulley_ratio,
     )
 
 

@@ -109,8 +109,7 @@ class Job:
     @property
     def ratio(self) -> float:
         """Load pulley's radius over the motor's."""
-        pair = self.model.transmission
-        return pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        return self.model.transmission.pulley_ratio
 
     def record(
         self, name: str, duration_s: float, profile: TorqueProfile | None = None

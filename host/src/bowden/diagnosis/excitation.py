@@ -79,8 +79,7 @@ class _Seen:
 
     @property
     def ratio(self) -> float:
-        pair = self.model.transmission
-        return pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        return self.model.transmission.pulley_ratio
 
     @property
     def motion(self) -> Motion:

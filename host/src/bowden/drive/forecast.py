@@ -66,7 +66,7 @@ def forecast(full: Model, in_drive: Model) -> Forecast:
         motor_torque_nm=-_WALL_NM * phase,
         conduit_temperature_c=np.full_like(time_s, _TEMPERATURE_C),
     )
-    ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+    ratio = pair.pulley_ratio
     truth = simulate(full, Mode.TORQUE_POSITION, inputs).load_torque_nm
     expected = simulate(in_drive, Mode.TORQUE_POSITION, inputs).load_torque_nm
     second = time_s >= 1.0 / _FREQUENCY_HZ  # the first cycle starts from virgin cables

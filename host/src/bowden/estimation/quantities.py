@@ -128,6 +128,5 @@ def _paths(quantity: str, model: Model) -> tuple[str, ...]:
 
 
 def _is_locked(model: Model, run: Recording) -> bool:
-    pair = model.transmission
-    ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+    ratio = model.transmission.pulley_ratio
     return bool(ratio * np.ptp(run.load_angle_rad) <= LOCKED_SHARE * np.ptp(run.motor_angle_rad))

@@ -121,7 +121,7 @@ class Layers:
             if channel.late_by is not None
         ]
         time_s = np.asarray(inputs.time_s, dtype=np.float64)
-        ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        ratio = pair.pulley_ratio
         longest = [one.variant.longest_step_s for one in self._layers]
         steps_s = [step(pair) for step in longest if step is not None]
         times = _cut(_with_earlier(time_s, delays), min(steps_s, default=np.inf))

@@ -180,6 +180,11 @@ class Transmission:
     load_bearing_nm_s_per_rad: float = 0.0
     load_play_rad: float = 0.0
 
+    @property
+    def pulley_ratio(self) -> float:
+        """Load pulley's radius over the motor's, 5.2 with Table I."""
+        return self.load_pulley_radius_m / self.motor_pulley_radius_m
+
     def __post_init__(self) -> None:
         problems = [
             f"{name}: found {value}, accepted: {accepted}"

@@ -135,7 +135,7 @@ def _details(
         return text if alone else f"{_name(one.recording)}: {text[0].lower()}{text[1:]}"
 
     fit = one.velocity_fit
-    prescribed = prescribed_load_torque(one.recording, plots.transmission_ratio(comparison))
+    prescribed = prescribed_load_torque(one.recording, comparison.model.transmission.pulley_ratio)
     if comparison.quantity != "load_torque_nm":
         prescribed = None
     slack = float(np.mean(one.trajectory.slack != 0))

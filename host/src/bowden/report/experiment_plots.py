@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from bowden.model.experiments.result import Case, pulley_ratio
+from bowden.model.experiments.result import Case
 from bowden.model.experiments.tunnel import tunnel_torque, velocity_residual, velocity_slope
 from bowden.report.canvas import PRESCRIBED, SIMULATED, draw, dress, legend_above, short
 from bowden.report.decimate import thin
@@ -42,13 +42,13 @@ def locked_load(cases: Sequence[Case]) -> go.Figure:
     """Draw the motor's loop, and the torque at the load (Figs. 3 and 4)."""
     plot = make_subplots(rows=1, cols=2, horizontal_spacing=0.11)
     for case, colour in zip(cases, _SERIES, strict=False):
-        run, ratio = case.trajectory, pulley_ratio(case.model)
+        run, ratio = case.trajectory, case.model.transmission.pulley_ratio
         line = {"color": colour, "width": 1.7}
         torque = 1e3 * run.motor_torque_nm
         draw(plot, (torque, 1e3 * run.motor_angle_rad), case.label, line, points=_POINTS, row=1)
         arrived = (ratio * torque, 1e3 * run.load_torque_nm)
         draw(plot, arrived, case.label, line, points=_POINTS, row=1, col=2, listed=False)
-    ratio = pulley_ratio(cases[0].model)
+    ratio = cases[0].model.transmission.pulley_ratio
     peak = 1e3 * ratio * float(np.abs(cases[0].trajectory.motor_torque_nm).max())
     ends = np.array([-peak, peak])
     draw(plot, (ends, ends), "lossless", _LOSSLESS, points=_POINTS, row=1, col=2)
@@ -67,7 +67,7 @@ def locked_load(cases: Sequence[Case]) -> go.Figure:
 
 def over_time(case: Case, duration_s: float) -> go.Figure:
     """Draw angles and torques of both ends over the first `duration_s` seconds (Fig. 5)."""
-    run, ratio = case.trajectory, pulley_ratio(case.model)
+    run, ratio = case.trajectory, case.model.transmission.pulley_ratio
     shown = run.time_s <= duration_s
     angles = (
         ("load angle", np.degrees(run.load_angle_rad), _LOAD),
@@ -99,7 +99,7 @@ def tunnel_loop(cases: Sequence[Case]) -> go.Figure:
     model = cases[0].model
     reach = float(np.abs(cases[0].trajectory.load_angle_rad).max())
     angle = np.linspace(-reach, reach, 801)
-    asked = (np.degrees(angle), pulley_ratio(model) * tunnel_torque(angle))
+    asked = (np.degrees(angle), model.transmission.pulley_ratio * tunnel_torque(angle))
     draw(plot, asked, "asked for (tunnel × ratio)", PRESCRIBED | {"width": 2.4}, points=_POINTS)
     plot.update_xaxes(title_text="load angle (°)")
     plot.update_yaxes(title_text="load torque (N m)")
@@ -194,7 +194,11 @@ def _side_by_side(cases: Sequence[Case]) -> go.Figure:
 def _both_torques(case: Case) -> tuple[tuple[str, _Floats, dict[str, object]], ...]:
     run = case.trajectory
     return (
-        ("motor torque × ratio", pulley_ratio(case.model) * run.motor_torque_nm, SIMULATED),
+        (
+            "motor torque × ratio",
+            case.model.transmission.pulley_ratio * run.motor_torque_nm,
+            SIMULATED,
+        ),
         ("load torque", run.load_torque_nm, _LOAD),
     )
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from bowden.model import Inputs, Mode, Model, Trajectory, simulate
-from bowden.model.experiments.result import pulley_ratio
 from bowden.model.experiments.tunnel import SEGMENTS_WITH_VISCOUS_TERM, VISCOUS_TERM_S_PER_M
 from bowden.model.experiments.variants import with_segments, with_viscous_term
 from bowden.recording.recording import Recording
@@ -149,7 +148,7 @@ def beside_locked(runs: Sequence[MeasuredRun]) -> go.Figure:
     """Draw the motor's loop and the torque at a locked load (Figs. 3 and 4)."""
     plot = make_subplots(rows=1, cols=2, horizontal_spacing=0.11)
     for run, colour in zip(runs, _SERIES * len(runs), strict=False):
-        torque, ratio = 1e3 * run.recording.motor_torque_nm, pulley_ratio(run.model)
+        torque, ratio = 1e3 * run.recording.motor_torque_nm, run.model.transmission.pulley_ratio
         for of, name, dash in _both(run):
             line = {"color": colour, "width": 1.7} | dash
             mean = float(of.motor_angle_rad.mean())
@@ -170,7 +169,7 @@ def beside_backlash(runs: Sequence[MeasuredRun]) -> go.Figure:
     """Draw by how much the motor lags behind a moved load (Fig. 4)."""
     plot = go.Figure()
     for run, colour in zip(runs, _SERIES * len(runs), strict=False):
-        ratio, load = pulley_ratio(run.model), run.recording.load_angle_rad
+        ratio, load = run.model.transmission.pulley_ratio, run.recording.load_angle_rad
         for of, name, dash in _both(run):
             lag = of.motor_angle_rad - ratio * load
             line = {"color": colour, "width": 1.7} | dash
@@ -188,7 +187,7 @@ def beside_tunnel(run: MeasuredRun) -> go.Figure:
     for of, name, _ in _both(run):
         line = _MEASURED if name == "measured" else SIMULATED
         draw(plot, (angle, of.load_torque_nm), f"felt, {name}", line, points=_POINTS)
-    asked = pulley_ratio(run.model) * run.recording.motor_torque_nm
+    asked = run.model.transmission.pulley_ratio * run.recording.motor_torque_nm
     draw(plot, (angle, asked), "motor torque × ratio", PRESCRIBED, points=_POINTS)
     plot.update_xaxes(title_text="load angle (°)")
     plot.update_yaxes(title_text="load torque (N m)")
@@ -198,7 +197,7 @@ def beside_tunnel(run: MeasuredRun) -> go.Figure:
 def beside_time(run: MeasuredRun) -> go.Figure:
     """Draw angles and torques of both ends over time, scaled by the ratio (Fig. 5)."""
     plot = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.1)
-    ratio, time_s = pulley_ratio(run.model), run.recording.time_s
+    ratio, time_s = run.model.transmission.pulley_ratio, run.recording.time_s
     load = np.degrees(run.recording.load_angle_rad)
     draw(plot, (time_s, load), "load", {"color": "#e08a00", "width": 1.5}, points=_POINTS, row=1)
     for of, name, _ in _both(run):
@@ -248,7 +247,7 @@ def beside_velocity(run: MeasuredRun) -> go.Figure:
 
 def beside_sharing(run: MeasuredRun) -> go.Figure:
     """Draw what each end gives: measured, from the measured torque, and ideal (Fig. 8)."""
-    recording, ratio = run.recording, pulley_ratio(run.model)
+    recording, ratio = run.recording, run.model.transmission.pulley_ratio
     load = recording.load_angle_rad
     inputs = Inputs(recording.time_s, motor_angle_rad=ratio * load, load_angle_rad=load)
     ideal = simulate(run.model, Mode.POSITION_POSITION, inputs)

@@ -37,7 +37,7 @@ OUTWARD, INWARD = "#8a6d00", "#7a869a"
 def over_time(comparison: Comparison, one: RecordingComparison, points: int) -> go.Figure:
     """Angles, torques and the residual against time, one above the other."""
     recording, trajectory, quantity = one.recording, one.trajectory, comparison.quantity
-    ratio = transmission_ratio(comparison)
+    ratio = comparison.model.transmission.pulley_ratio
     angles = [
         ("load angle, measured", recording.load_angle_rad, {**MEASURED, "dash": "2px,2px"}),
         ("motor angle / ratio, measured", recording.motor_angle_rad / ratio, MEASURED),
@@ -219,13 +219,7 @@ def tensions(one: RecordingComparison, points: int) -> go.Figure:
 
 def _lossless(comparison: Comparison, recording: Recording) -> tuple[str, _Floats]:
     """Return the other end's measured torque as it would arrive without friction."""
-    ratio = transmission_ratio(comparison)
+    ratio = comparison.model.transmission.pulley_ratio
     if comparison.quantity == "load_torque_nm":
         return "motor torque × ratio (no losses)", recording.motor_torque_nm * ratio
     return "load torque / ratio (no losses)", recording.load_torque_nm / ratio
-
-
-def transmission_ratio(comparison: Comparison) -> float:
-    """Load pulley radius over motor pulley radius."""
-    pair = comparison.model.transmission
-    return pair.load_pulley_radius_m / pair.motor_pulley_radius_m

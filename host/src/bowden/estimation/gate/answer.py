@@ -110,8 +110,7 @@ def answer(
         return None
     others = list(_other_rigs(model, mode, one)) if any_friction else []
     arguments = arguments or arguments_of(mode, one)
-    pair = model.transmission
-    ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+    ratio = model.transmission.pulley_ratio
     simulated, channels = {}, {}
     for name in PREDICTED[mode]:
         if name not in one.channels:

@@ -68,8 +68,7 @@ def check_course(model: Model, one: Recording, name: str) -> Iterator[Finding]:
     cell = as_read.channels.get(CELL)
     if cell is not None and not clock:
         yield from _zero_step(one, thin, cell, f"{name}, {NAMES[CELL]}")
-        pair = model.transmission
-        ratio = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        ratio = model.transmission.pulley_ratio
         yield from _clipped(one, thin, cell, ratio, f"{name}, {NAMES[CELL]}")
 
 

@@ -116,8 +116,7 @@ def _ratio(as_read: Answer | None, model: Model, name: str) -> Iterator[Finding]
         ratio, sigma = channel.ratio(LACKS)
         if abs(ratio - 1.0) <= SURE * math.hypot(sigma, RATIO_SIGMA):
             continue
-        pair = model.transmission
-        pulleys = pair.load_pulley_radius_m / pair.motor_pulley_radius_m
+        pulleys = model.transmission.pulley_ratio
         motor = pulleys * (ratio if angle == ANGLES[0] else 1.0 / ratio)
         yield Finding(
             "rig",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bowden.model.closed_loop import PiFollower, simulate_closed_loop
 from bowden.model.description import Model
-from bowden.model.experiments.result import Case, Experiment, case_of, pulley_ratio, run_case
+from bowden.model.experiments.result import Case, Experiment, case_of, run_case
 from bowden.model.experiments.signals import sample_times, sine
 from bowden.model.experiments.tunnel import AMPLITUDE_RAD, FREQUENCY_HZ, RATE_HZ
 from bowden.model.experiments.variants import with_pretension
@@ -22,7 +22,9 @@ def ideal_case(model: Model, label: str = "ideal follower") -> Case:
     """Run the infinitely stiff follower: ``theta_m = rho theta_l``."""
     time_s = sample_times(DURATION_S, RATE_HZ)
     angle = sine(time_s, AMPLITUDE_RAD, FREQUENCY_HZ)
-    inputs = Inputs(time_s, motor_angle_rad=pulley_ratio(model) * angle, load_angle_rad=angle)
+    inputs = Inputs(
+        time_s, motor_angle_rad=model.transmission.pulley_ratio * angle, load_angle_rad=angle
+    )
     return run_case(label, model, Mode.POSITION_POSITION, inputs, 1.0 / FREQUENCY_HZ)
 
 

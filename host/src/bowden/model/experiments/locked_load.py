@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bowden.model.description import Model
-from bowden.model.experiments.result import Case, Experiment, pulley_ratio, run_case
+from bowden.model.experiments.result import Case, Experiment, run_case
 from bowden.model.experiments.signals import ramp_period_s, ramps_with_dwells, sample_times
 from bowden.model.experiments.variants import with_loops, with_pretension
 from bowden.model.measures import first_response
@@ -133,7 +133,9 @@ def _first_felt(model: Model, torques: FloatArray) -> int | None:
     time_s = np.arange(torques.size, dtype=np.float64)
     inputs = Inputs(time_s, motor_torque_nm=torques, load_angle_rad=np.zeros_like(torques))
     answer = simulate(model, Mode.TORQUE_POSITION, inputs).load_torque_nm
-    return first_response(torques, answer, 1e-9 * pulley_ratio(model) * float(torques[-1]))
+    return first_response(
+        torques, answer, 1e-9 * model.transmission.pulley_ratio * float(torques[-1])
+    )
 
 
 def _finding(cases: Sequence[Case], varied: str) -> str:

@@ -87,12 +87,6 @@ class Experiment:
         }
 
 
-def pulley_ratio(model: Model) -> float:
-    """Return r_load over r_in (5.2 with Table I)."""
-    pair = model.transmission
-    return pair.load_pulley_radius_m / pair.motor_pulley_radius_m
-
-
 def run_case(  # noqa: PLR0917
     label: str,
     model: Model,
@@ -117,7 +111,7 @@ def case_of(  # noqa: PLR0917
     start_s, end_s = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
     cycles = max(1, int((end_s - start_s) / period_s + 1e-6))
     last_s = start_s + (cycles - 1) * period_s
-    ratio = pulley_ratio(model)
+    ratio = model.transmission.pulley_ratio
     return Case(
         label=label,
         model=model,

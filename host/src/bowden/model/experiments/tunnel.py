@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from bowden.model.description import Model
-from bowden.model.experiments.result import Case, Experiment, pulley_ratio, run_case
+from bowden.model.experiments.result import Case, Experiment, run_case
 from bowden.model.experiments.signals import sample_times, sine
 from bowden.model.experiments.variants import with_pretension, with_segments, with_viscous_term
 from bowden.model.trajectory import FloatArray, Inputs, Mode
@@ -84,7 +84,7 @@ def velocity_residual(case: Case, other: Case) -> tuple[FloatArray, FloatArray]:
 
 def _finding(cases: tuple[Case, Case]) -> str:
     plain, viscous = cases
-    ratio = pulley_ratio(plain.model)
+    ratio = plain.model.transmission.pulley_ratio
     asked = ratio * plain.steady.motor_torque_pp_nm / 2
     felt = plain.steady.load_torque_pp_nm / 2
     slope, share = velocity_slope(viscous, plain)
