@@ -17,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from bowden.estimation.gate.answer import answer, thinned, usable_mode
 from bowden.estimation.gate.explain import LASTS_S, ChannelReading, held_direction
 from bowden.estimation.gate.finding import NAMES, TORQUES, Finding
-from bowden.estimation.gate.readings import ANOTHER_RIG, FAR_OFF, FEWEST, STOP_LOG_ODDS
+from bowden.estimation.gate.readings import FEWEST, STOP_LOG_ODDS, near_or_far
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
 from bowden.signals.motion import velocity
@@ -254,6 +254,7 @@ def _clock(
     """Find channels whose clock runs at another rate, or that are late beyond any effect."""
     time_s = thin.time_s - thin.time_s[0]
     tried: list[tuple[float, float, str]] = []
+    as_read = near_or_far(channels)
     for cell in channels.values():
         shifted = [_shifted(cell, rate * time_s) for rate in CLOCKS]
         late = [_shifted(cell, np.full(time_s.size, float(delay))) for delay in DELAYS_S]
@@ -267,8 +268,9 @@ def _clock(
             ("the motor's end", ("motor_angle_rad", "motor_torque_nm")),
         ):
             for off in (-5e-4, 0.0, 5e-4):
-                better = _improved(model, mode, _on_clock(thin, names, rate + off), channels)
-                tried.append((better, rate + off, words))
+                right = _on_clock(thin, names, rate + off)
+                likely = _likely(model, mode, right, channels)
+                tried.append((likely - as_read, rate + off, words))
     better, rate, words = max(tried, default=(0.0, 0.0, ""))
     if better > SURE_CLOCK:
         yield Finding(
@@ -281,24 +283,16 @@ def _clock(
         )
 
 
-def _improved(
+def _likely(
     model: Model, mode: Mode, right: Recording, channels: dict[str, ChannelReading]
 ) -> float:
-    """Return by how much likelier a recording is with some channels on another clock."""
+    """Return how likely a recording is with some channels on another clock, as `near_or_far`."""
     again = answer(model, mode, right)
     if again is None:
         return -math.inf
     for key, channel in channels.items():
         again.channels[key].independent = channel.independent
-    return _log_likelihood(again.channels) - _log_likelihood(channels)
-
-
-def _log_likelihood(channels: dict[str, ChannelReading]) -> float:
-    """Return how likely the channels are, by a model that is near the rig or far from it."""
-    return max(
-        prior + sum(one.explained(1.0, far).log_likelihood for one in channels.values())
-        for far, prior in ((1.0, 0.0), (FAR_OFF, ANOTHER_RIG.log_prior))
-    )
+    return near_or_far(again.channels)
 
 
 def _shifted(channel: ChannelReading, late_s: _Floats) -> float:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from bowden.estimation.gate.answer import Answer, answer, arguments_of
-from bowden.estimation.gate.explain import GAIN_SIGMA, Explained
+from bowden.estimation.gate.explain import GAIN_SIGMA, ChannelReading, Explained
 from bowden.estimation.gate.finding import TORQUES
 from bowden.estimation.gate.mistakes import RARE, RIGHT, Mistake, mistakes_of, of_free_scale
 from bowden.model import Mode, Model
@@ -27,7 +27,7 @@ SURPRISE = 4.5  # of a gain, likewise: three sigmas
 FAR = 0.6  # of the prediction: what is left where a reading leaves no rig like the model's
 MOST_SURPRISE = 12.5  # five sigmas, likewise
 FAR_OFF = 6.0  # times what a model usually lacks
-ANOTHER_RIG = replace(RIGHT, log_prior=math.log(0.01))  # units are right, the model is not
+ANOTHER_RIG = math.log(0.01)  # log prior: units are right, the model is not
 TORQUE_SIGMA = 0.15  # of the logarithm of a torque's own scale: constants, cells
 FEWEST = 8.0  # independent samples: as in a few strokes
 _SCALES = np.exp(np.linspace(math.log(1e-4), math.log(1e4), 37))
@@ -104,15 +104,15 @@ class Readings:
 
     def _right(self) -> float:
         """Return how likely it is that no channel is written wrongly."""
-        return max(self.log_posterior(RIGHT), self.log_posterior(ANOTHER_RIG, FAR_OFF))
+        return -1e6 if self.as_read is None else near_or_far(self.as_read.channels)
 
-    def log_posterior(self, mistake: Mistake, far: float = 1.0) -> float:
+    def log_posterior(self, mistake: Mistake) -> float:
         """Return how likely a mistake is, up to a constant; -inf where the model cannot run it."""
         predicted, asked = self._split(mistake)
         if asked is None:
             return -math.inf if mistake.kind != "none" else -1e6
         return mistake.log_prior + sum(
-            one.explained(predicted.get(name, 1.0), far).log_likelihood
+            one.explained(predicted.get(name, 1.0)).log_likelihood
             for name, one in asked.channels.items()
         )
 
@@ -164,6 +164,17 @@ class Readings:
 
 def _key(factors: Mapping[str, float], swapped: Mapping[str, str]) -> object:
     return (tuple(sorted(factors.items())), tuple(sorted(swapped.items())))
+
+
+def near_or_far(channels: Mapping[str, ChannelReading]) -> float:
+    """Return how likely channels are that are as the file says, by a model near the rig or far off.
+
+    The natural logarithm, up to a constant of the data.
+    """
+    return max(
+        prior + sum(one.explained(1.0, far).log_likelihood for one in channels.values())
+        for far, prior in ((1.0, 0.0), (FAR_OFF, ANOTHER_RIG))
+    )
 
 
 def _unexplained(one: Explained, surprise: float = SURPRISE) -> float:
