@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bowden.errors import BadInput
 from bowden.model import Mode
 from bowden.recording.recording import Recording
-from bowden.signals.dequantise import EDGE_NOISE, Estimates
+from bowden.signals.dequantise import Estimates
 from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
@@ -91,10 +91,10 @@ def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observati
             continue
         values = recording[name]
         one = estimates.channels[name]
-        if not np.ptp(values) and not one.noise:
+        if not np.ptp(values):
             continue  # how well it is known cannot be told
         if one.quantum is not None and one.noise < 0.5 * one.quantum:
-            found = _at_edges(time_s, values, estimates.recording[name], one.quantum)
+            found = _at_edges(time_s, values, estimates.recording[name], one.quantum, one.noise)
         else:
             kept = _spaced(np.arange(time_s.size), time_s)
             noise = np.full(kept.size, one.noise)
@@ -117,7 +117,7 @@ def observe(recording: Recording, estimates: Estimates, mode: Mode) -> Observati
 
 
 def _at_edges(
-    time_s: _Floats, values: _Floats, path: _Floats, quantum: float
+    time_s: _Floats, values: _Floats, path: _Floats, quantum: float, noise: float
 ) -> tuple[_Floats, _Floats, _Floats, _Floats]:
     """Observe where the count changes: time halfway, the edge between, its error, which way.
 
@@ -129,7 +129,7 @@ def _at_edges(
     travel = np.abs(path[late] - path[early]) / quantum
     left = np.mod(travel, 1.0)
     square = np.where(travel < 1.0, travel**2, 1.0 - 3.0 * left * (1.0 - left)) / 12.0
-    sigma = quantum * np.sqrt(EDGE_NOISE**2 + square)
+    sigma = np.sqrt(noise**2 + quantum**2 * square)
     at, edge = 0.5 * (time_s[late] + time_s[early]), 0.5 * (values[late] + values[early])
     return at, edge, sigma, np.sign(values[late] - values[early])
 

@@ -41,7 +41,7 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
 USUAL_BRAKING = 1.25  # between even braking (1) and even change of braking (1.5)
-EDGE_NOISE = 0.05  # counts: an encoder's edges are no better than that
+EDGE_NOISE = 0.05  # counts: how blurred an encoder's edges usually are, before its data say
 NOISY_COUNTS = 0.5  # noise beyond half a count blurs the counts: then the channel is just noisy
 BAND_SIGMAS = 3.0
 CLEAN_SHARE = 1e-7  # of the channel's range: noise below it is rounding of a simulation
@@ -61,7 +61,7 @@ class Estimated:
     quantum : float or None
         One count; None when the channel is not quantised.
     noise : float
-        Standard deviation of white noise on top of the counts, or of all the noise.
+        Standard deviation of what blurs the counts' edges, or of all the noise.
     """
 
     values: _Floats
@@ -259,8 +259,7 @@ def _within_counts(
         settled = without_chatter(np.round(smooth.at(before, share)))
         smooth = smoothed(settled)
     runs = Runs.of(settled)
-    noise = float(np.sqrt(smooth.noise**2 - EDGE_NOISE**2))
-    margin = 0.5 + BAND_SIGMAS * noise
+    margin = 0.5 + BAND_SIGMAS * smooth.noise
     path = _Path(
         smooth=smooth,
         node=before,
@@ -271,7 +270,7 @@ def _within_counts(
         box=(np.minimum(count, settled) - margin, np.maximum(count, settled) + margin),
         standstills=runs.standstills(settled, felt),
     )
-    return Estimated(path.estimate(), quantum, quantum * noise, path)
+    return Estimated(path.estimate(), quantum, quantum * smooth.noise, path)
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ class SmoothPath:
 
 
 def path_through_boxes(
-    step: _Floats, middle: _Floats, least_noise: float, relative_intensity: _Floats, kind: _Index
+    step: _Floats, middle: _Floats, usual_noise: float, relative_intensity: _Floats, kind: _Index
 ) -> SmoothPath:
     """Find the path whose nodes lie in boxes of width 1.
 
@@ -148,8 +148,8 @@ def path_through_boxes(
     step : ndarray of shape (m - 1,)
     middle : ndarray of shape (m,)
         Of each node's box.
-    least_noise : float
-        Least standard deviation of what blurs the boxes' edges, > 0; it is found from the data.
+    usual_noise : float
+        Standard deviation of what blurs the boxes' edges, > 0, as far as the data do not tell it.
     relative_intensity : ndarray of shape (m - 1, 2)
         Intensities of each step against the usual ones of its kind.
     kind : ndarray of int, shape (m - 1,)
@@ -161,7 +161,7 @@ def path_through_boxes(
     """
     precision = np.full(middle.size, 12.0)  # of a uniform error of one count
     nodes = wiener.Nodes(step, np.empty(0), precision, precision * middle)
-    return _fitted(nodes, ANGLE_ORDER, relative_intensity, kind, (middle, least_noise))
+    return _fitted(nodes, ANGLE_ORDER, relative_intensity, kind, (middle, usual_noise))
 
 
 def path_through_noise(step: _Floats, values: _Floats, order: int) -> SmoothPath:
@@ -239,7 +239,7 @@ def _pooled(values: _Floats) -> _Floats:
 @compiled
 def _match_boxes(
     middle: _Floats,
-    least_noise: float,
+    usual_noise: float,
     noise: float,
     position: _Floats,
     variance: _Floats,
@@ -248,9 +248,10 @@ def _match_boxes(
 ) -> float:
     """One round of expectation propagation: the Gaussian that stands for each node's box.
 
-    Returns the noise that blurs the boxes' edges, from what the nodes determine of it.
+    Returns the noise that blurs the boxes' edges, from what the nodes determine of it; the usual
+    noise counts as one node more.
     """
-    felt, determined = least_noise * least_noise, 1.0
+    felt, determined = usual_noise * usual_noise, 1.0
     for k in range(middle.size):
         free = max(1.0 / variance[k] - precision[k], 1e-9)
         mean, spread = (position[k] / variance[k] - pull[k]) / free, 1.0 / free
@@ -276,4 +277,4 @@ def _match_boxes(
                 towards = 0.0
         precision[k] += DAMPING * (wanted - precision[k])
         pull[k] += DAMPING * (towards - pull[k])
-    return max(math.sqrt(felt / determined), least_noise)
+    return math.sqrt(felt / determined)
