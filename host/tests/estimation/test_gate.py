@@ -174,6 +174,24 @@ def test_a_dead_sensor(channel: str) -> None:
     assert finding.what == "constant"
 
 
+@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("noise_nm", [0.0, 5e-4])
+def test_a_cell_that_feels_nothing_is_dead_unless_play_may_hide_all(
+    moves: bool, noise_nm: float
+) -> None:
+    """A locked load behind play, and a cell that shows its noise: nothing says that it is dead."""
+    model = MODEL.with_values({"friction.mu_d": 0.05})
+    time_s = np.arange(8000) * 1e-3
+    torque = 0.3 * np.sin(2 * np.pi * 0.3 * time_s)
+    load = 0.3 * moves * np.sin(2 * np.pi * 0.4 * time_s)
+    run = simulate(model, MODE, Inputs(time_s, motor_torque_nm=torque, load_angle_rad=load))
+    read = np.random.default_rng(3).normal(0.0, noise_nm, time_s.size)
+    found = check_data(model, [replace(sensed(as_recording(run)), load_torque_nm=read)], MODE)
+    says = [one.severity for one in found if one.what == "constant"]
+    assert says == ["stop" if moves or noise_nm == 0.0 else "warn"]
+    assert moves or noise_nm == 0.0 or "stop" not in [one.severity for one in found]
+
+
 def test_a_dead_load_encoder() -> None:
     assert stops(replace(RUN, load_angle_rad=np.zeros(RUN.time_s.size)))[0].what == "constant"
 
