@@ -36,7 +36,7 @@ from hil_tests.benchmarks.diagnosis_score import Answer, Result, markdown
 from hil_tests.benchmarks.diagnosis_truth import law_inside, over_truth
 from hil_tests.benchmarks.side_by_side import each
 from hil_tests.hidden_effects import effects, random_laws, sets, unlisted
-from hil_tests.hidden_effects.recordings import Case, draw_case
+from hil_tests.hidden_effects.recordings import LAW_KINDS, SURFACE, Case, draw_case
 from hil_tests.hidden_effects.strength import WEAKEST
 from hil_tests.rig_cases import cases as rig_cases
 
@@ -68,6 +68,8 @@ def jobs(seed: int, per_effect: int, only: list[str], alike: Job) -> list[Job]:
         if alike.source == "continuum" and alike.recordings == 1:
             # The rig's motor has no recorded torque to add one to; a law follows one range.
             found += [(number, "smooth_law", (name,)) for name in random_laws.HIDE]
+            if SURFACE in only:
+                found += [(number, SURFACE, (name,)) for name in random_laws.SURFACES]
         found += [(number + 100 * i, "complete", ()) for i in range(12)]
         for kind, count in (("pair", 2), ("several", 4)):
             for i in range(8):
@@ -161,7 +163,7 @@ def run(job: Job) -> dict[str, Result]:
         answers[OURS] = Answer(f"failed: {error}", (), seconds=time.perf_counter() - start)
     else:
         seconds = time.perf_counter() - start
-        inside = law_inside(case, found) if job.kind == "smooth_law" else math.nan
+        inside = law_inside(case, found) if job.kind in LAW_KINDS else math.nan
         answers[OURS] = ours(found, seconds, over_truth(case, recordings, found), inside)
         if not baselines.missing():
             answers |= baselines.answers(found, recordings[0])
@@ -193,7 +195,9 @@ def main() -> int:
     parser.add_argument(
         "--source", choices=SOURCES, default="continuum", help="who makes the recordings"
     )
-    parser.add_argument("--only", action="append", default=[], metavar="NAME", help="or a kind")
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="NAME", help=f"or a kind; {SURFACE} only so"
+    )
     parser.add_argument(
         "--recordings",
         type=int,

@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hil_tests.hidden_effects.recordings import LAW_KINDS, SURFACE
+
 LARGEST_TIE = 3
 PERIODIC = ("phase_rad", "load_phase_rad")
 NO_EFFECT = "(none)"
@@ -123,7 +125,7 @@ class Result:
     @property
     def explanation(self) -> frozenset[str]:
         """The truth in the words of the odds."""
-        if self.kind in {"unlisted", "smooth_law"}:
+        if self.kind in {"unlisted", *LAW_KINDS}:
             return frozenset({"unlisted"})
         return frozenset(self.truth or {"nothing"})
 
@@ -192,12 +194,29 @@ def of_kind(results: Sequence[Result], kind: str) -> list[Result]:
     return [r for r in results if r.kind == kind]
 
 
+def _law_rates(what: str, laws: Sequence[Result]) -> dict[str, Rate]:
+    """Return the rates over hidden laws; none where there are none."""
+    if not laws:
+        return {}
+    return {
+        f"{what}: recognised, with a law": rate(
+            r.answer.verdict == "unlisted" and bool(r.answer.laws) for r in laws
+        ),
+        f"{what}: place and argument right or tied": rate(
+            r.label in r.answer.laws[:LARGEST_TIE] for r in laws
+        ),
+        f"{what}: gap after <= 1.5 floors": rate(r.answer.gap_over_floor <= 1.5 for r in laws),
+        f"{what}: true curve inside the band": Rate.of_shares(
+            r.answer.law_inside for r in laws if math.isfinite(r.answer.law_inside)
+        ),
+    }
+
+
 def rates(results: Sequence[Result]) -> dict[str, Rate]:
     """Return the rates over all kinds that are there."""
     single, pair = of_kind(results, "single"), of_kind(results, "pair")
     several = of_kind(results, "several")
     complete, unlisted = of_kind(results, "complete"), of_kind(results, "unlisted")
-    laws = of_kind(results, "smooth_law")
     return {
         "single: named first": rate(r.first for r in single),
         "single: among the first two": rate(r.second for r in single),
@@ -210,16 +229,8 @@ def rates(results: Sequence[Result]) -> dict[str, Rate]:
         "unlisted: given a name": rate(
             r.answer.verdict in {"named", "ambiguous"} for r in unlisted
         ),
-        "smooth law: recognised, with a law": rate(
-            r.answer.verdict == "unlisted" and bool(r.answer.laws) for r in laws
-        ),
-        "smooth law: place and argument right or tied": rate(
-            r.label in r.answer.laws[:LARGEST_TIE] for r in laws
-        ),
-        "smooth law: gap after <= 1.5 floors": rate(r.answer.gap_over_floor <= 1.5 for r in laws),
-        "smooth law: true curve inside the band": Rate.of_shares(
-            r.answer.law_inside for r in laws if math.isfinite(r.answer.law_inside)
-        ),
+        **_law_rates("smooth law", of_kind(results, "smooth_law")),
+        **_law_rates("law of two arguments", of_kind(results, SURFACE)),
         "complete or listed: given a law": rate(
             bool(r.answer.laws) for r in (*single, *complete, *pair)
         ),

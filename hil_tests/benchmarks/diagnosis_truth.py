@@ -17,7 +17,7 @@ from bowden.signals.dequantise import estimate_channels
 from bowden.signals.prediction import simulate_recording
 
 from hil_tests.hidden_effects import random_laws
-from hil_tests.hidden_effects.recordings import Case
+from hil_tests.hidden_effects.recordings import LAW_KINDS, Case
 
 CALIBRATED = {
     "pretension_n": "rig.cable.pretension_n",
@@ -32,7 +32,7 @@ def over_truth(case: Case, recordings: Sequence[Recording], found: Diagnosis) ->
     nan where the truth is in no catalogue or cannot be run, where the data allowed no verdict, and
     for sets.
     """
-    if case.truth.kind in {"unlisted", "smooth_law"} or not found.series or len(recordings) > 1:
+    if case.truth.kind in {"unlisted", *LAW_KINDS} or not found.series or len(recordings) > 1:
         return math.nan
     model = true_model(case)
     given = estimate_channels(recordings[0], model, found.mode).recording
@@ -73,5 +73,6 @@ def law_inside(case: Case, found: Diagnosis) -> float:
     if f"{one.place} over {' and '.join(one.arguments)}" != name:
         return math.nan
     x, _, low, high = one.curve.T
-    true = random_laws.true_law(name, values, case.signals, x)
+    at = [x] if one.second is None else [x, one.second]
+    true = random_laws.true_law(name, values, case.signals, *at)
     return float(np.mean((low <= true) & (true <= high)))

@@ -1,4 +1,4 @@
-"""Random smooth laws of one argument at one place, hidden in the continuum.
+"""Random smooth laws of one argument or two at one place, hidden in the continuum.
 
 What a rig may have that no catalogue lists: a torque or a factor on friction that follows an angle,
 a speed, a torque or time, with or without a direction: of a torque the load's motion, of friction
@@ -62,18 +62,28 @@ LOAD, SLIP = "direction", "slip_direction"  # whose direction a law may go by
 CELL = "load_torque_nm"  # the cell's own torque: at its place only
 
 
-def curve(p: Values, at: Vector, low: float, high: float) -> Vector:
-    """Return the law's value: cosines over the range, in units of its size."""
-    u = np.clip((at - low) / (high - low), 0.0, 1.0)
-    waves = [p[f"a_{k}"] * np.cos(np.pi * k * u + p[f"phase_{k}_rad"]) for k in range(1, WAVES + 1)]
+def _share(seen: Vector, at: Vector | None = None) -> Vector:
+    """Return where values lie in the range of what was seen, 0..1."""
+    low, high = float(seen.min()), float(seen.max())
+    return np.asarray(np.clip(((seen if at is None else at) - low) / (high - low), 0.0, 1.0))
+
+
+def curve(p: Values, u: Vector, v: Vector | None = None) -> Vector:
+    """Return the law's value: cosines over the range, in units of its size.
+
+    Over a second argument each of them is another cosine's size.
+    """
+    waves = []
+    for k in range(1, WAVES + 1):
+        wave = p[f"a_{k}"] * np.cos(np.pi * k * u + p[f"phase_{k}_rad"])
+        waves.append(wave if v is None else wave * np.cos(np.pi * v + p[f"across_{k}_rad"]))
     return np.asarray(p["size"] * (p["level"] + np.sum(waves, axis=0)))
 
 
-def _law(place: str, argument: str, direction_of: str, p: Values) -> Hidden:
+def _law(place: str, over: tuple[str, ...], direction_of: str, p: Values) -> Hidden:
     def value(signals: Signals, own: Vector | None = None) -> Vector:
-        at = ARGUMENTS[argument](signals) if own is None else own
-        low, high = np.quantile(at, [0.0, 1.0])
-        found = curve(p, at, float(low), float(high))
+        seen = [ARGUMENTS[name](signals) if own is None else own for name in over]
+        found = curve(p, *map(_share, seen))
         return found * direction(signals.load_angle_rad) if direction_of == LOAD else found
 
     def factors(signals: Signals, pair: Pair) -> Histories:
@@ -81,34 +91,46 @@ def _law(place: str, argument: str, direction_of: str, p: Values) -> Hidden:
         f = value(signals)
         return Histories(1.0 + f, 1.0 - f) if direction_of == SLIP else both(1.0 + f)
 
-    name = name_of(place, argument, direction_of)
+    name = name_of(place, over, direction_of)
     if place == "friction_factor":
         return Hidden(name, dict(p), histories=factors)
     if place == "motor_torque_nm":
         return Hidden(name, dict(p), true_torque=lambda x, s: x + value(s))
-    own = argument == CELL
+    own = over == (CELL,)
     return Hidden(name, dict(p), read_load_torque=lambda x, s: x + value(s, x if own else None))
 
 
-def true_law(name: str, p: Values, signals: Signals, at: Vector) -> Vector:
+def true_law(name: str, p: Values, signals: Signals, *at: Vector) -> Vector:
     """Return the true curve at some arguments; of the cell's own torque only the pair knows it."""
-    argument = name.split(" over ")[1].split(" and ", maxsplit=1)[0]
-    seen = ARGUMENTS[argument](signals)
-    return curve(p, at, float(seen.min()), float(seen.max()))
+    over = [one for one in name.split(" over ")[1].split(" and ") if one in ARGUMENTS]
+    seen = [ARGUMENTS[one](signals) for one in over]
+    return curve(p, *map(_share, seen, at))
 
 
-def name_of(place: str, argument: str, direction_of: str) -> str:
+def name_of(place: str, over: tuple[str, ...], direction_of: str) -> str:
     """Return what a law is called: its place and its arguments."""
-    return f"{place} over {argument}" + (f" and {direction_of}" if direction_of else "")
+    return f"{place} over {' and '.join([*over, *filter(None, [direction_of])])}"
 
 
-HIDE: dict[str, Callable[[Values], Hidden]] = {
-    name_of(place, argument, direction_of): partial(_law, place, argument, direction_of)
-    for place in PLACES
-    for argument in (*ARGUMENTS, *((CELL,) if place == CELL else ()))
-    for direction_of in ("", SLIP if place == "friction_factor" else LOAD)
-}
+def _laws(overs: Callable[[str], list[tuple[str, ...]]]) -> dict[str, Callable[[Values], Hidden]]:
+    return {
+        name_of(place, over, direction_of): partial(_law, place, over, direction_of)
+        for place in PLACES
+        for over in overs(place)
+        for direction_of in ("", SLIP if place == "friction_factor" else LOAD)
+    }
+
+
+HIDE = _laws(lambda place: [(one,) for one in (*ARGUMENTS, *((CELL,) if place == CELL else ()))])
 """Name -> from parameter values to the hidden law."""
+SURFACES = _laws(
+    lambda _: [
+        ("load_angle_rad", "motor_torque_nm"),
+        ("load_angle_rad", "time_s"),
+        ("motor_torque_nm", "time_s"),
+    ]
+)
+"""The same over two arguments."""
 
 WARMS = tuple(name for name in HIDE if "temperature" in name)
 
@@ -120,4 +142,6 @@ def draw(name: str, rng: np.random.Generator) -> Draw:
     for k in range(1, WAVES + 1):
         shape[f"a_{k}"] = float(rng.normal()) / k
         shape[f"phase_{k}_rad"] = float(rng.uniform(0.0, 2.0 * np.pi))
+    if name in SURFACES:
+        shape |= {f"across_{k}_rad": float(rng.uniform(0.0, np.pi)) for k in range(1, WAVES + 1)}
     return Draw(shape, "size", low, high)

@@ -35,6 +35,8 @@ from hil_tests.hidden_effects.strength import (
 )
 
 KINDS = ("complete", "single", "pair", "several", "unlisted", "smooth_law")
+SURFACE = "smooth_surface"  # a smooth law of two arguments: by name, not in turn with the others
+LAW_KINDS = ("smooth_law", SURFACE)
 COUNTS = {"complete": 0, "pair": 2, "several": 4}  # of effects that are hidden; else one
 WARMS = ("thermal_friction", "cell_temperature_crosstalk", *random_laws.WARMS)  # not without it
 
@@ -156,7 +158,7 @@ numerics: {{segments: 100}}
 
 def random_of(seed: int, kind: str, names: Sequence[str]) -> np.random.Generator:
     """Return the generator of a case; ValueError where there is no such kind."""
-    if kind not in KINDS:
+    if kind not in {*KINDS, SURFACE}:
         raise ValueError(f"kind: found {kind!r}; accepted: {', '.join(KINDS)}")
     return np.random.default_rng([seed, *(ord(c) for c in kind + "".join(names))])
 
@@ -171,12 +173,17 @@ def draw_names(rng: np.random.Generator, kind: str) -> list[str]:
 
 def hidden_of(kind: str) -> Mapping[str, effects.Hide]:
     """Return what a case of a kind may hide, by name."""
-    return {"unlisted": unlisted.HIDE, "smooth_law": random_laws.HIDE}.get(kind, effects.HIDE)
+    others = {
+        "unlisted": unlisted.HIDE,
+        "smooth_law": random_laws.HIDE,
+        SURFACE: random_laws.SURFACES,
+    }
+    return others.get(kind, effects.HIDE)
 
 
 def draw_effect(rng: np.random.Generator, kind: str, name: str, pair: Pair) -> Draw:
     """Draw the numbers of an effect; its strength stays open."""
-    if kind == "smooth_law":
+    if kind in LAW_KINDS:
         return random_laws.draw(name, rng)
     return unlisted.draw(name, rng) if kind == "unlisted" else draws.DRAWS[name](rng, pair)
 

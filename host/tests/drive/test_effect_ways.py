@@ -157,6 +157,14 @@ def test_a_learned_law_over_time_does_not_go() -> None:
     assert "tables do not go over time_s" in left_out
 
 
+def test_a_learned_law_of_two_arguments_does_not_go() -> None:
+    text = format_model(table_1()).replace("effects: []\n", LEARNED)
+    text = text.replace("load_angle_rad, direction", "load_angle_rad, motor_torque_nm")
+    text = text.replace("x: [-0.4, -0.2, 0.1, 0.4]", "x: [-0.4, 0.4], y: [-0.1, 0.1]")
+    (left_out,) = reduced_model(parse_model(text)).left_out
+    assert "tables go over one argument" in left_out
+
+
 def test_tables_beyond_eight_are_left_out_by_name() -> None:
     model = table_1()
     for name, values in (

@@ -9,7 +9,7 @@ import pytest
 from bowden.model import Inputs, Mode, ModelError, format_model, parse_model, simulate
 from bowden.model.effects import LawTable
 from bowden.model.effects.last_motion import STILL_RAD, direction_of
-from bowden.model.effects.learned import argument_of, curve_through
+from bowden.model.effects.law_table import argument_of, curve_through
 from hypothesis import given as drawn
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -174,6 +174,41 @@ def test_beyond_its_knots_a_law_stays_level(angle: float, values: list[float]) -
         assert found == pytest.approx(values[0 if angle < 0.0 else 2], abs=rounding)
 
 
+SURFACE = LawTable(
+    "load_torque_nm", ("load_angle_rad", "motor_torque_nm"), (-0.2, 0.0, 0.2), (-0.1, 0.1)
+)
+
+
+def test_a_law_of_two_arguments_is_a_spline_along_either() -> None:
+    """Three knots hold a parabola and two a line: their product is met everywhere."""
+
+    def product(angle: FloatArray, torque: FloatArray) -> FloatArray:
+        return np.asarray((0.01 - 0.2 * angle + angle**2) * (0.5 + 3.0 * torque))
+
+    values = product(*SURFACE.points.T)
+    true = simulate(plain(), TP, given(TP))
+    found = simulate(plain().with_law(SURFACE, values.tolist()), TP, given(TP))
+    motor = given(TP).motor_torque_nm
+    assert motor is not None
+    at = np.clip(true.load_angle_rad, -0.2, 0.2), np.clip(motor, -0.1, 0.1)  # level beyond
+    same(found.load_torque_nm, true.load_torque_nm + product(*at))
+
+
+def test_a_surface_that_is_level_along_one_argument_is_the_curve_of_the_other() -> None:
+    curve = np.array([0.02, 0.05, -0.01])
+    table = LawTable("load_torque_nm", ("load_angle_rad",), SURFACE.x)
+    one = simulate(plain().with_law(table, curve.tolist()), TP, given(TP))
+    both = simulate(plain().with_law(SURFACE, np.repeat(curve, 2).tolist()), TP, given(TP))
+    same(both.load_torque_nm, one.load_torque_nm)
+
+
+def test_a_law_of_two_arguments_stands_in_a_model_file() -> None:
+    model = plain().with_law(SURFACE, [0.01, 0.02, 0.03, 0.04, 0.05, 0.06])
+    again = parse_model(format_model(model))
+    assert again.effects[0].values == model.effects[0].values
+    assert again.value("effects[0].values[3]") == 0.04
+
+
 def test_it_stands_in_a_model_file_and_its_values_move() -> None:
     model = plain().with_law(TENT, (0.02, 0.05, -0.01))
     again = parse_model(format_model(model))
@@ -207,6 +242,10 @@ def test_slip_that_changes_along_the_stroke_is_the_angles_where_one_side_alone_s
 
 
 ENTRY = "{name: learned, place: load_torque_nm, arguments: [time_s], x: [0, 1], values: [0, 0.1]}"
+OVER_TWO = (
+    "{name: learned, place: load_torque_nm, arguments: [time_s, load_angle_rad], x: [0, 1], "
+    "y: [0, 2], values: [0, 0.1, 0.2, 0.3]}"
+)
 
 
 @pytest.mark.parametrize(
@@ -214,7 +253,7 @@ ENTRY = "{name: learned, place: load_torque_nm, arguments: [time_s], x: [0, 1], 
     [
         (ENTRY.replace("load_torque_nm", "handle"), "effects[0].place: found 'handle'"),
         (ENTRY.replace("[time_s]", "[age_s]"), "effects[0].arguments: found ['age_s']"),
-        (ENTRY.replace("[time_s]", "[time_s, speed]"), "accepted: one of load_angle_rad"),
+        (ENTRY.replace("[time_s]", "[time_s, speed]"), "accepted: one or two of load_angle_rad"),
         (ENTRY.replace("[time_s]", "[time_s, slip_direction]"), "effects[0].arguments: found"),
         (ENTRY.replace("[0, 1]", "[1, 0]"), "effects[0].x: found [1, 0]"),
         (ENTRY.replace("[0, 1]", "[0, .nan]"), "effects[0].x: found [0, nan]"),
@@ -222,6 +261,11 @@ ENTRY = "{name: learned, place: load_torque_nm, arguments: [time_s], x: [0, 1], 
         (ENTRY.replace("x: [0, 1], ", ""), "effects[0].x: missing"),
         (ENTRY.replace("values", "valves"), "effects[0].values: missing"),
         (ENTRY.replace("[0, 0.1]", "[0, 7]"), "effects[0].values[1]: found 7"),
+        (ENTRY.replace("x: [0, 1]", "x: [0, 1], y: [0, 1]"), "y: found [0, 1], accepted: none"),
+        (OVER_TWO.replace("y: [0, 2], ", ""), "effects[0].y: found None, accepted: 2 to 33"),
+        (OVER_TWO.replace("y: [0, 2]", "y: [2, 0]"), "effects[0].y: found [2, 0]"),
+        (OVER_TWO.replace(", 0.3]", "]"), "accepted: 4 finite numbers, one a pair of knots"),
+        (OVER_TWO.replace("load_angle_rad", "time_s"), "effects[0].arguments: found"),
     ],
 )
 def test_a_law_that_makes_no_sense_is_refused_by_name(wrong: str, said: str) -> None:

@@ -1,11 +1,13 @@
 """Learned laws as candidates: every place over every argument, with or without a direction.
 
-`learn` screens them with few knots and fits the promising ones with more. Touches no file.
+`learn` screens them with few knots and fits the promising ones with more; a law of one argument
+that leaves something is tried over each second one. Touches no file.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,12 +17,13 @@ from numpy.typing import NDArray
 from bowden.diagnosis.candidates import Candidate
 from bowden.model import Model
 from bowden.model.effects import LawTable, law_of
-from bowden.model.effects.learned import ARGUMENTS, DIRECTION, PLACES, SLIP_DIRECTION, argument_of
+from bowden.model.effects.law_table import ARGUMENTS, DIRECTION, PLACES, SLIP_DIRECTION, argument_of
 from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
 SCREENED, FITTED = 6, 17  # knots
+SCREENED_ON_TWO, FITTED_ON_TWO = 4, 9  # along each of two arguments
 LEVEL = 10.0  # usual values: how large a law may be before it is bent
 
 
@@ -70,24 +73,38 @@ def learned_among(effects: Sequence[Candidate]) -> LawCandidate | None:
 def smooth_precision(table: LawTable, bend: float) -> _Floats:
     """Return the precision of a prior: second differences of size `bend`, level within reason.
 
-    The curvature is white noise: the exponent is the energy of the curve through the knots that
-    bends least (Green, Silverman 1994, section 2.1).
+    Of a surface along either argument, on average over the other.
     """
-    x = np.array(table.x)
-    knots, step = x.size, np.diff(x)
-    usual = (x[-1] - x[0]) / (knots - 1)
-    second = np.zeros((knots - 2, knots))  # divided differences
+    sizes = [len(axis) for axis in table.axes]
+    level = LEVEL * PLACES[table.place].usual
+    found = np.eye(math.prod(sizes)) / (math.prod(sizes) * level**2)
+    for k, axis in enumerate(table.axes):
+        before, after = math.prod(sizes[:k]), math.prod(sizes[k + 1 :])
+        mean = np.kron(np.eye(before), np.kron(_bending(axis), np.eye(after)))
+        found += mean / (bend**2 * before * after)
+    return np.asarray(found)
+
+
+def _bending(knots: Sequence[float]) -> _Floats:
+    """Return the energy of the curve through knots that bends least, for usual bends of 1.
+
+    Its curvature is white noise (Green, Silverman 1994, section 2.1); straight through two knots.
+    """
+    x = np.array(knots)
+    size, step = x.size, np.diff(x)
+    usual = (x[-1] - x[0]) / (size - 1)
+    second = np.zeros((size - 2, size))  # divided differences
     for k, (before, after) in enumerate(itertools.pairwise(step)):
         second[k, k : k + 3] = 1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after
     across = np.diag((step[:-1] + step[1:]) / 3.0)
     across += np.diag(step[1:-1] / 6.0, 1) + np.diag(step[1:-1] / 6.0, -1)
-    density = 1.5 * bend**2 / usual**3  # of the curvature's noise
-    energy = second.T @ np.linalg.solve(across, second) / density
-    level = LEVEL * PLACES[table.place].usual
-    return np.asarray(energy + np.eye(knots) / (knots * level**2))
+    density = 1.5 / usual**3  # of the curvature's noise
+    return np.asarray(second.T @ np.linalg.solve(across, second) / density)
 
 
-LAWS = (2 * len(PLACES) + 1) * len(ARGUMENTS)  # that there are to choose from
+WAYS = 2 * len(PLACES) + 1  # in which a law may count: at each place, with and without direction
+LAWS = WAYS * len(ARGUMENTS)  # that there are to choose from
+SURFACES = WAYS * math.comb(len(ARGUMENTS), 2)  # the same over two arguments
 
 
 def laws_over(recordings: Sequence[Recording], knots: int = SCREENED) -> list[LawCandidate]:
@@ -113,6 +130,16 @@ def laws_over(recordings: Sequence[Recording], knots: int = SCREENED) -> list[La
     return found
 
 
+def surface_of(one: LawCandidate, other: LawCandidate) -> LawCandidate | None:
+    """Return the law over the arguments of two; None where they are not of one place and way."""
+    (first, *way), (second, *another) = one.table.arguments, other.table.arguments
+    if one.table.place != other.table.place or way != another or first == second:
+        return None
+    ends = [(law.table.x[0], law.table.x[-1]) for law in (one, other)]
+    axes = [tuple(np.linspace(*each, SCREENED_ON_TWO).tolist()) for each in ends]
+    return LawCandidate.of(LawTable(one.table.place, (first, second, *way), *axes), one.bend)
+
+
 def visited_by(
     argument: str, channel: str, recordings: Sequence[Recording]
 ) -> tuple[float, float] | None:
@@ -125,10 +152,13 @@ def visited_by(
 
 
 def visits(table: LawTable, recordings: Sequence[Recording]) -> _Floats:
-    """Return the share of the samples that lie nearest to each knot, shape (knots,)."""
-    middles = 0.5 * (np.array(table.x[1:]) + np.array(table.x[:-1]))
-    nearest = np.searchsorted(middles, _seen(table.argument, recordings))
-    return np.asarray(np.bincount(nearest, minlength=len(table.x)) / nearest.size)
+    """Return the share of the samples that lie nearest to each knot, shape (values,)."""
+    nearest = np.zeros(0, dtype=np.intp)
+    for argument, axis in zip(table.over, table.axes, strict=True):
+        middles = 0.5 * (np.array(axis[1:]) + np.array(axis[:-1]))
+        along = np.searchsorted(middles, _seen(argument, recordings))
+        nearest = along if not nearest.size else nearest * len(axis) + along
+    return np.asarray(np.bincount(nearest, minlength=len(table.points)) / nearest.size)
 
 
 def _seen(argument: str, recordings: Sequence[Recording]) -> _Floats:
@@ -138,9 +168,11 @@ def _seen(argument: str, recordings: Sequence[Recording]) -> _Floats:
 
 def finer(one: LawCandidate, values: Mapping[str, float]) -> tuple[LawCandidate, dict[str, float]]:
     """Return a law with more knots over the same range, and the same curve on them."""
-    x = np.linspace(one.table.x[0], one.table.x[-1], FITTED)
-    table = LawTable(one.table.place, one.table.arguments, tuple(x.tolist()))
-    curve = one.table.curve(x, np.array([values[name] for name in one.table.names]))
+    table = one.table
+    knots = FITTED_ON_TWO if table.y else FITTED
+    axes = [tuple(np.linspace(axis[0], axis[-1], knots).tolist()) for axis in table.axes]
+    fine = LawTable(table.place, table.arguments, *axes)
+    curve = table.spline(list(fine.points.T), np.array([values[name] for name in table.names]))
     spread = max(float(np.ptp(curve)), float(np.max(np.abs(curve))), 1e-9)
-    found = LawCandidate.of(table, spread / FITTED)
-    return found, dict(zip(table.names, curve.tolist(), strict=True))
+    found = LawCandidate.of(fine, spread / knots)
+    return found, dict(zip(fine.names, curve.tolist(), strict=True))

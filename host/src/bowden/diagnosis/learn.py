@@ -1,14 +1,16 @@
-"""Learn a law where no name fits: a smooth function of one argument, at one place.
+"""Learn a law where no name fits: a smooth function of one argument or two, at one place.
 
 Where the posterior says that something unlisted is there, every place and argument is screened on
 top of the calibrated model, and the most promising laws are fitted with the simulator inside, alone
 and beside the likeliest effect, as long as they could still be the likeliest. The law is the one
-that predicts unseen stretches best; the evidence sets its smoothness. `law_candidates` lists what
-is tried, `verdict` words it.
+that predicts unseen stretches best; the evidence sets its smoothness. Where it, too, leaves what is
+unlisted, laws of two arguments follow. `law_candidates` lists what is tried, `verdict`
+words it.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,11 +30,12 @@ from bowden.diagnosis.law_candidates import (
     laws_over,
     learned_among,
     smooth_precision,
+    surface_of,
     visits,
 )
 from bowden.diagnosis.material import Material, as_searched, with_offset
 from bowden.diagnosis.numbers_known import solver_errors
-from bowden.diagnosis.odds import log_prior, merit, posterior
+from bowden.diagnosis.odds import Weighed, log_prior, merit, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
@@ -76,21 +79,48 @@ def with_laws(
     tell("learning a law that no name fits", 0.9)
     searched = as_searched(model)
     parents = _parents(found)
-    screened = _screened(material, parents[0])
+    screened = _screened(
+        material, parents[0], laws_over([data.estimates.recording for data in material.coarse])
+    )
+    laws = _laws(material, searched, parents, screened)
+    tell("predicting by learned laws", 0.93)
+    weighed = _weighed(material, found, laws, seed)
+    best = next((one for one in weighed if learned_among(one.hypothesis.effects)), None)
+    if best is not None and best.beyond > best.weight:
+        tell("learning it over a second argument", 0.94)
+        surfaces = _screened(material, parents[0], _surfaces(material, parents[0], screened))
+        laws += _laws(material, searched, parents, surfaces, laws)
+        weighed = _weighed(material, found, laws, seed)
+    return replace(found, weighed=tuple(weighed)) if weighed else found
+
+
+def _laws(
+    material: Material,
+    searched: Model,
+    parents: Sequence[Hypothesis],
+    screened: Sequence[ScreenedCandidate],
+    rivals: Sequence[Hypothesis] = (),
+) -> list[Hypothesis]:
+    """Return the likeliest of some laws, on top of each parent and alone."""
     laws: list[Hypothesis] = []
     for parent in parents:
         if not any(map(holds, laws)):  # as in `search`: beside a set that holds none is grown
-            laws += _laws_on(material, searched, parent, screened, laws)
-    if not laws:
-        return found
-    done = {one.key: one for one in laws}
+            laws += _laws_on(material, searched, parent, screened, [*rivals, *laws])
+    done = {one.key: one for one in [*rivals, *laws]}
     alone = [without_idle(material, searched, one, done) for one in laws]
-    laws += [one for one in alone if one is not None and learned_among(one.effects)]
-    tell("predicting by learned laws", 0.93)
+    return laws + [one for one in alone if one is not None and learned_among(one.effects)]
+
+
+def _weighed(
+    material: Material, found: Found, laws: Sequence[Hypothesis], seed: int
+) -> list[Weighed]:
+    """Weigh laws against what the search found; nothing where there is no law to run."""
+    if not laws:
+        return []
     try:
         best, noises = about_first(material, sorted(laws, key=merit))
     except ModelError:  # so steep that they describe no rig
-        return found
+        return []
     known = [
         one.hypothesis
         for one in found.weighed
@@ -102,8 +132,7 @@ def with_laws(
     compared = finish(material, [*laws, *known], noises)
     compared = [one for one in compared if not one.effects or matters(one)]
     names = len({one.candidate.name for one in found.screened})
-    weighed = posterior([(one, predict_unseen(one)) for one in compared], names, seed)
-    return replace(found, weighed=tuple(weighed))
+    return posterior([(one, predict_unseen(one)) for one in compared], names, seed)
 
 
 def _parents(found: Found) -> list[Hypothesis]:
@@ -121,11 +150,28 @@ def _parents(found: Found) -> list[Hypothesis]:
     return parents
 
 
-def _screened(material: Material, base: Hypothesis) -> list[ScreenedCandidate]:
-    """Simulate every law on top of the calibrated model."""
+def _screened(
+    material: Material, base: Hypothesis, laws: Sequence[LawCandidate]
+) -> list[ScreenedCandidate]:
+    """Simulate laws on top of the calibrated model."""
     screen = Screen(base)
-    laws = laws_over([data.estimates.recording for data in material.coarse])
     return [one for one in material.pool.map(screen.screen_once, laws) if one is not None]
+
+
+def _surfaces(
+    material: Material, base: Hypothesis, screened: Sequence[ScreenedCandidate]
+) -> list[LawCandidate]:
+    """Return the most promising laws of two arguments: whose curves gain most beside each other."""
+    screen = Screen(base)
+    pairs = [
+        (one, other, surface)
+        for one, other in itertools.combinations(screened, 2)
+        if isinstance(one.candidate, LawCandidate)
+        and isinstance(other.candidate, LawCandidate)
+        and (surface := surface_of(one.candidate, other.candidate)) is not None
+    ]
+    gains = list(material.pool.map(lambda pair: screen.together(*pair[:2]), pairs))
+    return [pairs[k][2] for k in np.argsort(gains)[::-1][:MOST_PROPOSED]]
 
 
 def _laws_on(
@@ -269,8 +315,12 @@ def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
     if law.scales_friction:  # mu (1 + f) is known, mu to its tolerance only
         variance = variance + (_tolerance_of(one.model, FRICTION[0]) * (1.0 + value)) ** 2
     reach = INTERVAL * np.sqrt(variance)
-    curve = np.stack([np.array(law.table.x), value, value - reach, value + reach], axis=1)
-    return Learned(law.table.place, law.table.arguments, curve, visits(law.table, recordings))
+    table, at = law.table, law.table.points
+    curve = np.stack([at[:, 0], value, value - reach, value + reach], axis=1)
+    second = at[:, 1] if table.y else None
+    return Learned(
+        law.table.place, law.table.arguments, curve, visits(law.table, recordings), second
+    )
 
 
 def _tolerance_of(model: Model, path: str) -> float:

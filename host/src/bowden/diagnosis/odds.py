@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.law_candidates import LAWS, LawCandidate
+from bowden.diagnosis.law_candidates import LAWS, SURFACES, LawCandidate
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.model.effects import CATALOGUE, LEARNED, Effect
 
@@ -60,7 +60,7 @@ def log_prior(one: Hypothesis, candidates: int = len(CATALOGUE)) -> float:
     strength for it takes up a hundredth of its range (the Occam factor, MacKay 2003, 28.1).
     """
     listed = [e.effect for e in one.effects if not isinstance(e, LawCandidate)]
-    laws = len(one.effects) - len(listed)
+    laws = [effect for effect in one.effects if isinstance(effect, LawCandidate)]
     penalties = sum(penalty(effect, candidates - k) for k, effect in enumerate(listed))
     orders = math.lgamma(len(listed) + 1)
     room = sum(
@@ -68,7 +68,12 @@ def log_prior(one: Hypothesis, candidates: int = len(CATALOGUE)) -> float:
         for index, candidate in enumerate(one.effects)
         if not isinstance(candidate, LawCandidate)
     )
-    return orders - penalties + room + laws * math.log(PRIOR_UNLISTED / LAWS)
+    return orders - penalties + room + sum(map(_log_prior_of, laws))
+
+
+def _log_prior_of(law: LawCandidate) -> float:
+    """Return the logarithm of the prior of a learned law; a second argument is one thing more."""
+    return math.log(PRIOR_UNLISTED * (MORE / SURFACES if law.table.y else 1.0 / LAWS))
 
 
 def merit(one: Hypothesis) -> float:

@@ -71,15 +71,18 @@ class Learned:
         What it is a function of; last "direction" where its sign follows the load's motion, or
         "slip_direction" where it follows the cable's.
     curve : ndarray of shape (knots, 4)
-        Argument, value, and the ends of the 95 % interval.
+        First argument, value, and the ends of the 95 % interval.
     visited : ndarray of shape (knots,)
         Share of the samples that lie nearest to each knot.
+    second : ndarray of shape (knots,) or None
+        Second argument at each knot, rising fastest; None of a law of one argument.
     """
 
     place: str
     arguments: tuple[str, ...]
     curve: _Floats
     visited: _Floats
+    second: _Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -228,4 +231,6 @@ class Diagnosis:
             "visited": one.visited.tolist(),
             "odds": self.law_odds,
         }
+        if one.second is not None:
+            document["second"] = one.second.tolist()
         return {"learned": document}

@@ -257,6 +257,14 @@ class Screen:
         values, origin = start_values(screened.candidate, screened.shape, amounts), self.parent
         return replace(screened, values=values, gain=gain, change=change, step=step, origin=origin)
 
+    def together(self, *screened: ScreenedCandidate) -> float:
+        """Predict the gain of several candidates beside each other, by what their probes do."""
+        probes = [probe for one in screened for probe in one.probes]
+        sizes = np.array([probe.size for probe in probes])
+        responses = [response for one in screened for response in one.responses]
+        columns = np.stack([self._whiten(one) for one in responses], axis=1) / sizes
+        return self._project(columns, _lowest(probes), np.inf)[1]
+
     def annealed(self, screened: ScreenedCandidate) -> float:
         """Predict the gain of a fit: with the scales of the covariance estimated anew."""
         column = self._whiten(screened.change)[:, None]

@@ -15,7 +15,7 @@ from bowden.estimation.gap import Gap
 from bowden.estimation.gate.finding import Finding
 from bowden.model import Mode, Model
 from bowden.model.effects import CATALOGUE
-from bowden.model.effects.learned import DIRECTION, SLIP_DIRECTION
+from bowden.model.effects.law_table import ARGUMENTS, DIRECTION, SLIP_DIRECTION
 from bowden.signals.prediction import PREDICTED
 
 
@@ -134,20 +134,25 @@ PLACES_IN_WORDS = {
 
 def law_in_words(one: Learned) -> str:
     """Say what a learned law is: friction that rises with load angle and changes with direction."""
+    over = [name for name in one.arguments if name in ARGUMENTS]
+    course = _course(one) if len(over) == 1 else "varies with"
+    arguments = " and ".join(ARGUMENT_WORDS.get(name, name) for name in over)
+    ways = [ARGUMENT_WORDS[name] for name in one.arguments if name not in over]
+    turning = "".join(f" and changes with the {way}" for way in ways)
+    return f"{PLACES_IN_WORDS[one.place]} that {course} {arguments}{turning}"
+
+
+def _course(one: Learned) -> str:
+    """Say whether a curve rises or falls; what its band leaves open is neither."""
     value, low, high = one.curve[:, 1], one.curve[:, 2], one.curve[:, 3]
-    # What its band leaves open is no course: the widest rise and fall beyond it.
     sigma = float(np.median(high - low))
     steps = np.diff(value)
     rise, fall = float(steps[steps > 0.0].sum()), -float(steps[steps < 0.0].sum())
     if fall <= max(0.1 * rise, 0.5 * sigma):
-        course = "rises with"
-    elif rise <= max(0.1 * fall, 0.5 * sigma):
-        course = "falls with"
-    else:
-        course = "varies with"
-    argument = ARGUMENT_WORDS.get(one.arguments[0], one.arguments[0])
-    turning = "".join(f" and changes with the {ARGUMENT_WORDS[way]}" for way in one.arguments[1:])
-    return f"{PLACES_IN_WORDS[one.place]} that {course} {argument}{turning}"
+        return "rises with"
+    if rise <= max(0.1 * fall, 0.5 * sigma):
+        return "falls with"
+    return "varies with"
 
 
 def place_in_words(where: str) -> str:

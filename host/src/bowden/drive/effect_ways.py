@@ -252,25 +252,28 @@ def way_of(effect: InForce, written: Mapping[str, Any]) -> Way:
         return WAYS.get(effect.effect.name, _OTHERS)
     law, _ = table_in(written)
     assert law is not None  # else the model could not have been read
-    if law.argument not in _ARGUMENTS:
-        return _no(f"the drive's tables do not go over {law.argument}")
+    if len(law.over) > 1:
+        return _no("the drive's tables go over one argument")
+    (argument,) = law.over
+    if argument not in _ARGUMENTS:
+        return _no(f"the drive's tables do not go over {argument}")
 
     def make(p: Values, variant: Variant, pair: Transmission) -> tuple[DriveTable, ...]:
         del variant, pair
         return _learned(law, p)
 
-    return _table(f"{law.place} over {law.argument}", make)
+    return _table(f"{law.place} over {argument}", make)
 
 
 def _learned(law: LawTable, p: Values) -> tuple[DriveTable, ...]:
     """Make a law's tables: its curve at as many knots as fit, evenly spaced, straight between."""
     even = np.linspace(law.x[0], law.x[-1], KNOTS)
-    values = law.curve(even, np.array([p[name] for name in law.names]))
+    values = law.spline([even], np.array([p[name] for name in law.names]))
     place = _PLACES[law.place]
     if place is TablePlace.FRICTION_FACTOR:
         values = np.clip(values, _LEAST_FACTOR, _MOST_FACTOR)
     both = DriveTable(
-        place, values, _ARGUMENTS[law.argument], float(even[0]), float(even[-1] - even[0])
+        place, values, _ARGUMENTS[law.over[0]], float(even[0]), float(even[-1] - even[0])
     )
     if not law.turns:
         return (both,)

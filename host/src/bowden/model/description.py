@@ -218,7 +218,7 @@ class Model:
                 "name": LEARNED,
                 "place": table.place,
                 "arguments": list(table.arguments),
-                "x": list(table.x),
+                **dict(zip(("x", "y"), map(list, table.axes), strict=False)),
                 "values": [float(one) for one in values],
             }
         )

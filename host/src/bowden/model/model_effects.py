@@ -117,7 +117,7 @@ def _read(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[st
     return (None if problems else InForce(where, effect, variant, values)), problems
 
 
-LEARNED_KEYS = ("name", "place", "arguments", "x", "values")
+LEARNED_KEYS = ("name", "place", "arguments", "x", "y", "values")
 
 
 def _read_learned(where: str, entry: Mapping[str, Any]) -> tuple[InForce | None, list[str]]:

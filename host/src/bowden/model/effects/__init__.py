@@ -32,7 +32,8 @@ from bowden.model.effects import (
     wrap_angle_change,
 )
 from bowden.model.effects.effect import Channel, Effect, Parameter, Variant
-from bowden.model.effects.learned import LEARNED, LawTable, law_of, table_in
+from bowden.model.effects.law_table import LawTable, table_in
+from bowden.model.effects.learned import LEARNED, law_of
 from bowden.model.effects.own import GROUP, add_to, installed
 
 CATALOGUE: dict[str, Effect] = {
