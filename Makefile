@@ -86,7 +86,7 @@ bench-diagnosis: setup-baselines ## hidden effects against `bowden diagnose` and
 bench-feel: native ## what an operator feels who trembles, lets go or grasps, on two plants (SEED=...); an hour; docs/feel-benchmark.md
 	$(BIN)/python -m hil_tests.benchmarks.feel --seed $(SEED) --page docs/feel-benchmark.md $(BENCH_FLAGS)
 
-bench-calibration: setup ## are stated intervals true? (SEED=...); hours; build/calibration.json, docs/calibration-benchmark.md
+bench-calibration: setup ## are stated intervals true? (SEED=...); half an hour; build/calibration.json, docs/calibration-benchmark.md
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m hil_tests.benchmarks.calibration --seed $(SEED) --page docs/calibration-benchmark.md $(BENCH_FLAGS)
 
 bench-data-gate: setup ## does the data gate name faults and leave good recordings alone? (SEED=...); an hour; docs/data-gate.md
