@@ -30,7 +30,7 @@ from bowden.diagnosis.search import search
 from bowden.diagnosis.validation import validate
 from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking, stated
 from bowden.diagnosis.waterfall import gap_steps
-from bowden.diagnosis.wording import as_solved_before, sentence_of, stopped
+from bowden.diagnosis.wording import as_solved_before, place_in_words, sentence_of, stopped
 from bowden.estimation.gate.check import check_data
 from bowden.estimation.gate.finding import stops
 from bowden.estimation.search import Progress
@@ -202,7 +202,8 @@ def _advice(
         hypothesis = one.hypothesis
         law = learned_among(hypothesis.effects)
         names = [
-            law.variant.where if law and name == LEARNED else name for name in hypothesis.names
+            place_in_words(law.variant.where) if law and name == LEARNED else name
+            for name in hypothesis.names
         ]
         words = " + ".join(names) or "no effect"
         named.setdefault(f"({words})" if len(names) > 1 else words, hypothesis.model)

@@ -90,7 +90,7 @@ def with_laws(
         tell("learning it over a second argument", 0.94)
         surfaces = _screened(material, parents[0], _surfaces(material, parents[0], screened))
         laws += _laws(material, searched, parents, surfaces, laws)
-        weighed = _weighed(material, found, laws, seed)
+        weighed = _weighed(material, found, laws, seed) or weighed
     return replace(found, weighed=tuple(weighed)) if weighed else found
 
 
