@@ -54,6 +54,19 @@ def test_draws_have_the_posterior_of_the_model_file(model: bowden.Model, tmp_pat
     assert path.stat().st_size > 0
 
 
+def test_a_law_of_two_arguments_is_over_both() -> None:
+    text = TABLE_1.read_text().replace("effects: []\n", LAW)
+    text = text.replace("load_angle_rad, direction", "load_angle_rad, motor_torque_nm")
+    text = text.replace("x: [-0.5, 0.0, 0.5]", "x: [-0.5, 0.5], y: [-0.1, 0.1]")
+    text = text.replace("values: [-0.2, 0.0, 0.2]", "values: [-0.2, 0.0, 0.2, 0.3]")
+    law = bowden.to_arviz(parse_model(text), draws=2000).posterior["effects[0].values"]
+    assert law.dims[2:] == ("effects[0].load_angle_rad", "effects[0].motor_torque_nm")
+    assert law.coords["effects[0].motor_torque_nm"].values.tolist() == [-0.1, 0.1]
+    found = law.mean(("chain", "draw")).values
+    # 8000 draws of a sigma of 0.01; the posterior in the file says nothing of the fourth knot.
+    assert found == pytest.approx(np.array([[-0.2, 0.0], [0.2, np.nan]]), abs=1e-3, nan_ok=True)
+
+
 def test_what_has_no_posterior_says_what_would_have_one(model: bowden.Model) -> None:
     with pytest.raises(bowden.BadInput, match=r"no posterior; accepted: a model that calibrate"):
         bowden.to_arviz(bowden.table_1())

@@ -6,6 +6,7 @@ correlations along. The values of a learned law are one variable over its knots.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -20,13 +21,14 @@ from bowden.errors import BadInput
 from bowden.estimation.calibrate import Calibration
 from bowden.estimation.posterior import Estimate
 from bowden.model import Model
+from bowden.model.effects import table_in
 
 if TYPE_CHECKING:
     from arviz import InferenceData
 
 _Floats = NDArray[np.float64]
 _CHAINS = 4  # all independent: ArviZ wants several
-_LAW_VALUE = re.compile(r"(effects\[\d+\])\.values\[\d+\]")
+_LAW_VALUE = re.compile(r"effects\[(\d+)\]\.values\[(\d+)\]")
 
 
 def to_arviz(
@@ -48,7 +50,7 @@ def to_arviz(
     arviz.InferenceData
         Group ``posterior`` with dimensions (chain, draw), a variable for each path, such as
         ``friction.mu_d``, in the model file's unit; a learned law is ``effects[0].values`` over the
-        coordinate of its knots. From a calibration or diagnosis also group ``prior``: the
+        coordinates of its knots. From a calibration or diagnosis also group ``prior``: the
         tolerances that it began with.
 
     Raises
@@ -105,22 +107,27 @@ def _estimates(result: Calibration | Diagnosis) -> tuple[Estimate, ...]:
 def _variables(
     model: Model, paths: tuple[str, ...], drawn: _Floats
 ) -> tuple[dict[str, _Floats], dict[str, list[str]], Mapping[str, list[float]]]:
-    """Return draws by name; values of one law are one variable over its knots."""
+    """Return draws by name; a law is one variable over its knots, nan where nothing is known."""
     variables: dict[str, _Floats] = {}
     dims: dict[str, list[str]] = {}
     coords: dict[str, list[float]] = {}
-    laws: dict[str, list[int]] = {}
+    laws: dict[int, dict[int, int]] = {}  # effect -> knot -> path
     for k, path in enumerate(paths):
         if match := _LAW_VALUE.fullmatch(path):
-            laws.setdefault(match[1], []).append(k)
+            laws.setdefault(int(match[1]), {})[int(match[2])] = k
         else:
             variables[path] = drawn[..., k]
-    for place, rows in laws.items():
-        index = int(place[len("effects[") : -1])
-        argument = f"{place}.{model.document.effects[index]['arguments'][0]}"
-        variables[f"{place}.values"] = drawn[..., rows]
-        dims[f"{place}.values"] = [argument]
-        coords[argument] = [float(x) for x in model.document.effects[index]["x"]]
+    for index, known in laws.items():
+        table, _ = table_in(model.document.effects[index])
+        assert table is not None  # else the model could not have been read
+        shape = tuple(map(len, table.axes))
+        values = np.full((*drawn.shape[:-1], math.prod(shape)), np.nan)
+        values[..., list(known)] = drawn[..., list(known.values())]
+        place = f"effects[{index}]"
+        name, along = f"{place}.values", [f"{place}.{one}" for one in table.over]
+        variables[name] = values.reshape(*drawn.shape[:-1], *shape)
+        dims[name] = along
+        coords |= {one: list(axis) for one, axis in zip(along, table.axes, strict=True)}
     return variables, dims, coords
 
 
