@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bowden.diagnosis.result import Learned
+from bowden.diagnosis.result import Learned, Ranked
 from bowden.diagnosis.wording import law_in_words
+from bowden.report.diagnosis_plots import ranking
 from bowden.report.learned_law import draw_law
 
 X, Y = np.linspace(-0.4, 0.4, 7), np.array([-0.1, 0.0, 0.1])
@@ -54,3 +55,15 @@ def test_a_law_of_one_argument_is_one_curve() -> None:
     law = Learned(FRICTION, ("load_angle_rad",), curve(X, X), np.full(7, 1 / 7))
     lines = [one.name for one in draw_law(law).data if one.mode == "lines" and one.fill is None]
     assert lines == ["learned law"]
+
+
+def test_each_learned_law_has_a_bar_of_its_own_in_the_ranking() -> None:
+    laws = [
+        Ranked("learned", f"friction_factor over load_angle_rad{more}", score, 0.1)
+        for more, score in ((" and motor_torque_nm", 30.0), (" and slip_direction", 20.0))
+    ]
+    (bars,) = ranking(laws, set()).data
+    assert list(bars.y) == [
+        "learned: friction over load angle and direction in which the cable slides",
+        "learned: friction over load angle and motor torque",
+    ]

@@ -170,6 +170,9 @@ def show(diagnosis: Diagnosis) -> None:
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
 
+    from bowden.diagnosis.wording import place_in_words  # noqa: PLC0415
+    from bowden.model.effects import LEARNED  # noqa: PLC0415
+
     out = console()
     verdict = diagnosis.verdict.replace("_", " ")
     out.print(styled((verdict, "bold"), f": {diagnosis.sentence}"))
@@ -195,7 +198,10 @@ def show(diagnosis: Diagnosis) -> None:
         for name in ("gain", "held-out gap"):
             table.add_column(name, justify="right", no_wrap=True)
         for ranked in diagnosis.ranking[:_RANKED]:
-            place = f" ({ranked.variant})" if ranked.variant else ""
+            where = ranked.variant
+            if ranked.name == LEARNED:
+                where = place_in_words(where)
+            place = f" ({where})" if where else ""
             table.add_row(
                 f"{ranked.name}{place}", f"{ranked.score:.1f}", f"{ranked.held_out_gap:.3g}"
             )

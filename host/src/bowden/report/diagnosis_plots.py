@@ -17,6 +17,7 @@ from plotly.subplots import make_subplots
 from bowden.diagnosis.localise import Place, ResidualMap
 from bowden.diagnosis.result import Ranked, Series
 from bowden.diagnosis.waterfall import BudgetStep
+from bowden.diagnosis.wording import place_in_words
 from bowden.estimation.posterior import Estimate
 from bowden.model.effects import CATALOGUE, LEARNED
 from bowden.report.canvas import MEASURED, SIMULATED, draw, dress, legend_above, short
@@ -231,18 +232,21 @@ def _step_title(step: str) -> str:
     )
 
 
+def _label(one: Ranked) -> str:
+    """Return a candidate in words; no two laws have the same."""
+    if one.name == LEARNED:
+        return f"learned: {place_in_words(one.variant)}"
+    if one.name not in CATALOGUE:
+        return one.name
+    return CATALOGUE[one.name].title + (f", {one.variant}" if one.variant else "")
+
+
 def ranking(ranked: Sequence[Ranked], named: Collection[str]) -> go.Figure:
     """Draw the gain of the best candidates on held-out stretches; named ones are blue."""
     shown = list(ranked[:RANKED])[::-1]
-    labels = [
-        CATALOGUE[one.name].title + (f", {one.variant}" if one.variant else "")
-        if one.name in CATALOGUE
-        else one.name
-        for one in shown
-    ]
     plot = go.Figure(
         go.Bar(
-            y=labels,
+            y=[_label(one) for one in shown],
             x=[one.score for one in shown],
             orientation="h",
             marker={"color": [_BLUE if one.name in named else _GREY for one in shown]},
