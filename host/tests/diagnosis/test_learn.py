@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 from bowden.diagnosis import learn
+from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.fitting import parameters_with
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
@@ -31,6 +32,20 @@ def law(cost: float, discrepancy: float) -> Hypothesis:
     x = parameters.coordinates_of(parameters.model)
     scales = Scales((discrepancy, 0.0))
     return Hypothesis((one,), problem, Optimum(x, cost, np.eye(x.size), [], [], scales), ())
+
+
+def test_a_number_that_the_data_do_not_tell_leaves_a_fit_where_it_is() -> None:
+    """Two known sets of a rig may hold a number without prior that no recording moves."""
+    (one,) = candidates(["viscous_friction"])
+    parameters = parameters_with(MODEL, [(one, {"mu_v_s_per_m": 0.1})])
+    with ThreadPoolExecutor(1) as pool:
+        problem = Problem((), parameters, (), (), pool)
+    x = parameters.coordinates_of(parameters.model)
+    best = Optimum(x, 0.0, np.eye(x.size), [], [], Scales((0.0, 0.0)))
+    found = learn._reach(Hypothesis((one,), problem, best, ()), [])
+    prior, _ = problem.prior(x)
+    assert found <= 0.5 * float(prior @ prior) + 1e-9
+    assert np.isfinite(found)
 
 
 @pytest.fixture

@@ -270,7 +270,8 @@ def _reach(one: Hypothesis, noises: Sequence[Covariance]) -> float:
     scales = best_scales(fitted_parts(one.problem, one.best.residuals, own), one.best.scales)
     cost = objective(one.problem, *like, own, scales)
     hessian, gradient = normal_equations(one.problem, *like, one.slopes, (own, scales))
-    step = bounded_step(one.problem, one.best.x, hessian, gradient, 0.0)
+    # What the data don't tell at all is known by its range: see `Problem.root`.
+    step = bounded_step(one.problem, one.best.x, hessian, gradient, WIDEST**-2.0)
     return cost + 2.0 * float(gradient @ step + 0.5 * step @ hessian @ step)
 
 
