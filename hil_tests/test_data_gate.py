@@ -40,3 +40,10 @@ def test_a_model_that_is_far_from_the_rig_has_no_wrong_clock() -> None:
     case = excited(Job(930111, "pair", ("wrap_angle_change", "motor_inertia")))
     found = check_data(parse_model(case.model_yaml), recordings_of(case), Mode.TORQUE_POSITION)
     assert "stop" not in {one.severity for one in found}
+
+
+def test_a_locked_load_and_strokes_of_one_rig_are_of_one_rig() -> None:
+    """A tenth more or less friction decides how much of the motor's torque a locked load feels."""
+    case = excited(Job(571913200, "complete", (), 20.0, recordings=4))
+    found = check_data(parse_model(case.model_yaml), recordings_of(case), Mode.TORQUE_POSITION)
+    assert "two_rigs" not in {one.what for one in found}

@@ -46,7 +46,7 @@ def _log_gain(model: Model, mode: Mode, one: Recording, name: str) -> tuple[floa
     used = usable_mode(one, mode)
     if used is None:
         return None
-    found = answer(model, used, thinned(one, LONGEST_S))
+    found = answer(model, used, thinned(one, LONGEST_S), any_friction=True)
     if found is None or name not in found.channels:
         return None
     told = found.channels[name].explained(1.0)
