@@ -158,8 +158,8 @@ numerics: {{segments: 100}}
 
 def random_of(seed: int, kind: str, names: Sequence[str]) -> np.random.Generator:
     """Return the generator of a case; ValueError where there is no such kind."""
-    if kind not in {*KINDS, SURFACE}:
-        raise ValueError(f"kind: found {kind!r}; accepted: {', '.join(KINDS)}")
+    if kind not in (every := (*KINDS, SURFACE)):
+        raise ValueError(f"kind: found {kind!r}; accepted: {', '.join(every)}")
     return np.random.default_rng([seed, *(ord(c) for c in kind + "".join(names))])
 
 

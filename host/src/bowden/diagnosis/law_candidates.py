@@ -1,7 +1,7 @@
 """Learned laws as candidates: every place over every argument, with or without a direction.
 
-`learn` screens them with few knots and fits the promising ones with more; a law of one argument
-that leaves something is tried over each second one. Touches no file.
+`learn` screens them with few knots and fits the promising ones with more; pairs of them make laws
+of two arguments. Touches no file.
 """
 
 from __future__ import annotations
@@ -153,12 +153,12 @@ def visited_by(
 
 def visits(table: LawTable, recordings: Sequence[Recording]) -> _Floats:
     """Return the share of the samples that lie nearest to each knot, shape (values,)."""
-    nearest = np.zeros(0, dtype=np.intp)
+    nearest = []
     for argument, axis in zip(table.over, table.axes, strict=True):
         middles = 0.5 * (np.array(axis[1:]) + np.array(axis[:-1]))
-        along = np.searchsorted(middles, _seen(argument, recordings))
-        nearest = along if not nearest.size else nearest * len(axis) + along
-    return np.asarray(np.bincount(nearest, minlength=len(table.points)) / nearest.size)
+        nearest.append(np.searchsorted(middles, _seen(argument, recordings)))
+    knot = np.ravel_multi_index(nearest, [len(axis) for axis in table.axes])
+    return np.asarray(np.bincount(knot, minlength=len(table.names)) / knot.size)
 
 
 def _seen(argument: str, recordings: Sequence[Recording]) -> _Floats:

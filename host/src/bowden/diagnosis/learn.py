@@ -39,6 +39,7 @@ from bowden.diagnosis.odds import Weighed, log_prior, merit, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
+from bowden.diagnosis.validation import LEAST_WEIGHT
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import bounded_step, normal_equations
 from bowden.estimation.likelihood import best_scales
@@ -54,9 +55,8 @@ MOST_PROPOSED = 12
 ROUNDS = 12  # of Gauss-Newton: a law has many numbers
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
 
-ALIVE = 0.01  # of the posterior: sets that a law is held against
 # Of -log posterior: odds that count for nothing, and what another smoothness may do to each knot.
-APART = math.log(1.0 / ALIVE) + KNOTS
+APART = math.log(1.0 / LEAST_WEIGHT) + KNOTS
 
 
 def with_laws(
@@ -79,16 +79,16 @@ def with_laws(
     tell("learning a law that no name fits", 0.9)
     searched = as_searched(model)
     parents = _parents(found)
-    screened = _screened(
-        material, parents[0], laws_over([data.estimates.recording for data in material.coarse])
-    )
+    screen = Screen(parents[0])
+    recordings = [data.estimates.recording for data in material.coarse]
+    screened = _screened(material, screen, laws_over(recordings))
     laws = _laws(material, searched, parents, screened)
     tell("predicting by learned laws", 0.93)
     weighed = _weighed(material, found, laws, seed)
     best = next((one for one in weighed if learned_among(one.hypothesis.effects)), None)
     if best is not None and best.beyond > best.weight:
-        tell("learning it over a second argument", 0.94)
-        surfaces = _screened(material, parents[0], _surfaces(material, parents[0], screened))
+        tell("learning a law of two arguments", 0.94)
+        surfaces = _screened(material, screen, _surfaces(material, screen, screened))
         laws += _laws(material, searched, parents, surfaces, laws)
         weighed = _weighed(material, found, laws, seed) or weighed
     return replace(found, weighed=tuple(weighed)) if weighed else found
@@ -124,7 +124,7 @@ def _weighed(
     known = [
         one.hypothesis
         for one in found.weighed
-        if one.weight + one.beyond > ALIVE or not one.hypothesis.effects
+        if one.weight + one.beyond > LEAST_WEIGHT or not one.hypothesis.effects
     ]
     known = [
         one for one in known if not one.effects or _reach(one, noises) <= best.best.cost + APART
@@ -151,27 +151,31 @@ def _parents(found: Found) -> list[Hypothesis]:
 
 
 def _screened(
-    material: Material, base: Hypothesis, laws: Sequence[LawCandidate]
+    material: Material, screen: Screen, laws: Sequence[LawCandidate]
 ) -> list[ScreenedCandidate]:
     """Simulate laws on top of the calibrated model."""
-    screen = Screen(base)
     return [one for one in material.pool.map(screen.screen_once, laws) if one is not None]
 
 
 def _surfaces(
-    material: Material, base: Hypothesis, screened: Sequence[ScreenedCandidate]
+    material: Material, screen: Screen, screened: Sequence[ScreenedCandidate]
 ) -> list[LawCandidate]:
     """Return the most promising laws of two arguments: whose curves gain most beside each other."""
-    screen = Screen(base)
-    pairs = [
-        (one, other, surface)
-        for one, other in itertools.combinations(screened, 2)
-        if isinstance(one.candidate, LawCandidate)
-        and isinstance(other.candidate, LawCandidate)
-        and (surface := surface_of(one.candidate, other.candidate)) is not None
-    ]
-    gains = list(material.pool.map(lambda pair: screen.together(*pair[:2]), pairs))
-    return [pairs[k][2] for k in np.argsort(gains)[::-1][:MOST_PROPOSED]]
+    probed = list(material.pool.map(screen.probed, screened))
+    pairs, surfaces = [], []
+    for one, other in itertools.combinations(range(len(screened)), 2):
+        first, second = screened[one].candidate, screened[other].candidate
+        assert isinstance(first, LawCandidate)
+        assert isinstance(second, LawCandidate)
+        if (surface := surface_of(first, second)) is not None:
+            pairs.append((one, other))
+            surfaces.append(surface)
+
+    def gain(pair: tuple[int, int]) -> float:
+        return screen.together([screened[k] for k in pair], [probed[k] for k in pair])
+
+    gains = list(material.pool.map(gain, pairs))
+    return [surfaces[k] for k in np.argsort(gains)[::-1][:MOST_PROPOSED]]
 
 
 def _laws_on(
@@ -319,9 +323,7 @@ def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
     table, at = law.table, law.table.points
     curve = np.stack([at[:, 0], value, value - reach, value + reach], axis=1)
     second = at[:, 1] if table.y else None
-    return Learned(
-        law.table.place, law.table.arguments, curve, visits(law.table, recordings), second
-    )
+    return Learned(table.place, table.arguments, curve, visits(table, recordings), second)
 
 
 def _tolerance_of(model: Model, path: str) -> float:

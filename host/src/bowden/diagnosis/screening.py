@@ -241,8 +241,7 @@ class Screen:
     def _from_probes(self, screened: ScreenedCandidate) -> ScreenedCandidate:
         """Combine its probes in the amounts with the largest gain."""
         sizes = np.array([one.size for one in screened.probes])
-        columns = np.stack([self._whiten(one) for one in screened.responses], axis=1) / sizes
-        amounts, gain, step = self._project(columns, _lowest(screened.probes), np.inf)
+        amounts, gain, step = self._project(self.probed(screened), _lowest(screened.probes), np.inf)
         if gain <= 0.0 or not np.any(np.abs(amounts) > 0.0):
             return replace(screened, gain=0.0, step=0.0 * step, origin=self.parent)
         change = tuple(
@@ -257,13 +256,16 @@ class Screen:
         values, origin = start_values(screened.candidate, screened.shape, amounts), self.parent
         return replace(screened, values=values, gain=gain, change=change, step=step, origin=origin)
 
-    def together(self, *screened: ScreenedCandidate) -> float:
-        """Predict the gain of several candidates beside each other, by what their probes do."""
+    def probed(self, screened: ScreenedCandidate) -> _Floats:
+        """Return what each probe of a candidate does, whitened, by its size; shape (n, probes)."""
+        sizes = np.array([one.size for one in screened.probes])
+        columns = [self._whiten(one) for one in screened.responses]
+        return np.asarray(np.stack(columns, axis=1) / sizes)
+
+    def together(self, screened: Sequence[ScreenedCandidate], probed: Sequence[_Floats]) -> float:
+        """Predict the gain of candidates beside each other, by what their probes do: `probed`."""
         probes = [probe for one in screened for probe in one.probes]
-        sizes = np.array([probe.size for probe in probes])
-        responses = [response for one in screened for response in one.responses]
-        columns = np.stack([self._whiten(one) for one in responses], axis=1) / sizes
-        return self._project(columns, _lowest(probes), np.inf)[1]
+        return self._project(np.concatenate(probed, axis=1), _lowest(probes), np.inf)[1]
 
     def annealed(self, screened: ScreenedCandidate) -> float:
         """Predict the gain of a fit: with the scales of the covariance estimated anew."""

@@ -245,8 +245,8 @@ def table_in(entry: Mapping[str, Any]) -> tuple[LawTable | None, list[str]]:
     ]
     wrong += unlike
     values, each = entry["values"], "knot" if len(axes) == 1 else "pair of knots"
-    if not unlike and (not _numbers(values) or len(values) != math.prod(map(len, axes.values()))):
-        size = math.prod(map(len, axes.values()))
+    size = 0 if unlike else math.prod(map(len, axes.values()))
+    if size and (not _numbers(values) or len(values) != size):
         wrong.append(f"values: found {values!r}, accepted: {size} finite numbers, one a {each}")
     if wrong:
         return None, wrong
