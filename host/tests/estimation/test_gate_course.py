@@ -119,3 +119,16 @@ def test_recordings_of_two_rigs_are_told_apart_and_those_of_one_are_not() -> Non
     # A model that is wrong about its rig is wrong in both alike.
     assert "two_rigs" not in {one.what for one in check_data(MODEL, [strange, strange], mode)}
     assert "two_rigs" not in {one.what for one in check_data(MODEL, list(RUNS.values()), mode)}
+
+
+@pytest.mark.parametrize("friction", [0.7, 1.1, 1.3])
+def test_a_locked_load_that_the_torque_just_reaches_is_no_other_rig(friction: float) -> None:
+    """What arrives there is a difference of two torques: friction off by a tenth doubles it."""
+    rig = parse_model(TABLE_1.replace("mu_d: {value: 0.21", f"mu_d: {{value: {0.21 * friction}"))
+    time_s = np.arange(round(LENGTH_S * RATE_HZ)) / RATE_HZ
+    levels_nm = 0.65 * np.array([0.0, -0.8, -0.8, 0.55, 0.55, -1.0, -1.0, 0.4, 0.4, 1.0, 1.0])
+    torque = np.interp(time_s, [0, 1, 4, 6, 9, 11, 14, 16, 19, 21, 24], levels_nm)
+    inputs = Inputs(time_s, motor_torque_nm=torque, load_angle_rad=np.zeros(time_s.size))
+    held = sensed(as_recording(simulate(rig, Mode.TORQUE_POSITION, inputs)))
+    found = check_data(MODEL, [recorded(rig), held], Mode.TORQUE_POSITION)
+    assert "two_rigs" not in {one.what for one in found}
