@@ -72,5 +72,5 @@ def compiled_in_place(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Mark a small function to be compiled into its callers: handing over arrays costs more."""
+    """Compile a function into its callers: handing over its arrays costs more than most do."""
     return _compile(function, _nrt=False, inline="always")

@@ -47,7 +47,7 @@ def stretch_now(
     return float(s.stretch[cable, i] + after - before - t.share[i] * longer)
 
 
-@compiled_in_place
+@inlined
 def set_tensions(
     t: ChainTables,
     s: ChainState,
@@ -71,7 +71,7 @@ def set_tensions(
         s.tangent[cable, i] = k * quick * (t.linear + 2.0 * bend)
 
 
-@compiled_in_place
+@inlined
 def assemble(
     t: ChainTables, s: ChainState, cable: int, dt: float, revising: bool, one: bool, gently: bool
 ) -> tuple[bool, float]:
@@ -142,7 +142,7 @@ def release(
     return bool(way != 0)
 
 
-@compiled_in_place
+@inlined
 def sweep(
     t: ChainTables, s: ChainState, cable: int, end: int, count: int, dt: float, advancing: bool
 ) -> int:
@@ -213,7 +213,7 @@ def run_on(
         set_row(t, s, cable, j, dt)
 
 
-@compiled_in_place
+@inlined
 def substitute(t: ChainTables, s: ChainState, cable: int, end: int, count: int) -> None:
     """Go back over a sweep of `count` segments."""
     n = t.wrap.shape[2]
@@ -224,7 +224,7 @@ def substitute(t: ChainTables, s: ChainState, cable: int, end: int, count: int) 
             s.change[cable, part, j] -= s.ahead[cable, j] * s.change[cable, part, j + step]
 
 
-@compiled_in_place
+@inlined
 def solve(t: ChainTables, s: ChainState, cable: int, dt: float, advancing: bool) -> None:
     """Solve the linearised cable: the change of its slips, also per displacement of the pulleys."""
     n = t.wrap.shape[2]
@@ -250,7 +250,7 @@ def end_line(t: ChainTables, s: ChainState, cable: int, end: int) -> tuple[float
     )
 
 
-@compiled_in_place
+@inlined
 def follow(t: ChainTables, s: ChainState, cable: int, motor: float, load: float) -> None:
     """Change the slips, the pulleys moving on by `motor` and `load`, m."""
     c = s.change[cable]
@@ -258,7 +258,7 @@ def follow(t: ChainTables, s: ChainState, cable: int, motor: float, load: float)
         s.slip[cable, j] += c[0, j] + c[1, j] * motor + c[2, j] * load
 
 
-@compiled_in_place
+@inlined
 def elastic_stretch(t: ChainTables, s: ChainState, cable: int, dt: float) -> float:
     """Total stretch that carries tension, m; minus the gap of a slack cable."""
     slow = t.creep_share * t.creep_time_s / (t.creep_time_s + dt)
@@ -290,7 +290,7 @@ def lay_out(t: ChainTables, s: ChainState, cable: int, towards: int, dt: float) 
             s.stretch[cable, i] = crept
 
 
-@compiled_in_place
+@inlined
 def finish(
     t: ChainTables,
     s: ChainState,

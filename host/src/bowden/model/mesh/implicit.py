@@ -11,7 +11,7 @@ the step. `mesh.solver` prepares the tables and reads the answer.
 
 from __future__ import annotations
 
-from bowden.model.compiled import compiled_in_place
+from bowden.model.compiled import compiled_in_place, inlined
 from bowden.model.mesh.chain import (
     as_before,
     assemble,
@@ -51,7 +51,7 @@ MOST_AHEAD = 2.0  # times the last step: how long motion is guessed to go on as 
 ONLY_DIRECTION = 1e-6  # what is left of the last motion as a guess where it was a bad one
 
 
-@compiled_in_place
+@inlined
 def set_both(
     t: ChainTables, s: ChainState, motor: float, load: float, longer: float, dt: float
 ) -> None:

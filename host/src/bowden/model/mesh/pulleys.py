@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.model.compiled import compiled_in_place
+from bowden.model.compiled import inlined
 from bowden.model.mesh.chain import end_line
 from bowden.model.mesh.sliders import ChainState, ChainTables
 from bowden.model.trajectory import FloatArray
@@ -44,7 +44,7 @@ class Pulleys(NamedTuple):
     apart_m: FloatArray
 
 
-@compiled_in_place
+@inlined
 def force_at(s: ChainState, end: int) -> float:
     """Difference of the taut cables' tensions at a pulley in the trial, N."""
     node = 0 if end == 0 else s.now.shape[1] - 1
@@ -55,7 +55,7 @@ def force_at(s: ChainState, end: int) -> float:
     return total
 
 
-@compiled_in_place
+@inlined
 def revise_pulleys(
     t: ChainTables,
     s: ChainState,
@@ -90,7 +90,7 @@ def revise_pulleys(
     return changed
 
 
-@compiled_in_place
+@inlined
 def move_pulleys(
     t: ChainTables,
     s: ChainState,
@@ -134,7 +134,7 @@ def move_pulleys(
     return x, y
 
 
-@compiled_in_place
+@inlined
 def float_on(p: Pulleys, middle: float, over: float, stiff: float) -> float:
     """Return how far a load pulley with play moves on; `middle` is how far to the play's middle.
 
@@ -153,7 +153,7 @@ def float_on(p: Pulleys, middle: float, over: float, stiff: float) -> float:
     return float(y)
 
 
-@compiled_in_place
+@inlined
 def balanced(
     t: ChainTables,
     s: ChainState,
@@ -174,7 +174,7 @@ def balanced(
     return good
 
 
-@compiled_in_place
+@inlined
 def first_guess(p: Pulleys, free: int, motor: float, load: float) -> tuple[float, float]:
     """Return displacements to start from: as given or guessed, but for bearing and play."""
     if free >= 0 and p.bearing_n > 0 and p.rolls[0] == 0:

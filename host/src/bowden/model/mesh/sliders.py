@@ -135,7 +135,7 @@ def has_friction(t: ChainTables, cable: int, j: int) -> bool:
     return bool(t.mu_d > 0 and t.wrap[cable, 0, j] > 0)
 
 
-@compiled_in_place
+@inlined
 def prepare(t: ChainTables, s: ChainState, cable: int, factor: tuple[float, float]) -> None:
     """Set the limits of friction for a sample, and start from the slips of the last one.
 
