@@ -7,7 +7,7 @@ thinned recordings; returns `explain.ChannelReading`s.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,25 +79,14 @@ def arguments_of(mode: Mode, one: Recording) -> Arguments:
     return Arguments.of(one.time_s, moving, torques)
 
 
-def with_friction(model: Model, sigmas: float) -> Model:
-    """Return a rig of the kind with so much more friction, in `FRICTION_SIGMA`."""
-    friction, factor = model.document.friction, math.exp(sigmas * FRICTION_SIGMA)
+def _other_rigs(model: Model, mode: Mode, one: Recording) -> Iterator[Trajectory]:
+    """Yield what rigs with more and with less friction do; none where the model cannot run them."""
+    friction = model.document.friction
     known = {"friction.mu_d": friction.mu_d, "friction.mu_s": friction.mu_s}
-    return model.with_values(
-        {path: factor * mu.value for path, mu in known.items() if mu is not None}
-    )
-
-
-def any_friction(model: Model, sigmas: float = 1.0) -> tuple[Model, Model]:
-    """Return rigs like it with more and with less friction."""
-    return with_friction(model, sigmas), with_friction(model, -sigmas)
-
-
-def _answers(rigs: Sequence[Model], mode: Mode, one: Recording) -> Iterator[Trajectory]:
-    """Yield what the rigs do; nothing where a model cannot run."""
-    for rig in rigs:
+    for factor in (math.exp(FRICTION_SIGMA), math.exp(-FRICTION_SIGMA)):
+        values = {path: factor * mu.value for path, mu in known.items() if mu is not None}
         try:
-            yield simulate_recording(rig, mode, one)
+            yield simulate_recording(model.with_values(values), mode, one)
         except ModelError:
             continue
 
@@ -107,18 +96,19 @@ def answer(
     mode: Mode,
     one: Recording,
     arguments: Arguments | None = None,
-    rigs: Sequence[Model] = (),
+    *,
+    any_friction: bool = False,
 ) -> Answer | None:
     """Simulate a recording; None where the model cannot run it.
 
-    `rigs` count as the model, such as some with more or less friction for checks of units. A fault
-    during the recording, such as a clipped cell, could be mistaken for less friction.
+    `any_friction`: more or less friction counts as the model, for checks of units. A fault during
+    the recording, such as a clipped cell, could be mistaken for less friction.
     """
     try:
         trajectory = simulate_recording(model, mode, one)
     except ModelError:
         return None
-    others = list(_answers(rigs, mode, one))
+    others = list(_other_rigs(model, mode, one)) if any_friction else []
     arguments = arguments or arguments_of(mode, one)
     ratio = model.transmission.pulley_ratio
     simulated, channels = {}, {}
@@ -137,8 +127,9 @@ def answer(
             least = PLAY_RAD * (ratio if at_motor else 1.0)
         noise = noise_sigma(one[name], one.time_s)
         simulated[name] = values
-        changes = [getattr(other, name) - values for other in others]
-        changes = [each for each in changes if np.all(np.isfinite(each))]
-        prediction = Prediction(geometry, values - geometry, tuple(changes))
-        channels[name] = ChannelReading(one[name], noise, prediction, arguments, least)
+        rigs = tuple(getattr(other, name) - values for other in others)
+        rigs = tuple(each for each in rigs if np.all(np.isfinite(each)))
+        channels[name] = ChannelReading(
+            one[name], noise, Prediction(geometry, values - geometry, rigs), arguments, least
+        )
     return Answer(one, simulated, channels)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bowden.estimation.gate.answer import Answer, answer, any_friction, arguments_of
+from bowden.estimation.gate.answer import Answer, answer, arguments_of
 from bowden.estimation.gate.explain import GAIN_SIGMA, ChannelReading, Explained
 from bowden.estimation.gate.finding import TORQUES
 from bowden.estimation.gate.mistakes import RARE, RIGHT, Mistake, mistakes_of, of_free_scale
@@ -127,8 +127,9 @@ class Readings:
         key = _key(mistake.factors, mistake.swapped)
         if key not in self._asked:
             right = mistake.undone(self.one)
-            rigs = any_friction(self.model)
-            self._asked[key] = answer(self.model, self.mode, right, self.arguments, rigs)
+            self._asked[key] = answer(
+                self.model, self.mode, right, self.arguments, any_friction=True
+            )
             self._weigh(self._asked[key])
         return self._asked[key]
 

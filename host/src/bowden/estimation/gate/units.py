@@ -18,7 +18,6 @@ from bowden.estimation.gate.answer import (
     PLAY_RAD,
     Answer,
     answer,
-    any_friction,
     thinned,
     usable_mode,
 )
@@ -49,14 +48,14 @@ def check_against_model(model: Model, mode: Mode, one: Recording, name: str) -> 
     if used is None:
         return
     thin = thinned(one, LONGEST_S)
-    as_read = answer(model, used, thin, rigs=any_friction(model))
+    as_read = answer(model, used, thin, any_friction=True)
     still = dict(_still(thin, as_read, used, name))
     yield from still.values()
     if any(one.severity == "stop" for one in still.values()):
         return
     if still:  # noise has no unit
         thin = thin.without_channels(still)
-        as_read = answer(model, used, thin, rigs=any_friction(model))
+        as_read = answer(model, used, thin, any_friction=True)
     reading = Readings(model, used, thin, as_read)
     worst = reading.worst()
     if worst > EXPLAINED:
