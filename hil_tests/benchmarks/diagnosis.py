@@ -4,7 +4,7 @@ Draws cases (`hil_tests.hidden_effects`, or `hil_tests.rig_cases` with `--source
 at run time, lets `bowden.diagnosis` and the baselines answer each of them, and writes
 build/diagnosis.json, a table and a picture of the confusion matrix beside it. Developing seeds are
 below 1000; figures are reported with a seed of 1000 or above that was not used in development.
-Interrupted, it writes what it has.
+Interrupted, it writes what it has; `--resume` goes on from there.
 
 Cases whose effect is worth less than 3 noise floors even at the largest plausible magnitude are
 redrawn: the recording does not excite them.
@@ -19,7 +19,7 @@ import signal
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ from bowden.model import Mode, ModelError, parse_model
 from bowden.recording.atomic import replace_whole
 from bowden.recording.channels import TIME
 from bowden.recording.recording import Recording
+from pydantic import TypeAdapter
 
 from hil_tests.benchmarks import diagnosis_baselines as baselines
 from hil_tests.benchmarks.diagnosis_picture import svg
@@ -142,12 +143,12 @@ def _credible(odds: Mapping[str, float]) -> tuple[str, ...]:
     return tuple(odds)[: int(np.searchsorted(shares, 0.95)) + 1]
 
 
-def run(job: Job) -> dict[str, Result]:
+def run(job: Job) -> tuple[Job, dict[str, Result]]:
     """Draw one case and let every method answer it; nothing where no rig can be drawn."""
     try:
         case = excited(job)
     except ArithmeticError:
-        return {}
+        return job, {}
     truth = dict(case.truth.effects)
     model, recordings = parse_model(case.model_yaml), recordings_of(case)
 
@@ -167,19 +168,31 @@ def run(job: Job) -> dict[str, Result]:
         answers[OURS] = ours(found, seconds, over_truth(case, recordings, found), inside)
         if not baselines.missing():
             answers |= baselines.answers(found, recordings[0])
-    return {method: result(answer) for method, answer in answers.items()}
+    return job, {method: result(answer) for method, answer in answers.items()}
 
 
-def _write(output: Path, seed: int, methods: dict[str, list[Result]]) -> None:
-    document = {
-        "seed": seed,
-        "results": {name: [asdict(r) for r in found] for name, found in methods.items()},
-    }
-    texts = {
-        output: json.dumps(document, indent=1) + "\n",
-        output.with_suffix(".md"): markdown(methods),
-        output.with_suffix(".svg"): svg(methods[OURS]),
-    }
+@dataclass
+class Run:
+    """What a benchmark has so far: cases that were asked, and each method's results."""
+
+    seed: int
+    asked: list[Job] = field(default_factory=list)
+    results: dict[str, list[Result]] = field(default_factory=dict)
+
+    def take(self, job: Job, found: Mapping[str, Result]) -> None:
+        """Add a case."""
+        self.asked.append(job)
+        for name, one in found.items():
+            self.results.setdefault(name, []).append(one)
+
+
+def _write(output: Path, done: Run) -> None:
+    texts = {output: json.dumps(asdict(done), indent=1) + "\n"}
+    if done.results:
+        texts |= {
+            output.with_suffix(".md"): markdown(done.results),
+            output.with_suffix(".svg"): svg(done.results[OURS]),
+        }
     for path, text in texts.items():
         with replace_whole(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -209,42 +222,49 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="cases at the same time")
     parser.add_argument("--most-minutes", type=float, default=float("inf"))
     parser.add_argument("--output", type=Path, default=Path("build/diagnosis.json"))
+    parser.add_argument("--resume", action="store_true", help="go on with the run in --output")
     args = parser.parse_args()
     args.output.parent.mkdir(parents=True, exist_ok=True)
     if args.recordings > 1 and args.source != "continuum":
         parser.error(f"--recordings: found {args.recordings}; accepted with --source rig: 1")
     alike = Job(args.seed, "", (), args.length_s, args.source, args.recordings)
-    todo = jobs(args.seed, args.cases_per_effect, args.only, alike)
+    done = Run(args.seed)
+    if args.resume and args.output.exists():
+        done = TypeAdapter(Run).validate_json(args.output.read_text(encoding="utf-8"))
+        if done.seed != args.seed:
+            parser.error(
+                f"--resume: found seed {done.seed} in {args.output}; accepted: {args.seed}"
+            )
+    every = jobs(args.seed, args.cases_per_effect, args.only, alike)
+    todo = [job for job in every if job not in done.asked]
     if lacking := baselines.missing():
         sys.stderr.write(f"no baselines without {', '.join(lacking)}: make setup-baselines\n")
-    methods: dict[str, list[Result]] = {}
     start = time.monotonic()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        for done, found in enumerate(each(run, ((job,) for job in todo), args.jobs), 1):
-            if not found:
-                sys.stderr.write(f"{done}/{len(todo)} no rig could be drawn\n")
-                continue
-            for name, one in found.items():
-                methods.setdefault(name, []).append(one)
-            _write(args.output, args.seed, methods)
+        for now, (job, found) in enumerate(each(run, ((job,) for job in todo), args.jobs), 1):
+            done.take(job, found)
+            _write(args.output, done)
             passed = time.monotonic() - start
-            left = passed / done * (len(todo) - done)
-            r = found[OURS]
-            sys.stderr.write(
-                f"{done}/{len(todo)} left {left / 60:.0f} min | {r.kind} {r.label} "
-                f"x{r.strength:.1f}"
-                f" -> {r.answer.verdict} {', '.join(r.answer.named)}"
-                f" (gap {r.answer.gap_over_floor:.2f}, {r.answer.seconds:.0f} s, seed {r.seed})\n"
-            )
+            left = passed / now * (len(todo) - now)
+            told = f"{len(done.asked)}/{len(every)} left {left / 60:.0f} min | "
+            sys.stderr.write(told + (_line(found[OURS]) if found else "no rig could be drawn\n"))
             if passed > 60 * args.most_minutes:
                 break
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
-    if not methods:
+    if not done.results:
         return 1
-    sys.stdout.write(markdown(methods))
+    sys.stdout.write(markdown(done.results))
     return 0
+
+
+def _line(one: Result) -> str:
+    answer = one.answer
+    return (
+        f"{one.kind} {one.label} x{one.strength:.1f} -> {answer.verdict} {', '.join(answer.named)}"
+        f" (gap {answer.gap_over_floor:.2f}, {answer.seconds:.0f} s, seed {one.seed})\n"
+    )
 
 
 if __name__ == "__main__":
