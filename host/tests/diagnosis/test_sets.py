@@ -5,6 +5,7 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,8 +16,10 @@ from bowden.diagnosis.fitting import about_first, finish, start_of
 from bowden.diagnosis.growing import refitted_from, start_without, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
+from bowden.diagnosis.proposals import anew
 from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
+from bowden.diagnosis.sets import Sets
 from bowden.estimation.nuisance import Nuisance
 from bowden.model import Mode, Model, ModelError
 from numpy.typing import NDArray
@@ -187,3 +190,29 @@ def test_what_the_fine_model_cannot_run_is_no_hypothesis(
     assert first is base
     with pytest.raises(ModelError, match="weaker effects"):
         about_first(material, [steep])
+
+
+def test_every_strength_of_a_mass_that_resonates_is_simulated_from_another_set(
+    material: Material, base: Hypothesis
+) -> None:
+    """What each does differs in kind: the right one may seem hopeless by what it does alone."""
+    (inertia,) = candidates(("motor_inertia",))
+    tried = Screen(base).screen(inertia)
+    as_they_are = {one.values["inertia_kg_m2"] for one in tried if not one.probes}
+    assert len(as_they_are) > 3
+    beside = Screen(fitted(material, base, (OFFSET, {"offset_nm": HIDDEN_NM})))
+    again = {one.values["inertia_kg_m2"] for one in anew(material, tried, beside)}
+    assert as_they_are <= again
+
+
+def test_sets_are_weighed_about_the_one_that_is_likeliest_in_the_end(
+    material: Material, base: Hypothesis
+) -> None:
+    """A rough fit of another may seem likelier before it is fitted to the end."""
+    sets = Sets(material, as_searched(MODEL))
+    right = fitted(material, base, (OFFSET, {"offset_nm": HIDDEN_NM}))
+    wrong = fitted(material, base, (CELL, {"offset_nm": 0.01}))
+    promises = replace(wrong, best=replace(wrong.best, cost=right.best.cost - 1e4))
+    (best, *_) = sets.weighed([base], [promises, right])
+    assert best.names == (OFFSET.name,)
+    assert sets.about.key == best.key

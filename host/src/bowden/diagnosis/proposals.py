@@ -74,13 +74,19 @@ def every_shape(
 def anew(
     material: Material, before: Sequence[ScreenedCandidate], screen: Screen
 ) -> list[ScreenedCandidate]:
-    """Simulate each effect from another set, of the shapes that suit what that set leaves."""
+    """Simulate each effect from another set, of the shapes that suit what that set leaves.
+
+    Of effects whose strengths do unlike things each strength is simulated: what it does here cannot
+    be told from what it does elsewhere.
+    """
     names = screen.parent.names
     others = [one for one in before if one.candidate.name not in names]
+    unlike = [one for one in others if not one.probes]
+    alike = [screen.again(one) for one in others if one.probes]
     shapes: dict[tuple[str, str], list[ScreenedCandidate]] = {}
-    for one in sorted(map(screen.again, others), key=lambda one: -one.gain):
+    for one in sorted(alike, key=lambda one: -one.gain):
         shapes.setdefault(one.candidate.key, []).append(one)
-    chosen = [one for each in shapes.values() for one in each[:RESHAPED]]
+    chosen = [*unlike, *(one for each in shapes.values() for one in each[:RESHAPED])]
     return [one for one in material.pool.map(screen.anew, chosen) if one is not None]
 
 

@@ -102,6 +102,7 @@ class Screen:
         self._residual, self._slopes = rows[:, 0], rows[:, 1:]
         self._q, self._r = np.linalg.qr(self._slopes)
         self._aim = -(self._q.T @ self._residual)
+        self._off: dict[object, list[_Floats] | None] = {}
         self._low = np.concatenate(
             [self.problem.parameters.low, np.full(len(self.problem.nuisances), -np.inf)]
         )
@@ -210,7 +211,7 @@ class Screen:
     def anew(self, screened: ScreenedCandidate) -> ScreenedCandidate | None:
         """Screen again from this hypothesis what was screened from another."""
         candidate, nothing = screened.candidate, screened.shape
-        off = self._predict(candidate, nothing)
+        off = self._switched_off(candidate, nothing)
         if off is None:
             return None
         if not screened.probes:
@@ -293,6 +294,14 @@ class Screen:
             ]
         except ModelError:
             return None
+
+    def _switched_off(
+        self, candidate: Candidate, nothing: Mapping[str, float]
+    ) -> list[_Floats] | None:
+        key = (candidate.key, tuple(nothing.items()))
+        if key not in self._off:
+            self._off[key] = self._predict(candidate, nothing)
+        return self._off[key]
 
     def _change(
         self, candidate: Candidate, values: Mapping[str, float], off: Sequence[_Floats]
