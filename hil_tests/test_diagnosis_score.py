@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
-from hil_tests.benchmarks.diagnosis_score import Answer, Rate, Result, rates, reliability
+from hil_tests.benchmarks.diagnosis_score import Answer, Rate, Result, rates, reliability, times
 
 
 def scored(kind: str, truth: tuple[str, ...], verdict: str, *named: str) -> Result:
@@ -71,3 +73,17 @@ def test_a_phase_counts_modulo_a_turn() -> None:
     truth = {"cogging": {"phase_rad": 2.0 * np.pi + 0.05, "amplitude_nm": 1.2}}
     answer = Answer("named", ("cogging",), parameters=given)
     assert Result(1, "continuum", "single", truth, 9.0, answer).covered == [True, False]
+
+
+def test_times_are_told_by_kind() -> None:
+    def took(kind: str, seconds: float, learning_s: float = math.nan) -> Result:
+        answer = Answer("complete", (), seconds=seconds, learning_s=learning_s)
+        return Result(1, "continuum", kind, {}, 0.0, answer)
+
+    ours = [took("complete", 5.0), took("pair", 30.0), took("pair", 50.0, 20.0)]
+    assert dict(times([ours])) == {
+        "median time, complete, s": [5.0],
+        "median time, pair, s": [40.0],
+        "slowest, s": [50.0],
+        "median time to learn a law, s": [20.0],
+    }

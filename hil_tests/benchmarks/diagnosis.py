@@ -42,6 +42,7 @@ from hil_tests.hidden_effects.strength import WEAKEST
 from hil_tests.rig_cases import cases as rig_cases
 
 OURS = "bowden"
+LEARNING, VERDICT = "learning a law that no name fits", "computing the verdict"  # stages
 REDRAWS = 5
 SOURCES = {"continuum": draw_case, "rig": rig_cases.draw_case}
 
@@ -116,6 +117,7 @@ def ours(
     seconds: float,
     gap_over_truth: float = math.nan,
     inside: float = math.nan,
+    learning_s: float = math.nan,
 ) -> Answer:
     """Reduce a diagnosis to what is scored."""
     gaps = [g for g in found.gaps if g.noise_floor > 0.0]
@@ -134,6 +136,7 @@ def ours(
         _credible(found.law_odds),
         inside,
         dict(found.odds),
+        learning_s,
     )
 
 
@@ -157,15 +160,22 @@ def run(job: Job) -> tuple[Job, dict[str, Result]]:
         return Result(t.seed, t.source, t.kind, truth, t.strength, answer)
 
     answers: dict[str, Answer] = {}
+    since: dict[str, float] = {}
+
+    def tell(stage: str, _share: float) -> None:
+        since.setdefault(stage, time.perf_counter())
+
     start = time.perf_counter()
     try:
-        found = diagnose(model, recordings, Mode.TORQUE_POSITION, seed=job.seed)
+        found = diagnose(model, recordings, Mode.TORQUE_POSITION, seed=job.seed, progress=tell)
     except ModelError as error:
         answers[OURS] = Answer(f"failed: {error}", (), seconds=time.perf_counter() - start)
     else:
         seconds = time.perf_counter() - start
         inside = law_inside(case, found) if job.kind in LAW_KINDS else math.nan
-        answers[OURS] = ours(found, seconds, over_truth(case, recordings, found), inside)
+        learning_s = since[VERDICT] - since[LEARNING] if LEARNING in since else math.nan
+        over = over_truth(case, recordings, found)
+        answers[OURS] = ours(found, seconds, over, inside, learning_s)
         if not baselines.missing():
             answers |= baselines.answers(found, recordings[0])
     return job, {method: result(answer) for method, answer in answers.items()}

@@ -11,7 +11,7 @@ import itertools
 import math
 import statistics
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -51,6 +51,8 @@ class Answer:
         another law.
     odds : dict of str to float
         Probability of each explanation, as the method states it; none where it states none.
+    learning_s : float
+        Of `seconds`, to learn laws; nan where none was to be learned.
     """
 
     verdict: str
@@ -63,6 +65,7 @@ class Answer:
     laws: tuple[str, ...] = ()
     law_inside: float = math.nan
     odds: dict[str, float] = field(default_factory=dict)
+    learning_s: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -279,6 +282,18 @@ def median(results: Sequence[Result], of: Callable[[Result], float]) -> float:
     return statistics.median(found) if found else math.nan
 
 
+def times(methods: Sequence[Sequence[Result]]) -> Iterator[tuple[str, list[float]]]:
+    """Yield what is timed, in words, and each method's figure, s."""
+    for kind in dict.fromkeys(r.kind for r in methods[0]):
+        alike = [of_kind(results, kind) for results in methods]
+        yield f"median time, {kind}, s", [median(one, lambda r: r.answer.seconds) for one in alike]
+    yield "slowest, s", [max((r.answer.seconds for r in one), default=math.nan) for one in methods]
+    yield (
+        "median time to learn a law, s",
+        [median(one, lambda r: r.answer.learning_s) for one in methods],
+    )
+
+
 def _right(r: Result, *, second: bool = False) -> bool:
     if r.kind == "single":
         return r.second if second else r.first
@@ -318,8 +333,8 @@ def markdown(methods: dict[str, list[Result]]) -> str:
     tables = {name: rates(results) for name, results in methods.items()}
     for row in tables[names[0]]:
         lines.append(f"| {row} | " + " | ".join(str(tables[n][row]) for n in names) + " |")
-    seconds = [median(methods[n], lambda r: r.answer.seconds) for n in names]
-    lines.append("| median time, s | " + " | ".join(f"{s:.1f}" for s in seconds) + " |")
+    for timed, seconds in times([methods[n] for n in names]):
+        lines.append(f"| {timed} | " + " | ".join(f"{s:.0f}" for s in seconds) + " |")
     if stated := reliability(methods[names[0]]):
         lines += ["", "| probability stated | right |", "|---|---|"]
         lines += [f"| {100 * mean:.0f} % | {right} |" for mean, right in stated]
