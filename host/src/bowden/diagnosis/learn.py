@@ -175,7 +175,7 @@ def _surfaces(
         return screen.together([screened[k] for k in pair], [probed[k] for k in pair])
 
     gains = list(material.pool.map(gain, pairs))
-    return [surfaces[k] for k in np.argsort(gains)[::-1][:MOST_PROPOSED]]
+    return [surfaces[k] for k in np.argsort(gains)[::-1][:PROPOSED]]
 
 
 def _laws_on(
