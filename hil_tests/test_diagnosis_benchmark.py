@@ -41,3 +41,8 @@ def test_it_resumes_where_it_was_stopped(
     told = capsys.readouterr().err
     assert "found seed 4" in told
     assert "accepted: 5" in told
+    (tmp_path / "run.json").write_text('{"seed": 4, "results": {}}')  # cases without their list
+    monkeypatch.setattr(sys, "argv", [*command, "--resume"])
+    with pytest.raises(SystemExit):
+        diagnosis.main()
+    assert "asked" in capsys.readouterr().err

@@ -19,7 +19,7 @@ import signal
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ from bowden.model import Mode, ModelError, parse_model
 from bowden.recording.atomic import replace_whole
 from bowden.recording.channels import TIME
 from bowden.recording.recording import Recording
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from hil_tests.benchmarks import diagnosis_baselines as baselines
 from hil_tests.benchmarks.diagnosis_picture import svg
@@ -186,8 +186,8 @@ class Run:
     """What a benchmark has so far: cases that were asked, and each method's results."""
 
     seed: int
-    asked: list[Job] = field(default_factory=list)
-    results: dict[str, list[Result]] = field(default_factory=dict)
+    asked: list[Job]
+    results: dict[str, list[Result]]
 
     def take(self, job: Job, found: Mapping[str, Result]) -> None:
         """Add a case."""
@@ -238,9 +238,12 @@ def main() -> int:
     if args.recordings > 1 and args.source != "continuum":
         parser.error(f"--recordings: found {args.recordings}; accepted with --source rig: 1")
     alike = Job(args.seed, "", (), args.length_s, args.source, args.recordings)
-    done = Run(args.seed)
+    done = Run(args.seed, [], {})
     if args.resume and args.output.exists():
-        done = TypeAdapter(Run).validate_json(args.output.read_text(encoding="utf-8"))
+        try:
+            done = TypeAdapter(Run).validate_json(args.output.read_text(encoding="utf-8"))
+        except ValidationError as error:
+            parser.error(f"--resume: found in {args.output}: {error}; accepted: what a run wrote")
         if done.seed != args.seed:
             parser.error(
                 f"--resume: found seed {done.seed} in {args.output}; accepted: {args.seed}"
