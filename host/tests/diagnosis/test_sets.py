@@ -5,7 +5,6 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,7 +18,6 @@ from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.proposals import anew
 from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
-from bowden.diagnosis.sets import Sets
 from bowden.estimation.nuisance import Nuisance
 from bowden.model import Mode, Model, ModelError
 from numpy.typing import NDArray
@@ -203,16 +201,3 @@ def test_every_strength_of_a_mass_that_resonates_is_simulated_from_another_set(
     beside = Screen(fitted(material, base, (OFFSET, {"offset_nm": HIDDEN_NM})))
     again = {one.values["inertia_kg_m2"] for one in anew(material, tried, beside)}
     assert as_they_are <= again
-
-
-def test_sets_are_weighed_about_the_one_that_is_likeliest_in_the_end(
-    material: Material, base: Hypothesis
-) -> None:
-    """A rough fit of another may seem likelier before it is fitted to the end."""
-    sets = Sets(material, as_searched(MODEL))
-    right = fitted(material, base, (OFFSET, {"offset_nm": HIDDEN_NM}))
-    wrong = fitted(material, base, (CELL, {"offset_nm": 0.01}))
-    promises = replace(wrong, best=replace(wrong.best, cost=right.best.cost - 1e4))
-    (best, *_) = sets.weighed([base], [promises, right])
-    assert best.names == (OFFSET.name,)
-    assert sets.about.key == best.key

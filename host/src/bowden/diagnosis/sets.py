@@ -139,9 +139,8 @@ class Sets:
         fresh = finish(self.material, lowest(children, FINISHED), self.noises)
         less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
         fresh += finish(self.material, [one for one in less if one is not None], self.noises)
-        ranked = self._about_likeliest([*fresh, *known])
-        self.done.update((one.key, one) for one in ranked)
-        return ranked
+        self.done.update((one.key, one) for one in (*known, *fresh))
+        return sorted([*fresh, *known], key=merit)
 
     def _move_to(self, ones: Sequence[Hypothesis]) -> bool:
         """Let the covariance be that about the likeliest; return whether it was about another."""
@@ -150,14 +149,6 @@ class Sets:
             return False
         self.about, self.noises = about_first(self.material, ranked)
         return True
-
-    def _about_likeliest(self, ones: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Fit anew while the likeliest is another set than the covariance is about; best first."""
-        ranked, been = sorted(ones, key=merit), {self.about.key}
-        while ranked[0].key not in been and self._move_to(ranked):
-            been |= {ranked[0].key, self.about.key}
-            ranked = sorted(finish(self.material, ranked, self.noises), key=merit) or ranked
-        return ranked
 
     def comparable(self) -> list[tuple[Hypothesis, UnseenPrediction]]:
         """Fit the finalists to the end under one covariance and predict what was held out.
@@ -172,8 +163,8 @@ class Sets:
         if all(one.effects for one in ranked):
             ranked.append(self.base)
         self._move_to(ranked)
-        finished = self._about_likeliest(finish(self.material, ranked, self.noises))
-        likeliest = finished[0]
+        finished = finish(self.material, ranked, self.noises)
+        likeliest = min(finished, key=merit)
 
         def restarted(one: Hypothesis) -> Hypothesis:
             if one is likeliest:
