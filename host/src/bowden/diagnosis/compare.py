@@ -19,6 +19,7 @@ from bowden.estimation.search import Progress
 from bowden.model import Mode, Model, Trajectory
 from bowden.recording.recording import Recording
 from bowden.signals.motion import LOCKED_SHARE, Motion
+from bowden.signals.noise import rms
 from bowden.signals.prediction import PREDICTED, simulate_recording
 from bowden.signals.repeatability import find_cycles
 
@@ -269,7 +270,7 @@ def _compare_one(
         figures=_figures(residual, measured, noise_floor=noise_floor, steady=motion.steady),
         where=split_by_motion(residual, motion),
         velocity_fit=_fit_to_velocity(residual, motion.velocity_rad_s),
-        other_gap=_rms(getattr(recording, other) - getattr(trajectory, other)),
+        other_gap=rms(getattr(recording, other) - getattr(trajectory, other)),
         time_gaps=recording.gaps,
     )
 
@@ -277,7 +278,7 @@ def _compare_one(
 def _figures(
     residual: _Floats, measured: _Floats, *, noise_floor: float, steady: NDArray[np.bool_]
 ) -> Figures:
-    gap = _rms(residual)
+    gap = rms(residual)
     full_scale = float(np.max(np.abs(measured)))
     cycles = bool(steady.any())
     return Figures(
@@ -287,8 +288,8 @@ def _figures(
         full_scale=full_scale,
         relative_gap=gap / full_scale if full_scale > 0.0 else None,
         noise_floor=noise_floor,
-        first_cycle=_rms(residual[~steady]) if cycles and not steady.all() else None,
-        steady=_rms(residual[steady]) if cycles else None,
+        first_cycle=rms(residual[~steady]) if cycles and not steady.all() else None,
+        steady=rms(residual[steady]) if cycles else None,
     )
 
 
@@ -305,7 +306,3 @@ def _fit_to_velocity(residual: _Floats, velocity_rad_s: _Floats) -> VelocityFit:
         offset=float(residual.mean() - slope * velocity_rad_s.mean()),
         share_explained=slope**2 * spread / variance if variance > 0 else 0.0,
     )
-
-
-def _rms(values: _Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -74,3 +74,8 @@ def effective_samples(residual: NDArray[np.float64]) -> float:
     (ended,) = np.nonzero(correlation <= 0.0)
     lags = int(ended[0]) if ended.size else size
     return float(np.clip(size / (1.0 + 2.0 * correlation[1:lags].sum()), 1.0, size))
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    """Return the root of the mean square of values, in their unit; nan of none."""
+    return float(np.sqrt(np.mean(values**2)))

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.signals.noise import rms
+
 _Floats = NDArray[np.float64]
 
 LEAST_CYCLES = 3
@@ -80,7 +82,7 @@ def find_cycles(time_s: _Floats, angle_rad: _Floats) -> Cycles | None:
     cycles = Cycles(start_s)
     motion = cycles.folded(time_s, angle_rad)
     mean = motion.mean(axis=0)
-    if _rms(motion - mean) > SAME_MOTION * _rms(mean - mean.mean()):
+    if rms(motion - mean) > SAME_MOTION * rms(mean - mean.mean()):
         return None
     return cycles
 
@@ -95,8 +97,4 @@ def repeatability(cycles: Cycles, time_s: _Floats, values: _Floats) -> float:
     """
     folded = cycles.folded(time_s, values)
     count = cycles.count
-    return _rms(folded - folded.mean(axis=0)) * float(np.sqrt(count / (count - 1)))
-
-
-def _rms(values: _Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return rms(folded - folded.mean(axis=0)) * float(np.sqrt(count / (count - 1)))

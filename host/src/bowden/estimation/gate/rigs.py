@@ -10,13 +10,11 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bowden.estimation.gate.answer import LONGEST_S, Answer, answer, thinned, usable_mode
 from bowden.estimation.gate.finding import NAMES, TORQUES, Finding
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
+from bowden.signals.noise import rms
 
 #: Of what the cables carry, from one recording of a rig to the next, by what an effect that the
 #: model lacks does under another motion; on development seeds the largest difference of two was
@@ -28,8 +26,9 @@ TOLD = 0.5  # sigma of a log gain: one that is known no better says nothing of a
 
 def check_rigs(model: Model, mode: Mode, recordings: Sequence[Recording]) -> Iterator[Finding]:
     """Look for the two recordings that agree least about the gain of a predicted torque."""
+    answers = [_answer(model, mode, one) for one in recordings]
     for name in TORQUES:
-        gains = [_log_gain(model, mode, one, name) for one in recordings]
+        gains = [_log_gain(one, name, model.transmission.pulley_ratio) for one in answers]
         told = [(*gain, k) for k, gain in enumerate(gains) if gain is not None]
         if len(told) < 2:
             continue
@@ -45,18 +44,21 @@ def check_rigs(model: Model, mode: Mode, recordings: Sequence[Recording]) -> Ite
             )
 
 
-def _log_gain(model: Model, mode: Mode, one: Recording, name: str) -> tuple[float, float] | None:
-    """Return the logarithm of a torque's gain over the prediction and its sigma; None: not told."""
+def _answer(model: Model, mode: Mode, one: Recording) -> Answer | None:
     used = usable_mode(one, mode)
     if used is None:
         return None
-    found = answer(model, used, thinned(one, LONGEST_S), any_friction=True)
+    return answer(model, used, thinned(one, LONGEST_S), any_friction=True)
+
+
+def _log_gain(found: Answer | None, name: str, pulley_ratio: float) -> tuple[float, float] | None:
+    """Return the logarithm of a torque's gain over the prediction and its sigma; None: not told."""
     if found is None or name not in found.channels:
         return None
     told = found.channels[name].explained(1.0)
     if told.gain <= 0.0:
         return None
-    repeats = REPEATS * _carried(found, name, model.transmission.pulley_ratio)
+    repeats = REPEATS * _carried(found, name, pulley_ratio)
     sigma = math.hypot(told.gain_sigma / told.gain, repeats)
     return (math.log(told.gain), sigma) if sigma < TOLD else None
 
@@ -67,12 +69,8 @@ def _carried(found: Answer, name: str, pulley_ratio: float) -> float:
     What arrives is the torque at the other end less friction: at a locked load it may be little,
     and then a small error of either is a large one of it.
     """
-    one, arrives = found.recording, _rms(found.simulated[name])
+    one, arrives = found.recording, rms(found.simulated[name])
     motor, load = TORQUES
     other, per = (load, 1.0 / pulley_ratio) if name == motor else (motor, pulley_ratio)
-    enters = per * _rms(one[other]) if other in one.channels else 0.0
+    enters = per * rms(one[other]) if other in one.channels else 0.0
     return max(enters, arrives) / max(arrives, 1e-12)
-
-
-def _rms(values: NDArray[np.float64]) -> float:
-    return float(np.sqrt(np.mean(values**2)))
