@@ -16,6 +16,7 @@ estimator_t estimator_of(uint32_t ticks_per_s, int32_t load_count_nm, int32_t wi
     return (estimator_t){
         .ticks_per_s = ticks_per_s,
         .load_count_nm = load_count_nm,
+        .load = load_tracker_of(ticks_per_s, load_count_nm),
         .windup_nm = windup_nm > 0 ? windup_nm : 1,
         .doubt_per_nm = ratio_of(128, tolerance_nm > 0 ? (uint32_t)tolerance_nm : 1u),
         .doubt_per_unm = ratio_of(128, tolerance_unm > 0 ? (uint32_t)tolerance_unm : 1u),
@@ -130,6 +131,7 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
     transmission_step_torque(transmission, torque_unm, inputs->load_arc_nm);
     follow_direction(estimator, inputs->load_arc_nm);
     follow_creep(estimator, inputs->load_arc_nm);
+    load_tracker_step(&estimator->load, inputs->load_arc_nm);
     follow_gap(estimator, inputs);
     estimator->slip = slip_of(transmission);
     estimator->slid[estimator->slip] = true;

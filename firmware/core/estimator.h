@@ -26,6 +26,7 @@
 
 #include "../meanings.h"
 #include "fixed.h"
+#include "load_tracker.h"
 #include "transmission.h"
 
 typedef struct {
@@ -58,6 +59,7 @@ typedef struct {
     int32_t creep_direction; /* the same of its last count; 0 after 1/50 s without one */
     bool informed;        /* the pair has slid as a whole both ways: nothing of what the cables held
                              when the model started is left */
+    load_tracker_t load;  /* which way it will go */
     int32_t gap_speed_nm; /* nm a tick by which the motor pulley outruns the load pulley */
     /* memory */
     int32_t correction_q8_unm; /* of the model by the load cell */
