@@ -11,9 +11,9 @@
 /* An encoder at standstill between two counts dithers by one. */
 #define DEAD_BAND_COUNTS 1
 
-/* What a control tick has time for besides everything else: with 16 the worst one on random rigs
- * takes 13 300 instructions, of 14 000 (docs/compensation.md). */
-#define PIECES_PER_TICK 16
+/* What a control tick has time for besides everything else: with all tables on the worst one takes
+ * 12 500 instructions, of 14 000; twice as many pieces render no better (docs/compensation.md). */
+#define PIECES_PER_TICK 8
 
 #define TICKS_PER_SECOND (1000000u / BOARD_CONTROL_PERIOD_US)
 
