@@ -1,13 +1,16 @@
 /* law_model_inversion.c: see law_model_inversion.h. */
 #include "law_model_inversion.h"
 
+#define LAG_MOST_US 100000       /* a pair so soft has the whole feedback */
 #define EXTRA_MOST_UNM (1 << 26) /* in Q4 that is the range of int32_t */
 
 /* Every number of the law. Found on developing seeds of the compensation benchmark unless a source
  * is given; "1/x" divides, "2^-3" counts eighths. The range is where the arithmetic holds. */
 static const struct {
-    int32_t damping_per_s;   /* 1/s, 0 .. 1000: D / J, below what 2 ms of encoder delay allow */
+    int32_t damping_per_s;   /* 1/s, 1 .. 1000: D / J, below what 2 ms of encoder delay allow */
     int32_t move_damping;    /* 1, 1 .. 10: times that in a move, whose plan knows the speed */
+    int32_t late_us;         /* us, 1000 .. 10000: by which the cell's error acts late: the cell by
+                                at most 2 ms, the rest is amplifier, tick and the damping's filter */
     int32_t standstill_band; /* 1/x of friction, 1 .. 1000: error left alone at standstill: less
                           than stiction makes it jump */
     int32_t correcting;      /* 1, 1 .. 10: at standstill an error is corrected so much slower,
@@ -16,7 +19,6 @@ static const struct {
                                 is sure to turn over this part of its limit */
     int32_t lands_within;    /* 1/x of friction, 1 .. 100: where turning over twice the friction
                                 ends, as well as that is known */
-    int32_t momentum;        /* 1, 1 .. 8: times its error that a change of direction may bring */
     int32_t unlearning;      /* 1, 1 .. 8: so much faster a shift that pushes is taken back; the
                                 pair's resonance bounds it, as it bounds force control */
     int32_t felt_part;       /* 1/x of friction, 1 .. 1000: left to be felt while the load moves:
@@ -24,17 +26,27 @@ static const struct {
     int32_t felt_cell;       /* 1/x of friction, 1 .. 1000: the same with a cell, which takes back
                                 what pushes */
 } NUMBERS = {
-    .damping_per_s = 100,
-    .move_damping = 3,
+    .damping_per_s = 150,
+    .move_damping = 2,
+    .late_us = 3000,
     .standstill_band = 32,
     .correcting = 2,
     .sure_limit_q3 = 7,
     .lands_within = 3,
-    .momentum = 6,
     .unlearning = 3,
     .felt_part = 25,
     .felt_cell = 50,
 };
+
+/* Half of the gain with which cell and motor would oscillate, D / (J omega^2 T) of (P1); at most
+ * what the model's inverse gives. */
+static int32_t feedback_q16(int32_t lag_ticks, uint32_t ticks_per_s) {
+    const int64_t lag_us = (int64_t)lag_ticks * 1000000 / ticks_per_s;
+    const int64_t limited_us = lag_us < LAG_MOST_US ? lag_us : LAG_MOST_US;
+    const int64_t half_q16 = limited_us * limited_us * NUMBERS.damping_per_s * (LAW_SHARE_ONE / 2) /
+                             (NUMBERS.late_us * INT64_C(1000000));
+    return half_q16 < LAW_SHARE_ONE ? (int32_t)half_q16 : LAW_SHARE_ONE;
+}
 
 law_model_inversion_t law_model_inversion_of(const law_settings_t *settings) {
     const transmission_settings_t *pair = &settings->transmission->settings;
@@ -69,6 +81,7 @@ law_model_inversion_t law_model_inversion_of(const law_settings_t *settings) {
         /* 8/6 of the friction is still in range */
         .slip = slip_direction_of(lag_ticks, fixed_clamp(friction_unm, 0, 1 << 30), load_urad,
                                   settings->standstill_band_unm),
+        .feedback_q16 = feedback_q16(lag_ticks, ticks_per_s),
         .felt_unm = {settings->friction_unm / NUMBERS.felt_part,
                      settings->friction_unm / NUMBERS.felt_cell},
         .standstill_band_unm = settings->standstill_band_unm,
@@ -140,25 +153,20 @@ static void learn(law_model_inversion_t *law, int32_t error_unm, int32_t motion,
     }
 }
 
-/* How far the motor may go in a lag, in torque that it holds, while the slip direction changes. At
- * that speed v it would run on by v, as J v^2 = k x^2: what its momentum adds is bounded by the
- * error to be corrected, however wrong its inertia is known, and a load that hardly moves is not
- * thrown. Where the load goes on in the direction nothing is to be turned over. */
-static int32_t fastest_unm(const law_model_inversion_t *law, int32_t error_unm, int32_t motion) {
+/* Force feedback (P1): what the cell's error calls for at once, whatever the model says. An error
+ * beyond the friction is no friction's: a set point has changed, and the motor is on its way. */
+static int32_t feedback_unm(const law_model_inversion_t *law, int32_t error_unm) {
     uint32_t saturations = 0; /* clamped below the range */
-    if (motion == law->slip.direction) {
-        return EXTRA_MOST_UNM;
-    }
-    const int32_t error = magnitude(fixed_clamp(error_unm, -EXTRA_MOST_UNM, EXTRA_MOST_UNM));
-    const int32_t motor_unm = fixed_scale(error, law->motor_per_load_torque, &saturations);
-    return fixed_clamp(motor_unm, 0, EXTRA_MOST_UNM / NUMBERS.momentum) * NUMBERS.momentum;
+    const int32_t most_unm = law->slip.friction_unm;
+    const int32_t motor_unm = fixed_scale(fixed_clamp(error_unm, -most_unm, most_unm),
+                                          law->motor_per_load_torque, &saturations);
+    return (int32_t)((int64_t)motor_unm * law->feedback_q16 / LAW_SHARE_ONE);
 }
 
 /* The motor torque at which the pair holds `extra_unm` more than the plain one: at once by a move
- * when a new set point has begun one, else along two lags. `enough`: friction holds what is there.
- * `fastest`: torque in a lag. */
+ * when one has begun, else along two lags. `enough`: friction holds what is there. */
 static int32_t go_over(law_model_inversion_t *law, int32_t plain_unm, int32_t extra_unm,
-                       int32_t damping_unm, bool enough, int32_t slower, int32_t fastest) {
+                       int32_t damping_unm, bool enough, int32_t slower) {
     uint32_t saturations = 0; /* the motor's limit is far below */
     int32_t *lag = law->lag_q4_unm;
     if (move_runs(&law->move)) {
@@ -168,18 +176,13 @@ static int32_t go_over(law_model_inversion_t *law, int32_t plain_unm, int32_t ex
         const int32_t held_extra_unm = fixed_subtract(law->held_unm, plain_unm, &saturations);
         lag[0] = fixed_clamp(held_extra_unm, -EXTRA_MOST_UNM, EXTRA_MOST_UNM) * 16;
         lag[1] = lag[0];
-        if (enough) {
-            move_end(&law->move);
-        }
         return fixed_subtract(moving_unm, NUMBERS.move_damping * damping_unm, &saturations);
     }
     move_end(&law->move);
     if (enough) {
         lag[0] = lag[1];
     } else {
-        const int32_t most_q4 = fastest * 16 / law->slip.lag_ticks;
-        const int32_t step_q4 = (extra_unm * 16 - lag[0]) / (slower * law->slip.lag_ticks);
-        lag[0] += fixed_clamp(step_q4, -most_q4, most_q4);
+        lag[0] += (extra_unm * 16 - lag[0]) / (slower * law->slip.lag_ticks);
         lag[1] += (lag[0] - lag[1]) / (slower * law->slip.lag_ticks);
     }
     law->held_unm = fixed_add(plain_unm, lag[1] / 16, &saturations);
@@ -215,7 +218,7 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
     if (changed) {
         slip_direction_call(&law->slip, inputs, wanted_unm, error_unm);
     }
-    const bool moved_back =
+    const bool turned =
         slip_direction_step(&law->slip, inputs, wanted_unm, error_unm, law->declined);
     const int32_t left_alone_unm =
         (law->standstill_band_unm + law->slip.friction_unm / NUMBERS.standstill_band)
@@ -236,7 +239,7 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
         law->slip.phase == SLIP_PHASE_UNKNOWN
             ? law->lag_q4_unm[0] / 16
             : fixed_clamp((int32_t)extra_unm, -EXTRA_MOST_UNM, EXTRA_MOST_UNM);
-    if (changed || moved_back) {
+    if (changed || turned) {
         move_start(&law->move, law->held_unm, fixed_add(plain_unm, target_unm, &saturations),
                    sliding_slack_motor_unm(sliding));
     }
@@ -247,8 +250,9 @@ law_answer_t law_model_inversion_step(law_model_inversion_t *law, const law_inpu
     const int32_t damping_unm =
         fixed_clamp(fixed_scale(estimator->gap_speed_nm, law->damping, &saturations),
                     -EXTRA_MOST_UNM, EXTRA_MOST_UNM);
-    /* without a cell the error is the model's, and does not show the effect of a change */
-    const int32_t fastest = inputs->cell ? fastest_unm(law, error_unm, motion) : EXTRA_MOST_UNM;
-    return answer_of(law, go_over(law, plain_unm, target_unm, damping_unm, enough,
-                                  slowed(law, inputs->cell && motion == 0), fastest));
+    const int32_t goes_unm = go_over(law, plain_unm, target_unm, damping_unm, enough,
+                                     slowed(law, inputs->cell && motion == 0));
+    const bool feeds_back = inputs->cell && !law->resting && !law->declined;
+    const int32_t corrects_unm = feeds_back ? feedback_unm(law, error_unm) : 0;
+    return answer_of(law, fixed_add(goes_unm, corrects_unm, &saturations));
 }

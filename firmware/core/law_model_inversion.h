@@ -4,25 +4,26 @@
  * known is the *slip direction*: slip_direction.h.
  *
  * A set point that changes at once starts a *move* (move.h), friction and all, in the direction
- * of the error. So does a load that moves back, where a cell tells when it is enough. A
+ * of the error. So does an operator who turns the load around, where a cell tells what arrives. A
  * motor that is not sure to turn the friction over leaves a load at standstill alone: what it
  * brings, by its momentum or because friction is late, it could never take back. Unless the error
  * is more than it could be wrong by the change is *declined* until the load moves, and the wanted
  * torque given as it is.
  *
+ * With a cell a part of its error is added at once (P1): it brings what the model gets wrong, the
+ * motor's inertia and the cables' waves while they last.
+ *
  * Each direction has a *shift* of the wanted torque, an integral of the load cell's error: what the
  * model's friction is wrong by that way. It stays when the direction changes, and when the cell
- * fails; of a cell that was wrong it is reset (compensation.h). It also says when it is enough:
- * the torque goes towards that of the direction only until what is wanted has arrived, so that a
- * wrong model does not overshoot, nor a load that the change itself moves be taken for a stroke and
- * pushed on. Without a cell only the friction that friction_observer.h is sure of is compensated
- * while the load moves: overcompensation would push. At standstill it is the friction that is
- * expected: less may not arrive at all.
+ * fails; of a cell that was wrong it is reset (compensation.h). The cell also says when it is
+ * enough: the torque goes towards that of the direction only until what is wanted has arrived, so
+ * that a wrong model does not overshoot, nor a load that the change itself moves be taken for a
+ * stroke and pushed on. Without a cell only the friction that friction_observer.h is sure of is
+ * compensated while the load moves: overcompensation would push. At standstill it is the friction
+ * that is expected: less may not arrive at all.
  *
  * What pushes the load has to be paid for: with a cell a shift that does is taken back sooner than
- * it was learned, and a change of the slip direction goes no faster than the error that calls for
- * it allows. Turning the friction over for a small error at the speed for a large one would throw
- * the load by the motor's momentum.
+ * it was learned.
  */
 #ifndef BOWDEN_CORE_LAW_MODEL_INVERSION_H
 #define BOWDEN_CORE_LAW_MODEL_INVERSION_H
@@ -39,6 +40,7 @@ typedef struct {
     /* constants */
     ratio_t motor_per_load_torque; /* 1 / rho */
     ratio_t damping;               /* uN m at the motor per nm a tick */
+    int32_t feedback_q16;          /* of the cell's error, 0 .. 1 */
     int32_t felt_unm[2]; /* of the friction, [without, with a cell], left to be felt while the load
                             moves */
     int32_t standstill_band_unm;

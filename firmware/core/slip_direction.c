@@ -10,7 +10,6 @@ static const struct {
     uint32_t turned_lags;   /* lags, 1 .. 1000: a change of direction has turned the friction
                                over; settled at standstill after twice this */
     int32_t direction_band; /* 1/x of friction, 1 .. 100: error that changes the direction */
-    uint32_t strokes_per_s; /* 1/s, 1 .. 1000: no operator turns around faster */
     uint32_t halving_lags;  /* lags, 1 .. 1000: each halves the band of a direction that stays */
     int32_t back_part;      /* 1/x of windup, 1 .. 100: a load that comes back so far is moved
                                by the operator */
@@ -24,7 +23,6 @@ static const struct {
 } NUMBERS = {
     .turned_lags = 8,
     .direction_band = 6,
-    .strokes_per_s = 6,
     .halving_lags = 32,
     .back_part = 4,
     .back_off_most = 3,
@@ -137,10 +135,10 @@ static void pass_tick(slip_direction_t *slip) {
 }
 
 /* A set point that has moved slowly, and as far as a change of direction needs, is a new one. */
-static void follow_set_point(slip_direction_t *slip, int32_t wanted_unm, bool calm) {
+static void follow_set_point(slip_direction_t *slip, int32_t wanted_unm) {
     uint32_t saturations = 0; /* far is far */
     const int32_t change_unm = fixed_subtract(wanted_unm, slip->settled_unm, &saturations);
-    if (calm && magnitude(change_unm) > slip->friction_unm / NUMBERS.direction_band) {
+    if (magnitude(change_unm) > slip->friction_unm / NUMBERS.direction_band) {
         forget_back_off(slip);
         slip->settled_unm = wanted_unm;
         slip->called_for = true;
@@ -159,14 +157,13 @@ static void find_direction(slip_direction_t *slip, const law_inputs_t *inputs, i
 }
 
 /* A load that comes back ends the back-off; what a change has left at standstill is noted. */
-static void watch_turn(slip_direction_t *slip, const estimator_t *estimator, int32_t error_unm,
-                       bool calm) {
+static void watch_turn(slip_direction_t *slip, const estimator_t *estimator, int32_t error_unm) {
     uint32_t saturations = 0; /* far travel is far */
     const int32_t back_nm =
         slip->direction * fixed_subtract(slip->turn_far_nm, estimator->mark_nm, &saturations);
     if (back_nm < 0) {
         slip->turn_far_nm = estimator->mark_nm;
-    } else if (calm && back_nm > estimator->windup_nm / NUMBERS.back_part) {
+    } else if (back_nm > estimator->windup_nm / NUMBERS.back_part) {
         forget_back_off(slip);
     }
     if (estimator->load_direction == 0 && slip->back_off > 0 &&
@@ -180,23 +177,27 @@ static int64_t given_pj(const slip_direction_t *slip, const law_inputs_t *inputs
     return (int64_t)(inputs->given_pj - slip->turn_given_pj);
 }
 
-/* Does the operator move the load against the slip direction? The motor pulls it the other way, so
- * it is not the drive, unless the drive has given it the energy to come back. */
-static bool operator_moves_back(const slip_direction_t *slip, const law_inputs_t *inputs) {
-    return inputs->estimator->load_direction == -slip->direction && given_pj(slip, inputs) <= 0;
+/* Does the operator turn the load around? It has moved against the slip direction, or by a count,
+ * and goes on. The motor pulls it the other way, so it is not the drive, unless the drive has given
+ * it the energy to come back. */
+static bool operator_turns(const slip_direction_t *slip, const law_inputs_t *inputs) {
+    const estimator_t *estimator = inputs->estimator;
+    const int32_t back = -slip->direction;
+    const bool begins =
+        estimator->creep_direction == back && load_tracker_direction(&estimator->load) == back;
+    return (begins || estimator->load_direction == back) && given_pj(slip, inputs) <= 0;
 }
 
-/* Turns the slip direction over. Unless the load moves back, has made a stroke or the set point is
- * new that costs back-off. */
-static void reverse(slip_direction_t *slip, const law_inputs_t *inputs, bool calm,
-                    bool moved_back) {
+/* Turns the slip direction over. Unless the operator has turned the load around or made a stroke,
+ * or the set point is new, that costs back-off. */
+static void reverse(slip_direction_t *slip, const law_inputs_t *inputs, bool by_operator) {
     const estimator_t *estimator = inputs->estimator;
     uint32_t saturations = 0; /* far travel is far */
     const int32_t travel_nm = fixed_subtract(estimator->mark_nm, slip->turn_arc_nm, &saturations);
     const bool stroke = travel_nm * slip->direction > estimator->windup_nm / 2;
-    if (calm && stroke && !inputs->owes) {
+    if (stroke && !inputs->owes) {
         forget_back_off(slip);
-    } else if (!slip->called_for && !moved_back && slip->back_off < NUMBERS.back_off_most) {
+    } else if (!slip->called_for && !by_operator && slip->back_off < NUMBERS.back_off_most) {
         slip->back_off++;
     }
     slip->called_for = false;
@@ -210,24 +211,27 @@ static bool choose_direction(slip_direction_t *slip, const law_inputs_t *inputs,
                              int32_t error_unm, bool declined) {
     const estimator_t *estimator = inputs->estimator;
     const int32_t motion = estimator->load_direction;
-    const int32_t band_unm = dead_band_unm(slip, motion, inputs->cell);
     pass_tick(slip);
-    const bool calm = slip->turn_ticks > estimator->ticks_per_s / NUMBERS.strokes_per_s;
-    follow_set_point(slip, wanted_unm, calm);
+    follow_set_point(slip, wanted_unm);
+    watch_turn(slip, estimator, error_unm);
+    const bool by_operator = slip->phase != SLIP_PHASE_UNKNOWN && operator_turns(slip, inputs);
+    if (by_operator) {
+        forget_back_off(slip);
+    }
+    const int32_t band_unm = dead_band_unm(slip, motion, inputs->cell);
     const int32_t called_unm = declined ? 0 : error_unm;
     const int32_t towards = (called_unm > band_unm) - (called_unm < -band_unm);
     if (slip->phase == SLIP_PHASE_UNKNOWN) {
         find_direction(slip, inputs, towards);
         return false;
     }
-    watch_turn(slip, estimator, error_unm, calm);
-    const bool moved_back = operator_moves_back(slip, inputs);
-    const bool settled = slip->phase == SLIP_PHASE_SETTLED || moved_back ||
+    const bool settled = slip->phase == SLIP_PHASE_SETTLED || by_operator ||
                          (slip->phase == SLIP_PHASE_TURNED && motion != 0);
-    const bool goes_on = motion == slip->direction || estimator->creep_direction == slip->direction;
+    const bool goes_on = !by_operator && (motion == slip->direction ||
+                                          estimator->creep_direction == slip->direction);
     if (towards == -slip->direction && !goes_on && settled) {
-        reverse(slip, inputs, calm, moved_back);
-        return moved_back && inputs->cell && slip->late == 0;
+        reverse(slip, inputs, by_operator);
+        return by_operator && inputs->cell && slip->late == 0;
     }
     return false;
 }

@@ -15,7 +15,7 @@
  *   UNKNOWN            the load moves, or the error leaves its dead band                TURNING
  *   TURNING            8 lags have passed                                               TURNED
  *   TURNED             16 lags have passed                                              SETTLED
- *   TURNING, TURNED    the load moves back, and the error leaves the dead band          TURNING
+ *   TURNING, TURNED    the operator turns, and the error leaves the dead band           TURNING
  *   TURNED             the load moves, and the error against it leaves the dead band    TURNING
  *   SETTLED            the error against the direction leaves the dead band             TURNING
  *   TURNED, SETTLED    the set point changes by more than the rest band in one tick     TURNING
@@ -23,18 +23,19 @@
  *
  * A load that moves against the slip direction is moved by the operator, as the motor pulls it the
  * other way, unless the drive has given it energy since the last change (passivity.h): the
- * direction follows at once, however soon that was.
+ * direction follows at once, however soon that was, and the back-off ends. It moves so when it has
+ * gone three counts, or one and is about to go on (load_tracker.h).
  *
  * A load that creeps on in the slip direction slides that way, however large the error: friction
  * turned over would push it. So the direction changes only once the load stands still or comes
  * back.
  *
- * The *back-off* counts changes of direction that neither the load, by moving back or a stroke, nor
- * a new set point has called for: each doubles the dead band, and the next needs half more than
- * what the last one left at standstill; until the operator makes a stroke, moves the load back,
- * however slowly, or the set point changes. A stroke while the passivity observer has counted
- * energy that the drive has given is the drive's own and counts for nothing. So however wrong the
- * model is, the law comes to standstill.
+ * The *back-off* counts changes of direction that neither the operator, by turning the load around
+ * or a stroke, nor a new set point has called for: each doubles the dead band, and the next needs
+ * half more than what the last one left at standstill; until the operator makes a stroke, moves the
+ * load back, however slowly, or the set point changes. A stroke while the passivity observer has
+ * counted energy that the drive has given is the drive's own and counts for nothing. So however
+ * wrong the model is, the law comes to standstill.
  *
  * Friction that builds up late does not hold the motor while the direction changes: the load is
  * thrown, and given energy by it. Twice such a change makes all later ones slower.
@@ -92,8 +93,8 @@ void slip_direction_lose(slip_direction_t *slip);
 void slip_direction_call(slip_direction_t *slip, const law_inputs_t *inputs, int32_t wanted_unm,
                          int32_t error_unm);
 
-/* One tick. Follows the load that the operator moves back at once, all else when the last change is
- * over. `declined`: an error at standstill calls for nothing. Says whether a planned move is to
+/* One tick. Follows the load that the operator turns around at once, all else when the last change
+ * is over. `declined`: an error at standstill calls for nothing. Says whether a planned move is to
  * turn the friction over. */
 bool slip_direction_step(slip_direction_t *slip, const law_inputs_t *inputs, int32_t wanted_unm,
                          int32_t error_unm, bool declined);
