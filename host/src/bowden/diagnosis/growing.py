@@ -25,14 +25,18 @@ def grown_from(
     material: Material,
     searched: Model,
     parent: Hypothesis,
-    screened: ScreenedCandidate,
+    starts: Sequence[ScreenedCandidate],
     done: Done,
 ) -> Hypothesis | None:
-    """Fit an addition to a parent; None where that is known, or does nothing."""
-    key = parent.key | {screened.candidate.key}
-    if key in done and screened.origin is parent:
+    """Fit an addition to a parent from each of its starts; None where it is known or does nothing.
+
+    Return the likeliest.
+    """
+    key = parent.key | {starts[0].candidate.key}
+    if key in done and starts[0].origin is parent:
         return None
-    child = _with_effect(material, searched, parent, screened)
+    fits = [_with_effect(material, searched, parent, screened) for screened in starts]
+    child = min((fit for fit in fits if fit), key=lambda one: one.best.cost, default=None)
     if child is not None and (key not in done or child.best.cost < _cost_beside(child, done[key])):
         done[key] = child
     return child

@@ -10,8 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import ERROR, is_strained, size_in_noise
+from bowden.diagnosis.contribution import (
+    ERROR,
+    is_strained,
+    leaves_something,
+    size_in_noise,
+)
 from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
@@ -116,6 +123,31 @@ def proposed(screening: Screening) -> list[ScreenedCandidate]:
     most = sorted(fresh, key=lambda one: -annealed[one.candidate.key])
     filed = [one for one in screening.filed if one.candidate.name not in parent.names]
     return [*_best_of_each([*most[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]
+
+
+def many_peaked(screening: Screening) -> list[list[ScreenedCandidate]]:
+    """Return the effects whose gain over the strength has more than one peak, with all of them.
+
+    A mass on its cables resonates at a frequency of its own: at a strength next to the right one
+    its model may be worse than none, though a fit from there finds it.
+    """
+    parent = screening.screen.parent
+    places: dict[tuple[str, str], list[ScreenedCandidate]] = {}
+    if leaves_something(parent):
+        for one in screening.here:
+            if not one.probes and one.candidate.name not in parent.names:
+                places.setdefault(one.candidate.key, []).append(one)
+    found = [_peaks(each) for each in places.values()]
+    return [peaks for peaks in found if len(peaks) > 1]
+
+
+def _peaks(strengths: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
+    """Return those that gain more than the next weaker and the next stronger one."""
+    (first, *_) = strengths[0].candidate.strengths
+    ordered = sorted(strengths, key=lambda one: one.values[first.name])
+    gains = [-np.inf, *(one.gain for one in ordered), -np.inf]
+    inner = zip(gains, gains[1:], gains[2:], strict=False)
+    return [one for one, (a, b, c) in zip(ordered, inner, strict=True) if b > max(a, c)]
 
 
 def _best_of_each(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:

@@ -39,6 +39,7 @@ from bowden.diagnosis.proposals import (
     anew,
     as_filed,
     every_shape,
+    many_peaked,
     proposed,
     screened_from,
 )
@@ -119,10 +120,10 @@ class Sets:
 
     def _grown(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
         found = []
-        for screened in proposed(screening):
+        for starts in [*many_peaked(screening), *([one] for one in proposed(screening))]:
             if not self.has_time():
                 break
-            child = grown_from(self.material, self.searched, parent, screened, self.done)
+            child = grown_from(self.material, self.searched, parent, starts, self.done)
             found += [] if child is None else [child]
         return found
 
