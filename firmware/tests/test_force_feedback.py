@@ -78,7 +78,7 @@ def test_a_late_cell_makes_nothing_oscillate(inertia: float, wrong: float) -> No
 @pytest.mark.parametrize("wrong", [0.85, 1.0, 1.15])
 def test_a_tremor_turns_the_friction_over_each_time(wrong: float, back_off: int) -> None:
     """10 Hz by 20 mrad. A turn is three counts old after 7 ms, one count after 4; by then the error
-    has left its dead band, unless that is still the one of changes that nobody has called for."""
+    has left its dead band, unless that is still the one of changes without a cause."""
     model = settings(pretension_n=10 * wrong, motor_dead_band_unm=500, load_dead_band_nm=COUNT_NM)
     one = Controlled(model=model, inertia_kg_m2=BELIEVED_KG_M2)
     one.raw.laws.model_inversion.slip.back_off = back_off
