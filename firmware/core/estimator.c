@@ -44,10 +44,8 @@ static void follow_direction(estimator_t *estimator, int32_t load_arc_nm) {
 
 /* A single count is too few for a direction of motion, which dither would change, but enough to say
  * which way a load that is not at a standstill goes. */
-static void follow_creep(estimator_t *estimator, int32_t load_arc_nm) {
-    const int32_t last_nm = estimator->last_load_nm;
-    const int32_t step = (load_arc_nm > last_nm) - (load_arc_nm < last_nm);
-    estimator->last_load_nm = load_arc_nm;
+static void follow_creep(estimator_t *estimator, int32_t step_nm) {
+    const int32_t step = (step_nm > 0) - (step_nm < 0);
     if (step != 0) {
         estimator->creep_direction = step;
         estimator->creep_age = 0;
@@ -130,8 +128,11 @@ void estimator_step(estimator_t *estimator, transmission_t *transmission,
     const int32_t extra_unm = fixed_subtract(inputs->motor_torque_unm, torque_unm, &ignored);
     transmission_step_torque(transmission, torque_unm, inputs->load_arc_nm);
     follow_direction(estimator, inputs->load_arc_nm);
-    follow_creep(estimator, inputs->load_arc_nm);
-    load_tracker_step(&estimator->load, inputs->load_arc_nm);
+    const int32_t load_step_nm =
+        fixed_subtract(inputs->load_arc_nm, estimator->last_load_nm, &ignored);
+    estimator->last_load_nm = inputs->load_arc_nm;
+    follow_creep(estimator, load_step_nm);
+    load_tracker_step(&estimator->load, load_step_nm);
     follow_gap(estimator, inputs);
     estimator->slip = slip_of(transmission);
     estimator->slid[estimator->slip] = true;

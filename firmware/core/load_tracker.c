@@ -23,15 +23,8 @@ static int32_t within(int32_t value, int32_t most) {
     return fixed_clamp(value, -most, most);
 }
 
-void load_tracker_step(load_tracker_t *tracker, int32_t load_arc_nm) {
-    uint32_t saturations = 0; /* a tick's motion is small */
-    if (!tracker->started) {
-        tracker->started = true;
-        tracker->last_arc_nm = load_arc_nm;
-    }
+void load_tracker_step(load_tracker_t *tracker, int32_t step_nm) {
     const int32_t tau = tracker->tau_ticks;
-    const int32_t step_nm = fixed_subtract(load_arc_nm, tracker->last_arc_nm, &saturations);
-    tracker->last_arc_nm = load_arc_nm;
     const int32_t expected_q8 = tracker->speed_q8_nm + tracker->acceleration_q8_nm / 2;
     const int32_t surprise_q8 = within(step_nm, COUNT_MOST_NM) * 256 - expected_q8;
     const int32_t behind_q8 =

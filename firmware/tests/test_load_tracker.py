@@ -19,14 +19,16 @@ from firmware.tests.native import ffi, lib
 TICKS_PER_S = 4000
 COUNT_NM = 65_345  # 0.63 mrad of a pulley of 0.104 m
 TAU_S = 5e-3
+MOST_NM = 2**31 - 1
 
 
 def directions(arc_nm: Any, ticks_per_s: int = TICKS_PER_S) -> NDArray[np.int64]:
-    """What the tracker says in each tick."""
+    """What the tracker says in each tick; steps are limited as the estimator limits them."""
     one: Any = ffi.new("load_tracker_t *", lib.load_tracker_of(ticks_per_s, COUNT_NM))
     said = []
-    for place in np.asarray(arc_nm).tolist():
-        lib.load_tracker_step(one, place)
+    places = np.asarray(arc_nm, dtype=np.int64)
+    for step in np.clip(np.diff(places, prepend=places[0]), -MOST_NM, MOST_NM).tolist():
+        lib.load_tracker_step(one, step)
         said.append(int(lib.load_tracker_direction(one)))
     return np.array(said)
 
