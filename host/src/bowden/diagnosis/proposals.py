@@ -90,10 +90,8 @@ def anew(
     others = [one for one in before if one.candidate.name not in names]
     unlike = [one for one in others if not one.probes]
     alike = [screen.again(one) for one in others if one.probes]
-    shapes: dict[tuple[str, str], list[ScreenedCandidate]] = {}
-    for one in sorted(alike, key=lambda one: -one.gain):
-        shapes.setdefault(one.candidate.key, []).append(one)
-    chosen = [*unlike, *(one for each in shapes.values() for one in each[:RESHAPED])]
+    shapes = _by_place(sorted(alike, key=lambda one: -one.gain))
+    chosen = [*unlike, *(one for each in shapes for one in each[:RESHAPED])]
     return [one for one in material.pool.map(screen.anew, chosen) if one is not None]
 
 
@@ -132,12 +130,10 @@ def many_peaked(screening: Screening) -> list[list[ScreenedCandidate]]:
     its model may be worse than none, though a fit from there finds it.
     """
     parent = screening.screen.parent
-    places: dict[tuple[str, str], list[ScreenedCandidate]] = {}
-    if leaves_something(parent):
-        for one in screening.here:
-            if not one.probes and one.candidate.name not in parent.names:
-                places.setdefault(one.candidate.key, []).append(one)
-    found = [_peaks(each) for each in places.values()]
+    if not leaves_something(parent):
+        return []
+    others = [one for one in screening.here if one.candidate.name not in parent.names]
+    found = [_peaks(each) for each in _by_place([one for one in others if not one.probes])]
     return [peaks for peaks in found if len(peaks) > 1]
 
 
@@ -152,7 +148,12 @@ def _peaks(strengths: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
 
 def _best_of_each(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
     """Return the best of each place of each effect, in the order given."""
-    found: dict[tuple[str, str], ScreenedCandidate] = {}
+    return [first for first, *_ in _by_place(screened)]
+
+
+def _by_place(screened: Sequence[ScreenedCandidate]) -> list[list[ScreenedCandidate]]:
+    """Return those of each place of each effect, in the order given."""
+    found: dict[tuple[str, str], list[ScreenedCandidate]] = {}
     for one in screened:
-        found.setdefault(one.candidate.key, one)
+        found.setdefault(one.candidate.key, []).append(one)
     return list(found.values())
