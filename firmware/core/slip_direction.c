@@ -16,7 +16,8 @@ static const struct {
     uint32_t back_off_most; /* 2^x, 0 .. 8: 4/3 of the friction; a load that is moved back makes
                                twice that */
     int32_t thrown_part;    /* 1/x of friction times backlash, 1 .. 100: what a load is given in a
-                               change of direction when friction builds up late */
+                               change of direction when friction builds up late: 1/25 to 1/16
+                               where it does so by 16 ms */
     int32_t late_windup_q3; /* 2^-3 of windup, 1 .. 64: lead of the motor over the model then;
                                stiffness that is off makes less */
     int32_t late_most;      /* 1, 0 .. 10: so many late changes slow the later ones down */
@@ -26,7 +27,7 @@ static const struct {
     .halving_lags = 32,
     .back_part = 4,
     .back_off_most = 3,
-    .thrown_part = 8,
+    .thrown_part = 24,
     .late_windup_q3 = 5,
     .late_most = 2,
 };
