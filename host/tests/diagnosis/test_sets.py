@@ -5,13 +5,13 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
 from bowden.diagnosis.contribution import coordinates_without, idle
-from bowden.diagnosis.fitting import ROUGH, about_first, finish, start_of
+from bowden.diagnosis.fitting import about_first, finish, start_of
 from bowden.diagnosis.growing import refitted_from, start_without, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
@@ -20,7 +20,6 @@ from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
 from bowden.diagnosis.sets import Sets
 from bowden.estimation.nuisance import Nuisance
-from bowden.estimation.problem import Problem
 from bowden.model import Mode, Model, ModelError
 from numpy.typing import NDArray
 
@@ -85,45 +84,6 @@ def test_a_set_without_an_effect_starts_with_the_numbers_of_the_others(
     assert less.values(0) == pytest.approx(three.values(1))
     assert less.values(1) == pytest.approx(three.values(2))
     assert less.coordinates() == pytest.approx(three.coordinates())
-
-
-def test_a_set_begun_with_derivatives_of_a_smaller_one_ends_near_its_optimum(
-    material: Material, base: Hypothesis, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its rounds cost less than two rounds with derivatives of its own."""
-    start = start_of(
-        material, as_searched(MODEL), [(OFFSET, {"offset_nm": 0.01})], base.coordinates(), base.best
-    )
-    assert start is not None
-    whole = start.fitted(ROUGH)
-    simulated = 0
-    inner = Problem.residuals_at
-
-    def counted(self: Problem, points: Sequence[Any], *args: Any) -> list[Any]:
-        nonlocal simulated
-        simulated += len(points)
-        return inner(self, points, *args)
-
-    monkeypatch.setattr(Problem, "residuals_at", counted)
-    begun = start.begun_like(base)
-    assert simulated < 2 * 2 * begun.best.x.size  # both ways along each number
-    assert begun.values(0)["offset_nm"] == pytest.approx(whole.values(0)["offset_nm"], rel=0.02)
-    assert begun.best.cost < whole.best.cost + 1.0  # nats: nothing that odds can see
-    assert not begun.best.settled
-    (ended,) = finish(material, [begun], base.best.noises)
-    assert ended.values(0)["offset_nm"] == pytest.approx(HIDDEN_NM, rel=0.01)
-
-
-def test_derivatives_go_with_their_effects(material: Material, base: Hypothesis) -> None:
-    """Their places move up, and two of them call their numbers alike."""
-    two = fitted(material, base, (CELL, {"offset_nm": 0.01}), (OFFSET, {"offset_nm": 0.02}))
-    start = start_without(material, as_searched(MODEL), two, [0])
-    assert start is not None
-    begun, whole = start.begun_like(two), start.fitted(0)
-    (row,) = begun.rows(0)
-    true, off = whole.slopes[0][:, row], (begun.slopes[0] - whole.slopes[0])[:, row]
-    # There is no other offset to do anything; a few samples at turns are another side of a kink.
-    assert float(np.linalg.norm(off)) < 0.05 * float(np.linalg.norm(true))
 
 
 def test_calibrated_numbers_take_over_what_an_effect_did(

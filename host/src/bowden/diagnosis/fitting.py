@@ -87,17 +87,6 @@ class Start:
             best = _descend(self.problem, here, here.noises, rounds, slopes=slopes) or here
         return with_slopes(self.effects, self.problem, best)
 
-    def begun_like(self, fitted: Hypothesis) -> Hypothesis:
-        """Return the hypothesis after rounds of which each costs a few simulations.
-
-        The numbers that it shares with a fitted one have that one's derivatives, as the steps
-        correct them. `refined` goes on from there.
-        """
-        problem, here = self.problem, self.here
-        slopes, own = _shared_slopes(self, fitted)
-        best = _descend(problem, here, here.noises, ROUGH, slopes=slopes, only=own) or here
-        return Hypothesis(self.effects, problem, best, tuple(best.slopes or slopes))
-
     def begun(self) -> Hypothesis:
         """Return the hypothesis after one round, with the derivatives that it ended with."""
         here = self.here
@@ -105,38 +94,6 @@ class Start:
         if best.slopes is None:
             return with_slopes(self.effects, self.problem, best)
         return Hypothesis(self.effects, self.problem, best, tuple(best.slopes))
-
-
-def refined(one: Hypothesis) -> Hypothesis:
-    """Fit on what was `begun_like` another, with derivatives of its own."""
-    problem, best = one.problem, one.best
-    axes = principal_axes(problem, best.hessian)
-    best = _descend(problem, best, best.noises, ROUGH, axes=axes) or best
-    return with_slopes(one.effects, problem, best)
-
-
-def _shared_slopes(start: Start, like: Hypothesis) -> tuple[list[_Floats], list[int]]:
-    """Return derivatives of shared numbers, and which numbers are not shared: theirs are zero."""
-    mine = _labels(start.effects, start.problem)
-    known = {label: row for row, label in enumerate(_labels(like.effects, like.problem))}
-    shared = [(row, known[label]) for row, label in enumerate(mine) if label in known]
-    found = []
-    for theirs in like.slopes:
-        slopes = np.zeros((theirs.shape[0], len(mine)))
-        slopes[:, [row for row, _ in shared]] = theirs[:, [row for _, row in shared]]
-        found.append(slopes)
-    return found, [row for row, label in enumerate(mine) if label not in known]
-
-
-def _labels(effects: Sequence[Candidate], problem: Problem) -> list[object]:
-    """Return what each number of a point is, in whatever place its effect stands."""
-    own = len(problem.parameters.model.effects) - len(effects)
-    places = {f"effects[{own + k}]": one.key for k, one in enumerate(effects)}
-    found: list[object] = []
-    for one in problem.parameters.each:
-        place, _, name = one.path.partition(".")
-        found.append((places[place], name) if place in places else one.path)
-    return [*found, *range(len(problem.nuisances))]
 
 
 def start_of(
@@ -214,7 +171,7 @@ def _finished(
 ) -> Hypothesis | None:
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
     problem, best = material.problem(one.problem.parameters, effects), one.best
-    slopes: Sequence[_Floats] | None = one.slopes if best.settled else None
+    slopes: Sequence[_Floats] | None = one.slopes
     for _ in range(CORRECTED):
         own = corrected(material, problem, best.x, _with_laws_doubted(one, noises))
         if own is None:
@@ -271,7 +228,6 @@ def _descend(
     *,
     axes: _Floats | None = None,
     slopes: Sequence[_Floats] | None = None,
-    only: Sequence[int] | None = None,
 ) -> Optimum | None:
     return descend(
         problem,
@@ -282,7 +238,6 @@ def _descend(
         secants=SECANTS,
         axes=axes,
         slopes=slopes,
-        only=only,
     )
 
 
@@ -309,5 +264,4 @@ def with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum)
     if slopes is None or not best.settled:
         axes = principal_axes(problem, best.hessian)
         slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
-    best = replace(best, slopes=slopes, settled=True)
     return Hypothesis(effects, problem, best, tuple(slopes))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from bowden.diagnosis.contribution import coordinates_without, idle
-from bowden.diagnosis.fitting import ROUGH, Start, refined, start_of, weighed_under
+from bowden.diagnosis.fitting import ROUGH, Start, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.screening import ScreenedCandidate
@@ -65,10 +65,7 @@ def _with_effect(
     able = [one for one in starts if one is not None]
     if not able:
         return None
-    child = min(able, key=lambda one: one.here.cost).begun_like(parent)
-    if len(known) in idle(child):
-        return None
-    child = refined(child)
+    child = min(able, key=lambda one: one.here.cost).fitted(ROUGH)
     return None if len(known) in idle(child) else child
 
 

@@ -40,7 +40,6 @@ def descend(
     secants: int = 0,
     axes: _Floats | None = None,
     slopes: Sequence[_Floats] | None = None,
-    only: Sequence[int] | None = None,
 ) -> Optimum | None:
     """Search from one point; None where the model has no answer there.
 
@@ -48,9 +47,6 @@ def descend(
     none is known the first round finds them and does not end the search: derivatives over any
     other steps give a wrong Hessian, and wrong intervals.
     `slopes`: the derivatives at the point over such axes, where they are known already.
-    `only`: numbers whose derivatives are taken in each round; the others' are those of `slopes`,
-    from a fit nearby, as the steps correct them. Such a search costs a few simulations a round and
-    ends near its optimum.
     `secants`: steps after each on derivatives that the last step has corrected. Each costs one
     simulation; where the cost is jagged such a search may end in another notch.
     """
@@ -63,9 +59,7 @@ def descend(
     damping, known, settled = 1e-4, axes is not None or slopes is not None, False
     over = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
     for number in range(rounds):
-        if slopes is not None and only is not None:
-            slopes = _anew(problem, here, noises, slopes, list(only))
-        elif number or slopes is None:
+        if number or slopes is None:
             slopes = jacobians(problem, here.x, here.residuals, noises, over)
         gained = math.inf
         for step in range(1 + secants):
@@ -80,9 +74,8 @@ def descend(
             here = _settled(problem, there.x, there.residuals, noises, there.scales)
             if gained <= max(ENOUGH, KEPT * promised):
                 break
-        ends = known and step == 0 and gained < ENOUGH
-        settled = ends and only is None
-        if ends:
+        settled = known and step == 0 and gained < ENOUGH
+        if settled:
             break
         known = True
     return Optimum(
@@ -156,23 +149,6 @@ def _secant(
     ]
 
 
-def _anew(
-    problem: Problem,
-    here: _Place,
-    noises: Sequence[Covariance],
-    slopes: Sequence[_Floats],
-    which: list[int],
-) -> list[_Floats]:
-    """Return derivatives of which those by some numbers are taken anew."""
-    found = [one.copy() for one in slopes]
-    if which:
-        axes = np.diag(DERIVATIVE * problem.unit)[:, which]
-        fresh = jacobians(problem, here.x, here.residuals, noises, axes)
-        for old, new in zip(found, fresh, strict=True):
-            old[:, which] = new[:, which]
-    return found
-
-
 def jacobians(
     problem: Problem,
     x: _Floats,
@@ -189,8 +165,8 @@ def jacobians(
     residuals : sequence of ndarray of shape (n,)
         At that point.
     noises : sequence of Covariance
-    axes : ndarray of shape (k, m)
-        Columns: how far to go either way along each axis. Derivatives across them are zero.
+    axes : ndarray of shape (k, k)
+        Columns: how far to go either way along each axis.
     """
     points, moves, known = [], [], []
     for axis in axes.T:
@@ -206,8 +182,8 @@ def jacobians(
     back = np.linalg.pinv(np.stack(moves, axis=1) / problem.unit[:, None]) / problem.unit
     slopes = []
     for k, here in enumerate(residuals):
-        change = np.zeros((here.size, len(moves)))
-        for i in range(len(moves)):
+        change = np.zeros((here.size, x.size))
+        for i in range(x.size):
             up, down = found[2 * i], found[2 * i + 1]
             if up is not None and down is not None:
                 change[:, i] = up[k] - down[k]
