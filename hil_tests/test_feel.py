@@ -12,14 +12,14 @@ import pytest
 from hil_tests.render.bounds import bound_nm, crossing_time_s, informed, wave_bound_nm
 from hil_tests.render.calibrated import calibrated
 from hil_tests.render.causes import causes, put_right
-from hil_tests.render.disturbed import DISTURBED
+from hil_tests.render.disturbed import ALL_TASKS, DISTURBED
 from hil_tests.render.feel_page import page
 from hil_tests.render.feel_picture import Panel, picture
 from hil_tests.render.feel_table import interval, is_active, pooled_ratios, wilson
 from hil_tests.render.feel_task_page import ABOUT, task_pages
 from hil_tests.render.laws import OURS, law_named
 from hil_tests.render.rigs import draw, told_truth
-from hil_tests.render.tasks import TASKS, task_named
+from hil_tests.render.tasks import task_named
 from hil_tests.render.trial import Outcome
 from hil_tests.test_render_tables import outcome
 
@@ -113,7 +113,7 @@ def test_page_of_feel_pools_tasks_and_counts_active_paths() -> None:
 
 
 def test_every_task_of_feel_is_explained() -> None:
-    assert list(ABOUT) == [task.name for task in (*TASKS, *DISTURBED)]
+    assert list(ABOUT) == [task.name for task in ALL_TASKS]
 
 
 def test_causes_of_a_trial_are_what_put_right_takes_its_error() -> None:

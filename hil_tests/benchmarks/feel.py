@@ -19,23 +19,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
 
 from bowden.recording.atomic import replace_whole
 
 from hil_tests.render.bounds import INFORMED, informed
 from hil_tests.render.bounds import bound_nm as bound_of_nm
 from hil_tests.render.calibrated import CALIBRATED, calibrated
-from hil_tests.render.disturbed import DISTURBED
+from hil_tests.render.disturbed import ALL_TASKS
 from hil_tests.render.feel_page import PUBLISHED, page
 from hil_tests.render.feel_table import ACTIVE_ABOVE, REDRIVEN_ABOVE
 from hil_tests.render.feel_task_page import task_pages
 from hil_tests.render.laws import LAWS, NAIVE, OURS, WITHOUT_CELL, Law, law_named
 from hil_tests.render.rigs import draw
-from hil_tests.render.tasks import TASKS, Task, task_named
+from hil_tests.render.tasks import Task, task_named
 from hil_tests.render.trial import PLANTS, Outcome, Plant, judge, run
-
-ALL_TASKS: Final = (*TASKS, *DISTURBED)
 
 
 @dataclass(frozen=True)

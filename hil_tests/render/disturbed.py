@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hil_tests.render.course import Conditions
 from hil_tests.render.rigs import RenderRig
-from hil_tests.render.tasks import SWELL_S, Task, sine, stay
+from hil_tests.render.tasks import SWELL_S, TASKS, Task, sine, stay
 
 TREMOR_HZ: Final = (8.0, 12.0)
 TREMOR_RAD: Final = (0.005, 0.03)  # in the operator's mind; physiological to essential
@@ -119,3 +119,4 @@ DISTURBED: Final = (
     _strokes("pretension-drop", _slip),
     _strokes("tensing", _tense),
 )
+ALL_TASKS: Final = (*TASKS, *DISTURBED)
