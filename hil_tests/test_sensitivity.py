@@ -85,3 +85,13 @@ def test_cases_are_of_every_kind() -> None:
     found = [one.kind for one in sensitivity.cases(7, 6, 12.0)]
     assert set(found) == {"single", "complete", "unlisted", "pair", "several"}
     assert odds.SURE == 0.95  # nothing above has left a constant changed
+
+
+def test_every_step_is_remembered_where_it_is_looked_up_and_set_back() -> None:
+    steps = [getattr(place, name) for place, name, _ in remembered.STEPS]
+    with remembered.Memory().used():
+        assert all(
+            getattr(place, name) is not step
+            for (place, name, _), step in zip(remembered.STEPS, steps, strict=True)
+        )
+    assert steps == [getattr(place, name) for place, name, _ in remembered.STEPS]

@@ -12,19 +12,18 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
-from bowden.diagnosis import growing, proposals, search, sets
+from bowden.diagnosis import fitting, growing, proposals, search, sets
 from bowden.diagnosis.fitting import Start
 from bowden.diagnosis.screening import Screen
 
 from hil_tests.benchmarks.decision_constants import constants, reached_from
 
-#: Where each step is looked up, its name, and the module beyond which it calls nothing. `_base` and
-#: `_noises_about` stand in `sets` but only fit.
+#: Where each step is looked up, its name, and the module beyond which it calls nothing. `_base`
+#: stands in `sets` but only fits.
 STEPS: Final[tuple[tuple[Any, str, str], ...]] = (
     (search, "as_searched", "material"),
     (sets, "_base", "fitting"),
-    (sets, "_noises_about", "fitting"),
-    (sets, "start_of", "fitting"),
+    (fitting, "_noises_about", "fitting"),
     (proposals, "start_of", "fitting"),
     (growing, "start_of", "fitting"),
     (Start, "fitted", "fitting"),
@@ -33,8 +32,9 @@ STEPS: Final[tuple[tuple[Any, str, str], ...]] = (
     (proposals, "Screen", "screening"),
     (Screen, "screen", "screening"),
     (Screen, "anew", "screening"),
+    (Screen, "peaks", "screening"),
     (Screen, "annealed", "screening"),
-    (sets, "predict_unseen", "predict"),
+    (search, "predict_unseen", "predict"),
 )
 
 
