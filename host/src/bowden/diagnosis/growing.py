@@ -25,18 +25,14 @@ def grown_from(
     material: Material,
     searched: Model,
     parent: Hypothesis,
-    starts: Sequence[ScreenedCandidate],
+    screened: ScreenedCandidate,
     done: Done,
 ) -> Hypothesis | None:
-    """Fit an addition to a parent from each of its starts; None where it is known or does nothing.
-
-    Return the likeliest.
-    """
-    key = parent.key | {starts[0].candidate.key}
-    if key in done and starts[0].origin is parent:
+    """Fit an addition to a parent; None where it is known or does nothing."""
+    key = parent.key | {screened.candidate.key}
+    if key in done and screened.origin is parent:
         return None
-    fits = [_with_effect(material, searched, parent, screened) for screened in starts]
-    child = min((fit for fit in fits if fit), key=lambda one: one.best.cost, default=None)
+    child = _with_effect(material, searched, parent, screened)
     if child is not None and (key not in done or child.best.cost < _cost_beside(child, done[key])):
         done[key] = child
     return child
@@ -94,19 +90,21 @@ def start_without(
 def refitted_from(
     material: Material, searched: Model, one: Hypothesis, other: Hypothesis
 ) -> Hypothesis:
-    """Fit a set from where another ended, the calibrated numbers doing what its effects did.
+    """Fit a set from where another ended: the effects of both, and the calibrated numbers.
 
-    Where no model runs there, the set is returned as it is.
+    These do what the other's further effects did. Where no model runs there, the set is returned as
+    it is.
     """
-    effects = [(effect, one.values(i)) for i, effect in enumerate(one.effects)]
+    there = {effect: other.values(i) for i, effect in enumerate(other.effects)}
+    effects = [(effect, there.get(effect, one.values(i))) for i, effect in enumerate(one.effects)]
     gone = [i for i, effect in enumerate(other.effects) if effect.key not in one.key]
     start = start_of(material, searched, effects, coordinates_without(other, gone), one.best)
     return one if start is None else start.fitted(ROUGH)
 
 
 def lowest(children: Sequence[Hypothesis], count: int) -> list[Hypothesis]:
-    """Return the likeliest fits, one a set."""
-    found: Done = {}
+    """Return the likeliest fits, one for each choice of names: an effect has several forms."""
+    found: dict[tuple[str, ...], Hypothesis] = {}
     for one in sorted(children, key=lambda one: one.best.cost):
-        found.setdefault(one.key, one)
+        found.setdefault(one.names, one)
     return list(found.values())[:count]

@@ -124,7 +124,7 @@ def _weighed(
     known = [
         one.hypothesis
         for one in found.weighed
-        if one.weight + one.beyond > LEAST_WEIGHT or not one.hypothesis.effects
+        if one.share > LEAST_WEIGHT or not one.hypothesis.effects
     ]
     known = [
         one for one in known if not one.effects or _reach(one, noises) <= best.best.cost + APART

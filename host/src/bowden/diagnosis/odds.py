@@ -50,6 +50,11 @@ class Weighed:
     weight: float = 0.0
     beyond: float = 0.0
 
+    @property
+    def share(self) -> float:
+        """Posterior probability that these effects are there, alone or not."""
+        return self.weight + self.beyond
+
 
 def log_prior(one: Hypothesis, candidates: int = len(CATALOGUE)) -> float:
     """Return the logarithm of the prior of a set of effects, each alike, in whatever order.
@@ -123,7 +128,7 @@ def posterior(
         Weighed(*one, weight=float(by_share[0, i]), beyond=float(by_share[1:, i].sum()))
         for i, one in enumerate(found)
     ]
-    return sorted(weighed, key=lambda one: -(one.weight + one.beyond))
+    return sorted(weighed, key=lambda one: -one.share)
 
 
 def explanation(one: Hypothesis) -> str:

@@ -10,13 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.contribution import (
     ERROR,
     is_strained,
-    leaves_something,
     size_in_noise,
 )
 from bowden.diagnosis.fitting import start_of
@@ -65,10 +62,17 @@ def screened_from(
     if not is_strained(parent):
         return Screening(screen, here, [])
     filed = Screen(as_filed(material, searched, parent))
-    best = _best_of_each(sorted(screening(filed), key=lambda one: -one.gain))[: 3 * FITTED]
-    gains = material.pool.map(filed.annealed, best)
-    annealed = [replace(one, gain=gain) for one, gain in zip(best, gains, strict=True)]
-    return Screening(screen, here, sorted(annealed, key=lambda one: -one.gain))
+    return Screening(screen, here, _annealed(material, filed, screening(filed)))
+
+
+def _annealed(
+    material: Material, screen: Screen, screened: Sequence[ScreenedCandidate]
+) -> list[ScreenedCandidate]:
+    """Return the best of each place of each effect with the gain of a fit; the largest first."""
+    best = [max(each, key=lambda one: one.gain) for each in _by_place(screened)]
+    gains = material.pool.map(screen.annealed, best)
+    found = [replace(one, gain=gain) for one, gain in zip(best, gains, strict=True)]
+    return sorted(found, key=lambda one: -one.gain)
 
 
 def every_shape(
@@ -83,16 +87,19 @@ def anew(
 ) -> list[ScreenedCandidate]:
     """Simulate each effect from another set, of the shapes that suit what that set leaves.
 
-    Of effects whose strengths do unlike things each strength is simulated: what it does here cannot
-    be told from what it does elsewhere.
+    Of effects whose strengths do unlike things every strength is: what it does here cannot be told
+    from what it does elsewhere.
     """
     names = screen.parent.names
     others = [one for one in before if one.candidate.name not in names]
-    unlike = [one for one in others if not one.probes]
-    alike = [screen.again(one) for one in others if one.probes]
+    unlike = {one.candidate.key: one.candidate for one in others if not one.probes}
+    alike = [screen.again(one) for one in others if one.candidate.key not in unlike]
     shapes = _by_place(sorted(alike, key=lambda one: -one.gain))
-    chosen = [*unlike, *(one for each in shapes for one in each[:RESHAPED])]
-    return [one for one in material.pool.map(screen.anew, chosen) if one is not None]
+    chosen = [one for each in shapes for one in each[:RESHAPED]]
+    found = [one for one in material.pool.map(screen.anew, chosen) if one is not None]
+    for peaks in material.pool.map(screen.peaks, unlike.values()):
+        found += peaks
+    return found
 
 
 def as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis:
@@ -102,11 +109,11 @@ def as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis
     return one if found is None else found.fitted(0)
 
 
-def proposed(screening: Screening) -> list[ScreenedCandidate]:
+def proposed(material: Material, screening: Screening) -> list[ScreenedCandidate]:
     """Choose what is fitted on top of a set: what would matter and has the largest gains.
 
-    The best by the gain under the parent's covariance, the best by the gain with its discrepancy
-    estimated anew, and those from the file's values.
+    By the gain with the parent's discrepancy estimated anew, the best beside those from the file's
+    values.
     """
     screen, parent = screening.screen, screening.screen.parent
     others = [one for one in screening.here if one.candidate.name not in parent.names]
@@ -115,40 +122,10 @@ def proposed(screening: Screening) -> list[ScreenedCandidate]:
     fresh = [
         one for one in fresh if one.gain > 0.0 and size_in_noise(parent, one.change, laws) > ERROR
     ]
-    fresh = _best_of_each(sorted(fresh, key=lambda one: -one.gain))[: 3 * FITTED]
-    annealed = {one.candidate.key: screen.annealed(one) for one in fresh}
-    fresh = [one for one in fresh if annealed[one.candidate.key] > penalty(one.candidate.effect)]
-    most = sorted(fresh, key=lambda one: -annealed[one.candidate.key])
+    annealed = _annealed(material, screen, fresh)
+    best = [one for one in annealed if one.gain > penalty(one.candidate.effect)]
     filed = [one for one in screening.filed if one.candidate.name not in parent.names]
-    return [*_best_of_each([*most[:FITTED], *fresh[:FITTED]]), *filed[:FITTED]]
-
-
-def many_peaked(screening: Screening) -> list[list[ScreenedCandidate]]:
-    """Return the effects whose gain over the strength has more than one peak, with all of them.
-
-    A mass on its cables resonates at a frequency of its own: at a strength next to the right one
-    its model may be worse than none, though a fit from there finds it.
-    """
-    parent = screening.screen.parent
-    if not leaves_something(parent):
-        return []
-    others = [one for one in screening.here if one.candidate.name not in parent.names]
-    found = [_peaks(each) for each in _by_place([one for one in others if not one.probes])]
-    return [peaks for peaks in found if len(peaks) > 1]
-
-
-def _peaks(strengths: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
-    """Return those that gain more than the next weaker and the next stronger one."""
-    (first, *_) = strengths[0].candidate.strengths
-    ordered = sorted(strengths, key=lambda one: one.values[first.name])
-    gains = [-np.inf, *(one.gain for one in ordered), -np.inf]
-    inner = zip(gains, gains[1:], gains[2:], strict=False)
-    return [one for one, (a, b, c) in zip(ordered, inner, strict=True) if b > max(a, c)]
-
-
-def _best_of_each(screened: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
-    """Return the best of each place of each effect, in the order given."""
-    return [first for first, *_ in _by_place(screened)]
+    return [*best[:FITTED], *filed[:FITTED]]
 
 
 def _by_place(screened: Sequence[ScreenedCandidate]) -> list[list[ScreenedCandidate]]:

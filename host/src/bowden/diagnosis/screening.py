@@ -7,7 +7,8 @@ projected on what that does together with what the numbers that move can do.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from bowden.diagnosis.candidates import Candidate, strength_of, value_of
+from bowden.diagnosis.fitting import SETTLED
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.probes import Probe, probes_of, start_values, switched_off
 from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whitening_roots
@@ -126,14 +128,57 @@ class Screen:
             probes = probes_of(candidate, nothing, factor)
             found.append(self._screen(candidate, nothing, probes, off))
         tried = [one for one in found if one is not None]
-        if len(shapes) == 1 and self._are_unlike(tried):
-            signs = (1.0, -1.0) if candidate.strengths[0].low < 0.0 else (1.0,)
-            for factor, sign in itertools.product(EVERY, signs):
-                nothing = switched_off(candidate, shapes[0])
-                (probe,) = probes_of(candidate, nothing, sign * float(factor))[:1]
-                as_it_is = self._as_it_is(candidate, nothing, probe.values, off)
-                tried += [] if as_it_is is None else [as_it_is]
+        if len(shapes) == 1 and self._are_unlike([one.responses[0] for one in tried]):
+            tried += self.peaks(candidate)
         return tried
+
+    def peaks(self, candidate: Candidate) -> list[ScreenedCandidate]:
+        """Predict the gains of an effect that does something else in kind at each strength.
+
+        Its strengths are tried as they are. Between two that gain less than the one in their middle
+        the best is looked for: a mass next to the right one resonates at another frequency, and its
+        model may be worse than none.
+        """
+        nothing = switched_off(candidate, next(candidate.shapes()))
+        off = self._switched_off(candidate, nothing)
+        if off is None:
+            return []
+        signs = (1.0, -1.0) if candidate.strengths[0].low < 0.0 else (1.0,)
+        found = []
+        for sign in signs:
+
+            def tried_at(log_factor: float, sign: float = sign) -> ScreenedCandidate:
+                return self._as_it_is(candidate, nothing, sign * math.exp(log_factor), off)
+
+            logs = np.log(EVERY)
+            step = float(logs[1] - logs[0])
+            grid = [tried_at(float(log)) for log in logs]
+            gains = [-np.inf, *(one.gain for one in grid), -np.inf]
+            for k, (low, middle, high) in enumerate(zip(gains, gains[1:], gains[2:], strict=False)):
+                if middle > max(low, high):
+                    found.append(self._best_about(tried_at, grid[k], float(logs[k]), step))
+        return [self._whole(one) for one in found]
+
+    def _best_about(
+        self,
+        tried_at: Callable[[float], ScreenedCandidate],
+        best: ScreenedCandidate,
+        at: float,
+        step: float,
+    ) -> ScreenedCandidate:
+        """Return the best strength about one that gains more than those a step away.
+
+        The step is halved until a strength does the same in kind as those next to it.
+        """
+        unlike = True
+        while unlike and step > SETTLED:
+            step *= 0.5
+            sides = [(tried_at(at + way), at + way) for way in (-step, step)]
+            unlike = self._are_unlike([sides[0][0].change, best.change, sides[1][0].change])
+            one, where = max(sides, key=lambda side: side[0].gain)
+            if one.gain > best.gain:
+                best, at = one, where
+        return best
 
     def screen_once(self, candidate: Candidate) -> ScreenedCandidate | None:
         """Predict the gain of a candidate without a shape, in proportion to its strengths."""
@@ -143,9 +188,9 @@ class Screen:
             return None
         return self._screen(candidate, nothing, probes_of(candidate, nothing, 1.0), off)
 
-    def _are_unlike(self, tried: Sequence[ScreenedCandidate]) -> bool:
+    def _are_unlike(self, changes: Sequence[Sequence[_Floats]]) -> bool:
         """Whether an effect does something else in kind at one strength than at the next."""
-        columns = [self._beyond(self._whiten(one.responses[0])[:, None])[:, 0] for one in tried]
+        columns = [self._beyond(self._whiten(one)[:, None])[:, 0] for one in changes]
         seen = [column / max(float(np.linalg.norm(column)), 1e-300) for column in columns]
         return any(abs(float(a @ b)) < UNLIKE for a, b in itertools.pairwise(seen))
 
@@ -153,15 +198,21 @@ class Screen:
         self,
         candidate: Candidate,
         nothing: dict[str, float],
-        values: dict[str, float],
+        factor: float,
         off: Sequence[_Floats],
-    ) -> ScreenedCandidate | None:
-        """Try an effect at one strength, without a guess of what another would do."""
-        change = self._change(candidate, values, off)
-        if change is None:
-            return None
+    ) -> ScreenedCandidate:
+        """Try an effect at one strength, over its usual one, without a guess of what another does.
+
+        Of one that the model cannot run nothing is hoped for.
+        """
         found = self._nothing(candidate, nothing, off)
-        return self._whole(replace(found, values=dict(values), change=tuple(change)))
+        (probe,) = probes_of(candidate, nothing, factor)[:1]
+        change = self._change(candidate, probe.values, off)
+        if change is None:
+            return replace(found, gain=-np.inf)
+        _, gain, step = self._project(self._whiten(change)[:, None], *_share(as_it_is=True))
+        values = dict(probe.values)
+        return replace(found, values=values, change=tuple(change), gain=gain, step=step)
 
     def _nothing(
         self, candidate: Candidate, nothing: dict[str, float], off: Sequence[_Floats]
@@ -173,10 +224,10 @@ class Screen:
         )
 
     def _whole(self, screened: ScreenedCandidate) -> ScreenedCandidate:
-        """Predict the gain of the effect at its values."""
+        """Predict the gain of a fit from the effect as it is at its values."""
         column = self._whiten(screened.change)[:, None]
-        _, gain, step = self._project(column, np.array([1.0 - 1e-6]), 1.0)
-        return replace(screened, gain=gain, step=step, origin=self.parent)
+        _, _, step = self._project(column, *_share(as_it_is=True))
+        return replace(screened, gain=self.annealed(screened), step=step, origin=self.parent)
 
     def _screen(
         self,
@@ -214,8 +265,6 @@ class Screen:
         off = self._switched_off(candidate, nothing)
         if off is None:
             return None
-        if not screened.probes:
-            return self._as_it_is(candidate, nothing, screened.values, off)
         return self._screen(candidate, nothing, screened.probes, off)
 
     def again(self, screened: ScreenedCandidate) -> ScreenedCandidate:
@@ -230,7 +279,7 @@ class Screen:
     def _along(self, screened: ScreenedCandidate) -> ScreenedCandidate:
         """Scale what it does at its values to the share with the largest gain."""
         share, gain, step = self._project(
-            self._whiten(screened.change)[:, None], np.zeros(1), OVERSHOOT
+            self._whiten(screened.change)[:, None], *_share(as_it_is=False)
         )
         values = dict(screened.values)
         for one in screened.candidate.strengths:
@@ -271,7 +320,7 @@ class Screen:
     def annealed(self, screened: ScreenedCandidate) -> float:
         """Predict the gain of a fit: with the scales of the covariance estimated anew."""
         column = self._whiten(screened.change)[:, None]
-        step, amounts = self._solve(column, np.zeros(1), OVERSHOOT)
+        step, amounts = self._solve(column, *_share(as_it_is=not screened.probes))
         best = self.parent.best
         left = [
             r + j @ step + amounts[0] * c
@@ -340,6 +389,11 @@ class Screen:
         step, amounts = self._solve(columns, low, high)
         left = self._residual + self._slopes @ step + columns @ amounts
         return amounts, 0.5 * float(self._residual @ self._residual - left @ left), step
+
+
+def _share(*, as_it_is: bool) -> tuple[_Floats, float]:
+    """Return between what bounds the share lies of what an effect does at its values."""
+    return (np.array([1.0 - 1e-6]), 1.0) if as_it_is else (np.zeros(1), OVERSHOOT)
 
 
 def _lowest(probes: Sequence[Probe]) -> _Floats:

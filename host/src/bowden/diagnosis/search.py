@@ -9,7 +9,7 @@ effects is exchanged for others.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.contribution import holds, leaves_something
@@ -17,8 +17,10 @@ from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched
-from bowden.diagnosis.odds import merit, penalty, posterior
+from bowden.diagnosis.odds import SURE, Weighed, merit, penalty, posterior
+from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.sets import MOST, Sets
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.search import Progress
 from bowden.model import Model
 
@@ -66,15 +68,31 @@ def search(
             break
         frontier = [one for one in _parents(grown) if one.key not in tried]
     tell("predicting what was held out", 0.85)
-    compared = sets.comparable()
-    names = len({one.name for one in every})
     return Found(
-        tuple(posterior(compared, names, seed)),
+        tuple(_compared(sets.finalists(), len({one.name for one in every}), seed)),
         sets.base,
         sets.filed,
         tuple(sets.first.here),
         not sets.cut,
     )
+
+
+def _compared(finalists: Iterable[Hypothesis], names: int, seed: int) -> list[Weighed]:
+    """Weigh finalists by what they predict of unseen data, until one cannot change what is sure.
+
+    Those behind it carry less; but each effect of the likeliest set is judged by the sets without
+    it, which come first.
+    """
+    found: list[tuple[Hypothesis, UnseenPrediction]] = []
+    weighed: list[Weighed] = []
+    for one in finalists:
+        found.append((one, predict_unseen(one)))
+        weighed = posterior(found, names, seed)
+        rivals = not one.key <= min((each for each, _ in found), key=merit).key
+        (mine,) = [each for each in weighed if each.hypothesis is one]
+        if rivals and mine.share < 1.0 - SURE:
+            break
+    return weighed
 
 
 def _parents(grown: Sequence[Hypothesis]) -> list[Hypothesis]:

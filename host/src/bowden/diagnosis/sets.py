@@ -1,14 +1,14 @@
 """The sets of effects fitted so far, all that are compared under one covariance.
 
-`search` says which are grown next; `proposals` and `growing` make their children, `predict` says
-how well the finalists predict what their fits have not seen.
+`search` says which are grown next and compares the finalists; `proposals` and `growing` make their
+children.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -33,18 +33,15 @@ from bowden.diagnosis.growing import (
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import merit
-from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.proposals import (
     Screening,
     anew,
     as_filed,
     every_shape,
-    many_peaked,
     proposed,
     screened_from,
 )
 from bowden.diagnosis.screening import Screen
-from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.search import solve
 from bowden.model import Model
 
@@ -120,10 +117,10 @@ class Sets:
 
     def _grown(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
         found = []
-        for starts in [*many_peaked(screening), *([one] for one in proposed(screening))]:
+        for screened in proposed(self.material, screening):
             if not self.has_time():
                 break
-            child = grown_from(self.material, self.searched, parent, starts, self.done)
+            child = grown_from(self.material, self.searched, parent, screened, self.done)
             found += [] if child is None else [child]
         return found
 
@@ -151,11 +148,13 @@ class Sets:
         self.about, self.noises = about_first(self.material, ranked)
         return True
 
-    def comparable(self) -> list[tuple[Hypothesis, UnseenPrediction]]:
-        """Fit the finalists to the end under one covariance and predict what was held out.
+    def finalists(self) -> Iterator[Hypothesis]:
+        """Yield the sets to compare, fitted to the end under one covariance.
 
-        A jagged likelihood may hold a fit in a notch, and a further effect may seem to gain what is
-        only the way out of it: each set starts once more from where the likeliest ended.
+        First what the likeliest is made of, so that each of its effects is seen to be needed; then
+        the others, likeliest first. A jagged likelihood may hold a fit in a notch, and a further
+        effect may seem to gain what is only the way out of it: each set starts once more from where
+        the likeliest ended.
         """
         ranked = sorted(
             (weighed_under(one, self.noises) for one in self.done.values() if matters(one)),
@@ -164,18 +163,19 @@ class Sets:
         if all(one.effects for one in ranked):
             ranked.append(self.base)
         self._move_to(ranked)
-        finished = finish(self.material, ranked, self.noises)
-        likeliest = min(finished, key=merit)
+        finished = sorted(finish(self.material, ranked, self.noises), key=merit)
+        likeliest = finished[0]
+        for one in sorted(finished, key=lambda one: not one.key <= likeliest.key):
+            again = self._restarted(one, likeliest)
+            self.done[again.key] = again
+            if matters(again):
+                yield again
 
-        def restarted(one: Hypothesis) -> Hypothesis:
-            if one is likeliest:
-                return one
-            again = refitted_from(self.material, self.searched, one, likeliest)
-            return min([one, *finish(self.material, [again], self.noises)], key=merit)
-
-        found = [restarted(one) for one in finished]
-        self.done.update((one.key, one) for one in found)
-        return [(one, predict_unseen(one)) for one in found if matters(one)]
+    def _restarted(self, one: Hypothesis, likeliest: Hypothesis) -> Hypothesis:
+        if one is likeliest:
+            return one
+        again = refitted_from(self.material, self.searched, one, likeliest)
+        return min([one, *finish(self.material, [again], self.noises)], key=merit)
 
 
 def _base(material: Material, searched: Model) -> Hypothesis:

@@ -130,7 +130,7 @@ def validate(every: Sequence[Weighed], chosen: Weighed, candidates: int, seed: i
     able = [
         one
         for one in every
-        if one is chosen or not one.hypothesis.effects or one.weight + one.beyond > LEAST_WEIGHT
+        if one is chosen or not one.hypothesis.effects or one.share > LEAST_WEIGHT
     ]
     splits = []
     for text, predictions in _splits(able):
