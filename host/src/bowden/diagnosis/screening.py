@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,7 +120,7 @@ class Screen:
         frequency of its own instead: where two strengths do unlike things, each is tried as it is.
         """
         shapes = list(candidate.shapes())
-        off = self._predict(candidate, switched_off(candidate, shapes[0]))
+        off = self._switched_off(candidate, switched_off(candidate, shapes[0]))
         if off is None:
             return []
         found = []
@@ -144,14 +145,11 @@ class Screen:
         if off is None:
             return []
         signs = (1.0, -1.0) if candidate.strengths[0].low < 0.0 else (1.0,)
+        logs = np.log(EVERY)
+        step = float(logs[1] - logs[0])
         found = []
         for sign in signs:
-
-            def tried_at(log_factor: float, sign: float = sign) -> ScreenedCandidate:
-                return self._as_it_is(candidate, nothing, sign * math.exp(log_factor), off)
-
-            logs = np.log(EVERY)
-            step = float(logs[1] - logs[0])
+            tried_at = partial(self._as_it_is, candidate, nothing, off, sign)
             grid = [tried_at(float(log)) for log in logs]
             gains = [-np.inf, *(one.gain for one in grid), -np.inf]
             for k, (low, middle, high) in enumerate(zip(gains, gains[1:], gains[2:], strict=False)):
@@ -198,15 +196,16 @@ class Screen:
         self,
         candidate: Candidate,
         nothing: dict[str, float],
-        factor: float,
         off: Sequence[_Floats],
+        sign: float,
+        log_factor: float,
     ) -> ScreenedCandidate:
         """Try an effect at one strength, over its usual one, without a guess of what another does.
 
         Of one that the model cannot run nothing is hoped for.
         """
         found = self._nothing(candidate, nothing, off)
-        (probe,) = probes_of(candidate, nothing, factor)[:1]
+        (probe,) = probes_of(candidate, nothing, sign * math.exp(log_factor))[:1]
         change = self._change(candidate, probe.values, off)
         if change is None:
             return replace(found, gain=-np.inf)
@@ -273,7 +272,7 @@ class Screen:
         In proportion to what it does at its values; to its probes where no gain was predicted.
         """
         if not screened.probes:
-            return self._whole(screened)
+            return screened if screened.origin is self.parent else self._whole(screened)
         return self._along(screened) if screened.gain > 0.0 else self._from_probes(screened)
 
     def _along(self, screened: ScreenedCandidate) -> ScreenedCandidate:

@@ -65,7 +65,7 @@ def decide(found: Found) -> Decision:
     inclusion: dict[str, float] = {}
     for one in every:
         for name in set(one.hypothesis.names) - {LEARNED}:
-            inclusion[name] = inclusion.get(name, 0.0) + one.weight + one.beyond
+            inclusion[name] = inclusion.get(name, 0.0) + one.share
     odds = explanations(every)
     likely = _credible(every, odds)
     sure = {name for name, share in inclusion.items() if share >= SURE}
@@ -105,7 +105,7 @@ def odds_of_laws(every: Sequence[Weighed]) -> dict[str, float]:
         for law in one.hypothesis.effects:
             if law.name == LEARNED:
                 where = law.variant.where
-                found[where] = found.get(where, 0.0) + one.weight + one.beyond
+                found[where] = found.get(where, 0.0) + one.share
     total = max(sum(found.values()), 1e-300)
     return {k: v / total for k, v in sorted(found.items(), key=lambda pair: -pair[1])}
 
