@@ -12,10 +12,11 @@ count says only "x is in this box"; expectation propagation (Minka 2001) finds t
 stand for all boxes together, and the noise that blurs the boxes' edges. Either noise of the path
 has an intensity of its own in each step, Student-t distributed about a usual one: a corner is a
 rare, strong event. Each stroke has usual ones of its own, distributed about those of all strokes;
-turns and standstills share theirs (`runs`). They are the fixed point of expectation maximisation,
-iterated by what the data determine (MacKay 1992): a path without corners, or without bends, loses
-that noise within some ten rounds. Draws take turns, the path given the intensities and those given
-the path (Geman and Geman 1984), because a path is less sure than its likeliest intensities say.
+turns and standstills share theirs (`runs`), distributed about how motions brake: counts tell little
+of what happens within one. They are the fixed point of expectation maximisation, iterated by what
+the data determine (MacKay 1992): a path without corners, or without bends, loses that noise within
+some ten rounds. Draws take turns, the path given the intensities and those given the path (Geman
+and Geman 1984), because a path is less sure than its likeliest intensities say.
 
 Lengths in counts (or in standard deviations), time in usual sample steps.
 """
@@ -46,7 +47,8 @@ DAMPING = 0.7
 FREEDOM = 2.0  # degrees of freedom of the Student-t distribution: with 1, draws are twice as wide
 POOLED = 1  # steps on either side that share an intensity: when a corner comes is not known better
 BENDS_FIRST = 1e-2  # against corners, before anything is known
-TURNS_FIRST = (1.0, 1e-2)  # the same in turns: as a motion brakes that takes so long for a count
+# Bends and corners in turns: a motion that takes so long for a count brakes, a twentieth at once.
+IN_TURNS = np.array([1.0, 0.05**2])
 NEVER = 1e-100  # least usual intensity
 STRETCH = 100  # samples of a noisy angle that share usual intensities: 0.1 s at 1 kHz
 ROUNDING = 1e-6  # of a step's numbers: fewer are determined by rounding alone
@@ -188,7 +190,7 @@ def _fitted(
     first = np.array([BENDS_FIRST, 1.0]) * 1e-2 / float(np.mean(nodes.step)) ** powers
     usual = np.tile(first, (int(kind.max()) + 2, 1))
     if boxes:
-        usual[0] = TURNS_FIRST
+        usual[0] = IN_TURNS
     nodes = nodes._replace(intensity=relative_intensity * usual[kind])
     noise = boxes[1] if boxes else 0.0
     before = np.full(nodes.precision.size, np.inf)
@@ -214,15 +216,15 @@ def _usual(usual: _Floats, felt: _Floats, determined: _Floats, kind: _Index) -> 
     weight = usual[kind] / (FREEDOM * usual[kind] + felt)
     squares, numbers = _sums(kind, felt * weight), _sums(kind, determined * weight)
     found = np.empty_like(usual)
-    # A stroke's are distributed about those of all strokes as a step's are about the stroke's.
+    # A stroke's are distributed about those of all strokes as a step's are about the stroke's. Of
+    # few turns, whose counts fit any weaker noise as well, the likeliest usual ones would be none.
     all_strokes = usual[-1]
     weight = all_strokes / (FREEDOM * all_strokes + squares[1:])
     found[-1] = np.sum(squares[1:] * weight, axis=0) + ROUNDING * all_strokes
     found[-1] /= np.sum(numbers[1:] * weight, axis=0) + ROUNDING
+    squares[0] += FREEDOM * IN_TURNS
     squares[1:] += FREEDOM * all_strokes
-    numbers[1:] += FREEDOM
-    rounding = ROUNDING * np.maximum(np.bincount(kind), 1)[:, None]
-    found[:-1] = (squares + rounding * usual[:-1]) / (numbers + rounding)
+    found[:-1] = squares / (numbers + FREEDOM)
     return np.maximum(found, NEVER)
 
 
