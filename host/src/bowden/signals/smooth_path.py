@@ -189,8 +189,7 @@ def _fitted(
     powers = np.array([2.0 * order - 2, 2.0 * order - 4])
     first = np.array([BENDS_FIRST, 1.0]) * 1e-2 / float(np.mean(nodes.step)) ** powers
     usual = np.tile(first, (int(kind.max()) + 2, 1))
-    if boxes:
-        usual[0] = IN_TURNS
+    usual[0] = IN_TURNS
     nodes = nodes._replace(intensity=relative_intensity * usual[kind])
     noise = boxes[1] if boxes else 0.0
     before = np.full(nodes.precision.size, np.inf)
