@@ -112,7 +112,7 @@ class Layers:
         -------
         ndarray of shape (n,), s
             The recording's times, and others before them by each channel's delay, where a late
-            channel has its corners, and in between, where an effect needs shorter steps.
+            channel has its corners.
         """
         delays = [
             one.values[channel.late_by]
@@ -122,9 +122,7 @@ class Layers:
         ]
         time_s = np.asarray(inputs.time_s, dtype=np.float64)
         ratio = pair.pulley_ratio
-        longest = [one.variant.longest_step_s for one in self._layers]
-        steps_s = [step(pair) for step in longest if step is not None]
-        times = _cut(_with_earlier(time_s, delays), min(steps_s, default=np.inf))
+        times = _with_earlier(time_s, delays)
         series: dict[str, FloatArray] = {"time_s": times}
         for name in (*self._given, "conduit_temperature_c", *self._speeds):
             values = getattr(inputs, name)
@@ -198,18 +196,6 @@ def _depth(one: InForce) -> tuple[int, int, int]:
 
 def _channel(one: InForce, name: str) -> Channel | None:
     return next((channel for channel in one.variant.channels if channel.name == name), None)
-
-
-def _cut(time_s: FloatArray, longest_s: float) -> FloatArray:
-    """Return the times with others evenly between those that lie further apart."""
-    steps = np.diff(time_s)
-    parts = np.maximum(np.ceil(steps / longest_s - 1e-6), 1).astype(int)
-    if not np.any(parts > 1):
-        return time_s
-    which = np.repeat(np.arange(steps.size), parts)
-    share = (np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[which]
-    cut: FloatArray = np.append(time_s[which] + share * steps[which], time_s[-1])
-    return cut
 
 
 def _with_earlier(time_s: FloatArray, delays: Sequence[float]) -> FloatArray:

@@ -165,8 +165,6 @@ class Variant:
     sees : tuple of str
         Which channels `histories` looks at.
     channels : tuple of Channel
-    longest_step_s : callable (transmission) -> float, optional
-        Between samples: where a recording has longer ones, straight lines are cut into shorter.
     """
 
     where: str
@@ -175,7 +173,6 @@ class Variant:
     histories: Callable[[Signals, Transmission, Values], Histories] | None = None
     sees: tuple[str, ...] = ()
     channels: tuple[Channel, ...] = ()
-    longest_step_s: Callable[[Transmission], float] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,10 +1,8 @@
 """Mass of the motor's rotor and of the handle: torque in proportion to acceleration.
 
 Motor: what reaches the cables is the motor's torque less J times its acceleration. With its torque
-given, the mesh solves for the acceleration as it goes along (`mesh.events.pull_of_mass`), in steps
-that resolve the motor's oscillation on sliding cables; faster oscillation, on the short part of a
-cable that slides just after a reversal, is damped. With its angle given, the acceleration is that
-of `derivative`.
+given, the mesh solves for the acceleration as it goes along, in steps that resolve the motor's
+oscillation (`mesh.motor_mass`). With its angle given, the acceleration is that of `derivative`.
 
 Load: the cell sits behind the handle's inertia and reads the cables' torque less J times the
 acceleration.
@@ -12,7 +10,6 @@ acceleration.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from bowden.model.effects.derivative import acceleration
@@ -29,9 +26,6 @@ from bowden.model.effects.effect import (
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
 
-STEPS_A_PERIOD = 16  # of ringing on both cables, end to end: 5 % slower than the true one
-LEAST_STEP_S = 1e-3  # friction and strands stop what rings faster
-
 
 def _torque(around: Signals, angle: str, p: Values) -> FloatArray:
     return p["inertia_kg_m2"] * acceleration(around["time_s"], around[angle])
@@ -39,13 +33,6 @@ def _torque(around: Signals, angle: str, p: Values) -> FloatArray:
 
 def _motor_pair(pair: Transmission, p: Values) -> Transmission:
     return replace(pair, motor_inertia_kg_m2=pair.motor_inertia_kg_m2 + p["inertia_kg_m2"])
-
-
-def _step_s(pair: Transmission) -> float:
-    mass_kg = pair.motor_inertia_kg_m2 / pair.motor_pulley_radius_m**2
-    stiffness_n_per_m = 2.0 * pair.axial_stiffness_n / pair.length_m
-    period_s = 2.0 * math.pi * math.sqrt(mass_kg / stiffness_n_per_m)
-    return max(period_s / STEPS_A_PERIOD, LEAST_STEP_S)
 
 
 def _motor_undone(values: FloatArray, around: Signals, p: Values) -> FloatArray:
@@ -76,10 +63,9 @@ MOTOR = Effect(
     variants=(
         Variant(
             "",
-            (_size(1e-3, 2e-5, "of rotor and pulley"),),
+            (_size(1e-3, 2e-5, "of rotor and pulley")),
             pair=_motor_pair,
             channels=(Channel("motor_torque_nm", _motor_undone, _motor_applied),),
-            longest_step_s=_step_s,
         ),
     ),
     law="torque on the cables = motor torque - J theta_m''",

@@ -14,6 +14,7 @@ and +r theta for cable b; each cable feels them with its sign, +1 and -1.
 from __future__ import annotations
 
 from bowden.model.compiled import compiled_in_place
+from bowden.model.mesh.motor_mass import moved_on, pull_of_mass
 from bowden.model.mesh.state import State, Tables
 from bowden.model.mesh.varying import FrictionLevel, change_to, set_friction
 from bowden.model.mesh.zones import (
@@ -36,7 +37,6 @@ from bowden.model.mesh.zones import (
 from bowden.model.trajectory import NOT_CARRIED, FloatArray
 
 BALANCED = 1e-13
-STABLE = 2.0  # times the last step: second-order differences are, below 2.41
 
 
 @compiled_in_place
@@ -158,45 +158,6 @@ def step(
 
 
 @compiled_in_place
-def beyond(dt: float, dt_before: float, damping_s: float) -> float:
-    """Return how far a step's mean speed is carried on to its end, as a share of its last change.
-
-    With all of it, differences are of the second order, for uneven steps (Curtiss and Hirschfelder
-    1952), and what rings goes on ringing. With none, backward Euler: the inertia is late by dt,
-    which damps as strands do whose tension is early by dt. So by `damping_s`, as far as that is
-    stable: up to 1.7 steps. The more a step exceeds the last one, the less is carried over it.
-    """
-    if dt_before == 0.0:
-        return 0.0
-    ratio = dt / dt_before
-    ratio = min(ratio, STABLE * STABLE / ratio)
-    return max(1.0 - damping_s / dt, -0.7) * ratio / (1.0 + ratio)
-
-
-@compiled_in_place
-def pull_of_mass(
-    mass_kg: float, share: float, dt: float, mean_speed: float, speed: float, acceleration: float
-) -> tuple[float, float]:
-    """Return the pull of the motor's inertia on the cables and its fall with the motor's motion.
-
-    Mass times acceleration for a displacement x in this step is fall x - pull, in N and N/m;
-    `share` is that of `beyond`, the rest what `moved_on` returned.
-    """
-    pull = (1.0 + share) * (share * mean_speed + speed) / dt + share * acceleration
-    return mass_kg * pull, mass_kg * ((1.0 + share) / dt) ** 2
-
-
-@compiled_in_place
-def moved_on(
-    share: float, dt: float, moved: float, mean_speed: float, speed: float
-) -> tuple[float, float, float]:
-    """Return mean speed, speed at the end and mean acceleration of a step."""
-    mean = moved / dt
-    at_end = mean + share * (mean - mean_speed)
-    return mean, at_end, (at_end - speed) / dt
-
-
-@compiled_in_place
 def stick_at_rest(
     t: Tables, s: State, motor: float, load: float, dt: float, dead_band: float, rest_s: float
 ) -> None:
@@ -241,8 +202,8 @@ def run(
     """
     if factor[0, 0] != 1.0 or factor[0, 1] != 1.0:
         set_friction(t, f, factor[0, 0], factor[0, 1])
-    failed, place, dt_before, share = 0, 0.0, 0.0, 0.0
-    mean_speed, speed, acceleration = 0.0, 0.0, 0.0
+    failed, place, speed, acceleration = 0, 0.0, 0.0, 0.0
+    has_mass = free == 0 and mass_kg > 0.0
     force_before, x_before, y_before = 0.0, motor[0], load[0]
     for i in range(time.size):
         dt = time[i] - time[i - 1] if i > 0 else 0.0
@@ -253,10 +214,9 @@ def run(
         elif free == 1:
             force, y = load[i], 0.0
         before, spring = force_before if i > 0 else force, 0.0
-        if free == 0 and mass_kg > 0.0 and i > 0:
+        if has_mass and i > 0:
             before = s.end_n[0, 0] - s.end_n[1, 0]
-            share = beyond(dt, dt_before, damping_s)
-            pull, spring = pull_of_mass(mass_kg, share, dt, mean_speed, speed, acceleration)
+            pull, spring = pull_of_mass(mass_kg, damping_s, dt, speed, acceleration)
             force += pull
         if 0 < i < factor.shape[0] and (
             factor[i, 0] != factor[i - 1, 0] or factor[i, 1] != factor[i - 1, 1]
@@ -265,9 +225,8 @@ def run(
             if free >= 0:  # what friction alone has done to it: no step of the torque
                 before = s.end_n[0, free] - s.end_n[1, free]
         moved, flags = step(t, s, free, before, force, spring, x, y)
-        if i > 0:
-            mean_speed, speed, acceleration = moved_on(share, dt, moved, mean_speed, speed)
-            dt_before = dt
+        if has_mass and i > 0:
+            speed, acceleration = moved_on(damping_s, dt, moved, speed, acceleration)
         place += moved
         if free == 0:
             x = moved

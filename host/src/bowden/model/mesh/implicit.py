@@ -11,6 +11,8 @@ the step. `mesh.solver` prepares the tables and reads the answer.
 
 from __future__ import annotations
 
+import math
+
 from bowden.model.compiled import compiled_in_place, inlined
 from bowden.model.mesh.chain import (
     as_before,
@@ -22,7 +24,7 @@ from bowden.model.mesh.chain import (
     set_tensions,
     solve,
 )
-from bowden.model.mesh.events import beyond, moved_on, pull_of_mass
+from bowden.model.mesh.motor_mass import DOUBLED, moved_on, off_by, pull_of_mass
 from bowden.model.mesh.pulleys import (
     SETTLED,
     Pulleys,
@@ -48,6 +50,8 @@ ALL_AT_ONCE = 16  # rounds that revise all segments at once; then one at a time,
 QUICKLY, PATIENTLY, GENTLY = WAYS = 0, 1, 2
 REFINEMENTS = (1, 4, 16, 64)  # steps that a sample is cut into where fewer find no answer
 MOST_AHEAD = 2.0  # times the last step: how long motion is guessed to go on as it was
+ROUNDING = 1e-6  # of a step: so much more is no reason for another one
+STEPS_AND_ATTEMPTS = 8  # a shortest step: two accepted ones, each after a few that were not
 ONLY_DIRECTION = 1e-6  # what is left of the last motion as a guess where it was a bad one
 
 
@@ -253,6 +257,38 @@ def sample(
     return 0.0, 8
 
 
+@inlined
+def between(values: FloatArray, i: int, done: float) -> float:
+    """Return a series on its way to sample i; of its first, or only, sample: that."""
+    if values.size == 1 or i == 0:
+        return float(values[0])
+    return float((1.0 - done) * values[i - 1] + done * values[i])
+
+
+@inlined
+def resistance(
+    p: Pulleys, mass_kg: float, damping_s: float, dt: float, speed: float, acceleration: float
+) -> tuple[float, float]:
+    """Return how mass and bearing resist the free pulley: a pull, and its fall with motion."""
+    pull, fall = 0.0, p.drag_n_s_per_m / dt
+    if mass_kg > 0.0:
+        pull, of_mass = pull_of_mass(mass_kg, damping_s, dt, speed, acceleration)
+        fall += of_mass
+    return pull, fall
+
+
+@inlined
+def note(s: ChainState, place: float, flags: int, row: FloatArray) -> None:
+    """Write down where a sample ends."""
+    n = s.tension.shape[1] - 1
+    row[0] = place
+    row[1] = max(s.tension[0, 0], 0.0)
+    row[2] = max(s.tension[0, n], 0.0)
+    row[3] = max(s.tension[1, 0], 0.0)
+    row[4] = max(s.tension[1, n], 0.0)
+    row[5] = (flags & 7) + (s.gap_m[0] >= 0) + 2 * (s.gap_m[1] >= 0)
+
+
 @compiled_in_place
 def run(
     t: ChainTables,
@@ -264,6 +300,8 @@ def run(
     load: FloatArray,
     mass_kg: float,
     damping_s: float,
+    shortest_s: float,
+    close_m_per_s: float,
     factor: FloatArray,
     longer: FloatArray,
     out: FloatArray,
@@ -271,47 +309,65 @@ def run(
     """Run all samples; arguments and rows of `out` as in `mesh.events.run`.
 
     Returns 0, or the number of the first sample, from 1, in which no equilibrium was found.
-    `factor` and `longer` are those of `Histories`, of one sample where nothing changes.
+    `factor` and `longer` are those of `Histories`, of one sample where nothing changes. A mass that
+    rings takes steps that are not off by more than `close_m_per_s`, but none shorter than
+    `shortest_s` (`mesh.motor_mass`).
     """
-    place, n, force_before, dt_before, share = 0.0, t.wrap.shape[2], 0.0, 0.0, 0.0
-    mean_speed, speed, acceleration = 0.0, 0.0, 0.0
+    place, force_before, dt_before = 0.0, 0.0, 0.0
+    mean_speed, speed, acceleration, longest_s = 0.0, 0.0, 0.0, shortest_s
+    torque = motor if free == 0 else load
     for i in range(time.size):
         # The first sample applies the first torque; it has no duration, so it takes the next one's.
-        dt = time[i] - time[i - 1] if i > 0 else time[1] - time[0]
-        x = motor[i] - motor[i - 1] if i > 0 else 0.0
-        y = load[i] - load[i - 1] if i > 0 else 0.0
-        force = motor[i] if free == 0 else load[i] if free == 1 else 0.0
-        # Guessed to go on as before, but not through a gap in the recording.
-        goes_on = mean_speed * min(dt, MOST_AHEAD * dt_before)
-        if free == 0:
-            x = goes_on
-        elif free == 1:
-            y = goes_on
+        whole_s = time[i] - time[i - 1] if i > 0 else time[1] - time[0]
+        given_x = motor[i] - motor[i - 1] if i > 0 else 0.0
+        given_y = load[i] - load[i - 1] if i > 0 else 0.0
         extra = longer[i] - longer[i - 1] if 0 < i < longer.size else longer[0] if i == 0 else 0.0
-        spring = 0.0
-        if free == 0 and mass_kg > 0.0 and i > 0:
-            force_before = s.tension[0, 0] - s.tension[1, 0]
-            share = beyond(dt, dt_before, damping_s)
-            pull, spring = pull_of_mass(mass_kg, share, dt, mean_speed, speed, acceleration)
-            force += pull
-        if free >= 0 and p.drag_n_s_per_m > 0.0 and i > 0:
-            spring += p.drag_n_s_per_m / dt
-            if mass_kg == 0.0:
-                force_before -= p.drag_n_s_per_m * mean_speed
-        row = i % factor.shape[0]
-        mu = factor[row, 0], factor[row, 1]
-        moved, flags = sample(t, s, p, free, force_before, force, spring, x, y, mu, extra, dt)
-        if flags & 8:
+        mass_now_kg = mass_kg if free == 0 and i > 0 else 0.0
+        left_s, flags = whole_s, 0
+        most = STEPS_AND_ATTEMPTS * (1 + int(whole_s / shortest_s)) if mass_now_kg > 0.0 else 1
+        for _ in range(most):
+            parts = max(math.ceil(left_s / longest_s - ROUNDING), 1) if mass_now_kg > 0.0 else 1
+            dt = left_s / parts
+            part = dt / whole_s
+            done = 1.0 if parts == 1 else (whole_s - left_s + dt) / whole_s
+            # Guessed to go on as before, but not through a gap in the recording.
+            goes_on = mean_speed * min(dt, MOST_AHEAD * dt_before)
+            x = goes_on if free == 0 else given_x * part
+            y = goes_on if free == 1 else given_y * part
+            force, spring = 0.0, 0.0
+            if free >= 0:
+                force = between(torque, i, done)
+            if free >= 0 and i > 0:
+                pull, spring = resistance(p, mass_now_kg, damping_s, dt, speed, acceleration)
+                force += pull
+                if mass_now_kg > 0.0:
+                    force_before = s.tension[0, 0] - s.tension[1, 0]
+                else:
+                    force_before -= p.drag_n_s_per_m * mean_speed
+            mu = between(factor[:, 0], i, done), between(factor[:, 1], i, done)
+            moved, more = sample(
+                t, s, p, free, force_before, force, spring, x, y, mu, extra * part, dt
+            )
+            if more & 8:
+                return i + 1
+            if mass_now_kg > 0.0:
+                went = moved_on(damping_s, dt, moved, speed, acceleration)
+                off_m_per_s = off_by(dt, went[1], acceleration)
+                if off_m_per_s > close_m_per_s and dt > (1.0 + ROUNDING) * shortest_s:
+                    restore(s, p)
+                    longest_s = max(0.5 * dt, shortest_s)
+                    continue
+                if DOUBLED * off_m_per_s < close_m_per_s:
+                    longest_s = max(longest_s, 2.0 * dt)
+                held = p.bearing_n > 0.0 and p.rolls[0] == 0
+                speed, acceleration = (0.0, 0.0) if held else went
+            mean_speed, dt_before, force_before = moved / dt, dt, force
+            place += moved
+            flags |= more
+            left_s -= dt
+            if parts == 1:
+                break
+        else:
             return i + 1
-        force_before = force
-        place += moved
-        if i > 0:
-            mean_speed, speed, acceleration = moved_on(share, dt, moved, mean_speed, speed)
-            dt_before = dt
-        out[i, 0] = place
-        out[i, 1] = max(s.tension[0, 0], 0.0)
-        out[i, 2] = max(s.tension[0, n], 0.0)
-        out[i, 3] = max(s.tension[1, 0], 0.0)
-        out[i, 4] = max(s.tension[1, n], 0.0)
-        out[i, 5] = (flags & 7) + (s.gap_m[0] >= 0) + 2 * (s.gap_m[1] >= 0)
+        note(s, place, flags, out[i])
     return 0
