@@ -21,9 +21,8 @@ from .lab import MODEL, TRUTH, measured
 (GAIN,) = candidates(("load_cell_gain",))
 (OFFSET,) = candidates(("motor_torque_offset",))
 (CELL,) = candidates(("load_cell_offset",))
-(INERTIA,) = candidates(("motor_inertia",))
 HIDDEN: Final = {GAIN: {"g": 0.02}, OFFSET: {"offset_nm": 0.03}}
-INERTIA_KG_M2: Final = 1e-4  # five times the usual
+LARGE_GAIN: Final = {GAIN: {"g": 0.25}}
 
 
 def _material(pool: ThreadPoolExecutor, hidden: dict[Candidate, dict[str, float]]) -> Material:
@@ -59,12 +58,12 @@ def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
 
 
 def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest() -> None:
-    """An inertia makes more of the inputs' errors than the calibrated model knows of."""
+    """A gain of the load cell makes (1 + g)^2 of the variance of what the inputs do."""
     with ThreadPoolExecutor(2) as pool:
-        material = _material(pool, {INERTIA: {"inertia_kg_m2": INERTIA_KG_M2}})
-        found = search(material, MODEL, [INERTIA, OFFSET], seed=1)
+        material = _material(pool, LARGE_GAIN)
+        found = search(material, MODEL, [GAIN, OFFSET], seed=1)
         best = found.weighed[0].hypothesis
-        assert best.effects == (INERTIA,)
+        assert best.effects == (GAIN,)
         numbers = [best.problem.numbers(best.best.x, k) for k in range(len(material.coarse))]
         (about,) = material.noise(best.model, numbers)
         (before,) = material.noise(found.filed.model, numbers)
@@ -73,7 +72,9 @@ def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest()
         (noise,) = one.hypothesis.best.noises
         # The same paths through a fit that moved by less than a twentieth of a unit since.
         np.testing.assert_allclose([np.trace(each) for each in noise.inputs], sizes, rtol=0.05)
-    assert max(np.trace(one) for one in before.inputs) < 0.5 * max(sizes)
+    # The friction of the file, which was not fitted, makes somewhat more or less of them.
+    grown = sum(sizes) / sum(np.trace(one) for one in before.inputs)
+    assert grown == pytest.approx(1.25**2, rel=0.1)
 
 
 def test_a_set_is_weighed_where_it_is_under_another_covariance(sets: Sets) -> None:

@@ -201,3 +201,13 @@ def test_how_soon_a_motor_s_oscillation_ends_is_within_the_noise() -> None:
     # Half of the losses is not less than the third that the noise allows for.
     where = swing > 0.3 * swing.max()
     assert np.sqrt(np.mean((swing / noise.sigma[rows])[where] ** 2)) < 1.0
+
+
+def test_a_damping_that_the_model_tells_is_no_noise() -> None:
+    inertia = {"inertia_kg_m2": 3e-5}
+    open_to, told = (
+        noise_of("stop", MODEL.with_effect("motor_inertia", values))[1].sigma
+        for values in (inertia, inertia | {"damping": 1.0})
+    )
+    assert np.all(told <= open_to)
+    assert told.sum() < 0.9 * open_to.sum()

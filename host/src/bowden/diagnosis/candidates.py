@@ -63,7 +63,9 @@ class Candidate:
         for one in self.variant.parameters:
             if one.off is not None:
                 continue
-            if one.period is not None:
+            if one.start is not None:
+                values = [one.start]
+            elif one.period is not None:
                 values = [0.0]
             elif _is_whole(one):
                 values = [float(k) for k in range(math.ceil(one.low), math.floor(one.high) + 1)]

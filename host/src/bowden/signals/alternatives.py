@@ -33,14 +33,16 @@ def held_torque(recording: Recording) -> Recording:
 def open_numbers(model: Model) -> list[tuple[Model, float]]:
     """Return models with other numbers that might be as right, and the share of each.
 
-    With which memory friction falls with speed, and how soon a motor's ringing ends, no recording
-    of a rig has told before.
+    With which memory friction falls with speed no recording of a rig has told before, and how soon
+    a motor's ringing ends, where its inertia is from a data sheet, no file.
     """
     pair, found = model.transmission, []
     alike = math.sqrt(1 / len(OTHERWISE))
     law = pair.friction
     if law.stribeck_gain > 0.0 and law.memory_s > 0.0 and not law.memory_is_of_friction:
         found += [(with_memory(model, k * law.memory_s), alike) for k in OTHERWISE]
-    if pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh":
+    told = any("damping" in one for one in model.document.effects)
+    rings = pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh"
+    if rings and not told:
         found += [(with_damping(model, k * pair.damping_s), alike) for k in UNDAMPED_OR_MORE]
     return found

@@ -103,6 +103,7 @@ class Parameter:
     period: float | None = None
     whole: bool = False
     spacing: float | None = None
+    start: float | None = None
     optional: bool = False
     least: float = -math.inf
     most: float = math.inf

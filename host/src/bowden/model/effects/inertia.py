@@ -32,7 +32,11 @@ def _torque(around: Signals, angle: str, p: Values) -> FloatArray:
 
 
 def _motor_pair(pair: Transmission, p: Values) -> Transmission:
-    return replace(pair, motor_inertia_kg_m2=pair.motor_inertia_kg_m2 + p["inertia_kg_m2"])
+    return replace(
+        pair,
+        motor_inertia_kg_m2=pair.motor_inertia_kg_m2 + p["inertia_kg_m2"],
+        damping_s=pair.damping_s * p["damping"],
+    )
 
 
 def _motor_undone(values: FloatArray, around: Signals, p: Values) -> FloatArray:
@@ -56,6 +60,21 @@ def _size(high: float, typical: float, meaning: str) -> Parameter:
     return Parameter("inertia_kg_m2", "kg m2", 0.0, high, 0.0, typical, meaning, least=0)
 
 
+# A search starts where ringing ends soon: there a mass is recognised next to the right one, too.
+_DAMPING = Parameter(
+    "damping",
+    "",
+    0.1,
+    10.0,
+    None,
+    1.0,
+    "over that of the numerics, of what rings",
+    scale="log",
+    start=3.0,
+    optional=True,
+    least=0.0,
+)
+
 MOTOR = Effect(
     name="motor_inertia",
     title="Motor inertia",
@@ -63,7 +82,7 @@ MOTOR = Effect(
     variants=(
         Variant(
             "",
-            (_size(1e-3, 2e-5, "of rotor and pulley")),
+            (_size(1e-3, 2e-5, "of rotor and pulley"), _DAMPING),
             pair=_motor_pair,
             channels=(Channel("motor_torque_nm", _motor_undone, _motor_applied),),
         ),
