@@ -86,6 +86,8 @@ class Parameter:
     spacing : float or None
         Of a frequency: a search starts this far apart, so that over a stroke one start looks like
         the truth. Others start low, in the middle and high.
+    start : float or None
+        Of a shape: where alone a search starts, if it need not look low, in the middle and high.
     optional : bool, default False
         Whether a file may leave it out: it is then `off`, a shape `typical`.
     least, most : float

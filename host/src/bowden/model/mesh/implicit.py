@@ -1,8 +1,9 @@
 """Steps the mesh implicitly, for laws that the exact steps of `mesh.events` leave out.
 
-The chains of `mesh.chain`, solved once a sample by Newton's method over all segments of both cables
+The chains of `mesh.chain`, solved once a step by Newton's method over all segments of both cables
 and the pulleys: backward Euler in time, so that a speed term adds damping and no spikes, whatever
-the step. `mesh.solver` prepares the tables and reads the answer.
+the step. A step is a sample, or part of one while a motor's mass rings. `mesh.solver` prepares the
+tables and reads the answer.
 
 `mesh.pulleys` has what the ends ask for: a place that is given, or balance with a torque.
 """
@@ -24,7 +25,7 @@ from bowden.model.mesh.chain import (
     set_tensions,
     solve,
 )
-from bowden.model.mesh.motor_mass import DOUBLED, moved_on, off_by, pull_of_mass
+from bowden.model.mesh.motor_mass import DOUBLED, ROUNDING, moved_on, off_by, pull_of_mass
 from bowden.model.mesh.pulleys import (
     SETTLED,
     Pulleys,
@@ -50,7 +51,6 @@ ALL_AT_ONCE = 16  # rounds that revise all segments at once; then one at a time,
 QUICKLY, PATIENTLY, GENTLY = WAYS = 0, 1, 2
 REFINEMENTS = (1, 4, 16, 64)  # steps that a sample is cut into where fewer find no answer
 MOST_AHEAD = 2.0  # times the last step: how long motion is guessed to go on as it was
-ROUNDING = 1e-6  # of a step: so much more is no reason for another one
 STEPS_AND_ATTEMPTS = 8  # a shortest step: two accepted ones, each after a few that were not
 ONLY_DIRECTION = 1e-6  # what is left of the last motion as a guess where it was a bad one
 

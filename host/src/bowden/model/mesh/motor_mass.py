@@ -22,6 +22,7 @@ from bowden.model.transmission import Transmission
 STEPS_A_PERIOD = 128  # of ringing on both cables, end to end, at most
 CLOSE = 2e-4  # of the pretension: what the steps of a period may be off by
 DOUBLED = 8.0  # times less than that, and steps may be twice as long
+ROUNDING = 1e-6  # of a step: so much more is no reason for another one
 
 
 def shortest_step_s(transmission: Transmission) -> float:
@@ -49,7 +50,7 @@ def _stiffness_n_per_m(transmission: Transmission) -> float:
 def cut(time_s: FloatArray, longest_s: float) -> FloatArray:
     """Return the times with others evenly between those that lie further apart."""
     steps = np.diff(time_s)
-    parts = np.maximum(np.ceil(steps / longest_s - 1e-6), 1).astype(int)
+    parts = np.maximum(np.ceil(steps / longest_s - ROUNDING), 1).astype(int)
     if not np.any(parts > 1):
         return time_s
     which = np.repeat(np.arange(steps.size), parts)
