@@ -70,7 +70,8 @@ def descend(
             there, damping = _lower(problem, here, noises, (hessian, gradient), damping)
             gained, move = here.cost - there.cost, there.x - here.x
             promised = -float(gradient @ move + 0.5 * move @ hessian @ move)
-            slopes = _secant(slopes, here.residuals, there.residuals, move, problem.unit)
+            if gained >= ENOUGH:  # over less, what is jagged hides the derivative
+                slopes = _secant(slopes, here.residuals, there.residuals, move, problem.unit)
             here = _settled(problem, there.x, there.residuals, noises, there.scales)
             if gained <= max(ENOUGH, KEPT * promised):
                 break
