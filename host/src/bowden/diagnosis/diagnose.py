@@ -25,12 +25,13 @@ from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
 from bowden.diagnosis.numbers_known import estimates_of, with_posterior
 from bowden.diagnosis.odds import Weighed
-from bowden.diagnosis.result import Diagnosis, Series
+from bowden.diagnosis.result import Diagnosis, Series, Verdict
 from bowden.diagnosis.search import search
 from bowden.diagnosis.validation import validate
 from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking, stated
 from bowden.diagnosis.waterfall import gap_steps
 from bowden.diagnosis.wording import as_solved_before, place_in_words, sentence_of, stopped
+from bowden.estimation.gap import Gap
 from bowden.estimation.gate.check import check_data
 from bowden.estimation.gate.finding import stops
 from bowden.estimation.search import Progress
@@ -104,7 +105,7 @@ def diagnose(
     verdict = stated(decision, found)
     where = _where(base, recordings, mode, series, seed)
     advice = _advice(found.weighed, mode, series)
-    gap = max(gaps, key=lambda one: one.before / one.noise_floor if one.noise_floor else 0.0)
+    gap = max(gaps, key=lambda one: _in_floors(one, verdict))
     chosen = decision.chosen.hypothesis
     is_learned = learned_among(chosen.effects) is not None
     learned = learned_of(chosen, recordings) if is_learned else None
@@ -166,6 +167,12 @@ def _notes(
     if hidden:
         notes.append(f"Would not show here at their usual size: {', '.join(hidden)}.")
     return tuple(notes)
+
+
+def _in_floors(gap: Gap, verdict: Verdict) -> float:
+    """Return a channel's gap in noise floors: as it was, or what stays unexplained."""
+    size = gap.after if verdict == "unlisted" else gap.before
+    return size / gap.noise_floor if gap.noise_floor else 0.0
 
 
 def _where(
