@@ -15,7 +15,6 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -29,6 +28,7 @@ from bowden.diagnosis.search import search
 from bowden.diagnosis.verdict import decide, stated
 from bowden.model import Mode, Model, parse_model
 from bowden.recording.atomic import replace_whole
+from bowden.workers import workers
 
 from hil_tests.benchmarks.decision_constants import ODDS, OUTSIDE, Constant, Numbers, constants
 from hil_tests.benchmarks.diagnosis import Job, excited, jobs, recordings_of
@@ -133,7 +133,7 @@ def tried(job: Job) -> Tried | None:
         return None
     model, every, memory = parse_model(case.model_yaml), candidates(), Memory()
     changes: list[tuple[Constant, float]] = [(one, f) for one in constants() for f in FACTORS]
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         mode = Mode.TORQUE_POSITION
         material = make_material(recordings_of(case), model, mode, job.seed, pool)
         diagnosed(material, model, every, job.seed, memory)  # compiles what is compiled on demand

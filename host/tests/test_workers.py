@@ -22,6 +22,17 @@ def test_blas_keeps_to_one_thread_beside_the_workers_and_gets_its_threads_back()
     assert _blas_threads() == before
 
 
+def test_a_task_that_asks_the_workers_gets_its_answer() -> None:
+    """With one thread, which it holds itself, it would wait for ever."""
+
+    def rows(n: int) -> list[int]:
+        return list(pool.map(lambda k: 10 * n + k, range(3)))
+
+    with workers(1) as pool:
+        assert list(pool.map(rows, range(2))) == [[0, 1, 2], [10, 11, 12]]
+        assert rows(2) == [20, 21, 22]
+
+
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity on this system")
 def test_a_process_that_is_held_to_one_core_counts_one() -> None:
     before = os.sched_getaffinity(0)

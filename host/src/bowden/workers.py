@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import islice
+from threading import local
 from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -25,23 +26,45 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+class Workers:
+    """Threads that work side by side; what a task asks of them it does itself, one by one.
+
+    Waiting for the others it would hold a thread that they may wait for.
+
+    Parameters
+    ----------
+    pool : ThreadPoolExecutor
+    """
+
+    def __init__(self, pool: ThreadPoolExecutor) -> None:
+        self._pool, self._here = pool, local()
+
+    def map(self, what: Callable[[_Item], _Result], items: Iterable[_Item]) -> Iterator[_Result]:
+        """Return the results in the order of the items."""
+        if getattr(self._here, "works", False):
+            return map(what, items)
+
+        def one(item: _Item) -> _Result:
+            self._here.works = True
+            return what(item)
+
+        return self._pool.map(one, items)
+
+
 @contextmanager
-def workers() -> Iterator[ThreadPoolExecutor]:
-    """Return as many threads as there are cores; BLAS has one thread until they end."""
+def workers(count: int | None = None) -> Iterator[Workers]:
+    """Return so many threads, or one a core; BLAS has one thread until they end."""
     with (
         threadpool_limits(1, user_api="blas"),
-        ThreadPoolExecutor(max_workers=cores()) as pool,
+        ThreadPoolExecutor(max_workers=count or cores()) as pool,
     ):
-        yield pool
+        yield Workers(pool)
 
 
 def a_few_at_a_time(
-    pool: ThreadPoolExecutor, what: Callable[[_Item], _Result], items: Iterable[_Item]
+    pool: Workers, what: Callable[[_Item], _Result], items: Iterable[_Item]
 ) -> Iterator[_Result]:
-    """Map over items of which memory holds only as many as there are cores.
-
-    Not from within a task of the pool: that would wait for threads that wait for it.
-    """
+    """Map over items of which memory holds only as many as there are cores."""
     left = iter(items)
     while few := list(islice(left, cores())):
         yield from pool.map(what, few)

@@ -10,10 +10,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from bowden.diagnosis import sets
+from bowden.diagnosis import growing, sets
 from bowden.diagnosis.diagnose import diagnose
 from bowden.diagnosis.result import Diagnosis
 from bowden.model import format_model, parse_model
+from bowden.workers import cores
 
 from .lab import MODEL, TRUTH, measured
 
@@ -286,16 +287,16 @@ def test_a_time_limit_ends_the_search_within_a_step(monkeypatch: pytest.MonkeyPa
     """Whoever waits would wait for minutes where a step fits many sets of four effects."""
     hidden = TRUTH.with_effect("load_cell_offset", HIDDEN["load_cell_offset"])
     fitted = []
-    before = sets.grown_from
+    before = growing._with_effect
 
     def one_of_many(*given: Any) -> Any:
         fitted.append(given)
         monkeypatch.setattr(sets, "time", SimpleNamespace(monotonic=lambda: math.inf))
         return before(*given)
 
-    monkeypatch.setattr(sets, "grown_from", one_of_many)
+    monkeypatch.setattr(growing, "_with_effect", one_of_many)
     found = diagnose(MODEL, [measured(hidden)], names=NAMES, seed=1, time_limit_s=1e6)
-    assert len(fitted) == 1
+    assert 1 <= len(fitted) <= cores()  # those that others had begun beside it
     assert any("time limit" in one for one in found.notes)
 
 

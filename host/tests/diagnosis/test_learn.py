@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import cast
 
 import numpy as np
@@ -17,6 +16,7 @@ from bowden.diagnosis.screening import ScreenedCandidate
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
 from bowden.model.effects import LawTable
+from bowden.workers import workers
 
 from .lab import MODEL
 
@@ -27,7 +27,7 @@ def law(cost: float, discrepancy: float) -> Hypothesis:
     """Return a law that was fitted to a cost and leaves so much, in usual noise."""
     one = LawCandidate.of(LawTable("load_torque_nm", ("time_s",), (0.0, 1.0, 2.0)), 0.1)
     parameters = parameters_with(MODEL, [(one, dict.fromkeys(one.table.names, 0.1))])
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         problem = Problem((), parameters, (), (), pool)
     x = parameters.coordinates_of(parameters.model)
     scales = Scales((discrepancy, 0.0))
@@ -38,7 +38,7 @@ def test_a_number_that_the_data_do_not_tell_leaves_a_fit_where_it_is() -> None:
     """Two known sets of a rig may hold a number without prior that no recording moves."""
     (one,) = candidates(["viscous_friction"])
     parameters = parameters_with(MODEL, [(one, {"mu_v_s_per_m": 0.1})])
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         problem = Problem((), parameters, (), (), pool)
     x = parameters.coordinates_of(parameters.model)
     best = Optimum(x, 0.0, np.eye(x.size), [], [], Scales((0.0, 0.0)))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
@@ -16,6 +14,7 @@ from bowden.estimation.problem import Optimum, Problem
 from bowden.model.effects import LawTable
 from bowden.model.effects.effect import SOLVED
 from bowden.model.effects.learned import TURNED
+from bowden.workers import workers
 
 from .lab import MODEL
 
@@ -23,7 +22,7 @@ from .lab import MODEL
 def fitted(effect: Candidate, values: dict[str, float]) -> Hypothesis:
     """Return a hypothesis that ended at some values of its one effect."""
     parameters = parameters_with(MODEL, [(effect, values)])
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         problem = Problem((), parameters, (), (), pool)
     x = parameters.coordinates_of(parameters.model)
     return Hypothesis(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
@@ -15,6 +14,7 @@ from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.search import search
 from bowden.diagnosis.sets import Sets
 from bowden.model import Mode
+from bowden.workers import Workers, workers
 
 from .lab import MODEL, TRUTH, measured
 
@@ -25,7 +25,7 @@ HIDDEN: Final = {GAIN: {"g": 0.02}, OFFSET: {"offset_nm": 0.03}}
 LARGE_GAIN: Final = {GAIN: {"g": 0.25}}
 
 
-def _material(pool: ThreadPoolExecutor, hidden: dict[Candidate, dict[str, float]]) -> Material:
+def _material(pool: Workers, hidden: dict[Candidate, dict[str, float]]) -> Material:
     truth = TRUTH
     for effect, values in hidden.items():
         truth = effect.added_to(truth, values)
@@ -34,7 +34,7 @@ def _material(pool: ThreadPoolExecutor, hidden: dict[Candidate, dict[str, float]
 
 @pytest.fixture(scope="module")
 def sets() -> Iterator[Sets]:
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         found = Sets(_material(pool, HIDDEN), as_searched(MODEL))
         found.screen([GAIN, OFFSET, CELL])
         yield found
@@ -59,7 +59,7 @@ def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
 
 def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest() -> None:
     """A gain of the load cell makes (1 + g)^2 of the variance of what the inputs do."""
-    with ThreadPoolExecutor(2) as pool:
+    with workers(2) as pool:
         material = _material(pool, LARGE_GAIN)
         found = search(material, MODEL, [GAIN, OFFSET], seed=1)
         best = found.weighed[0].hypothesis

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
@@ -22,6 +21,7 @@ from bowden.diagnosis.search import search
 from bowden.diagnosis.sets import Sets
 from bowden.estimation.nuisance import Nuisance
 from bowden.model import Mode, Model, ModelError
+from bowden.workers import workers
 from numpy.typing import NDArray
 
 from .lab import MODEL, TRUTH, measured
@@ -37,7 +37,7 @@ _Numbers = Sequence[Sequence[tuple[Nuisance, float]]]
 @pytest.fixture(scope="module")
 def material() -> Iterator[Material]:
     truth = TRUTH.with_effect(OFFSET.name, {"offset_nm": HIDDEN_NM})
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         yield make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
 
 
@@ -128,7 +128,7 @@ def test_a_gain_is_predicted_with_what_tolerances_no_longer_have_to_stretch() ->
     offset = candidates(("encoder_offset",))[0]
     truth = TRUTH.with_effect(OFFSET.name, {"offset_nm": HIDDEN_NM})
     truth = truth.with_effect(offset.name, {"offset_rad": 0.02})
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         readings = make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
         calibrated = search(readings, MODEL, [], seed=1).base
         screen = Screen(fitted(readings, calibrated, (OFFSET, {"offset_nm": HIDDEN_NM})))
@@ -142,8 +142,8 @@ def test_a_gain_is_predicted_with_what_tolerances_no_longer_have_to_stretch() ->
         )
     gained = screen.parent.best.cost - both.best.cost
     assert gained > 50.0
-    # The prediction is linear, and an offset is, too; scales of the noise may move a little.
-    assert promised == pytest.approx(gained, rel=0.05)
+    # The prediction is linear, and so is an offset; a fit ends within 0.02 of the optimum.
+    assert promised == pytest.approx(gained, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_an_effect_has_to_do_what_calibration_cannot(
 ) -> None:
     effect = candidates((name,))[0]
     truth = TRUTH.with_effect(name, {number: hidden})
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         readings = make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
         calibrated = search(readings, MODEL, [], seed=1).base
         found = fitted(readings, calibrated, (effect, {number: hidden}))
@@ -198,7 +198,7 @@ def test_a_mass_is_screened_between_the_strengths_that_are_tried(hidden_kg_m2: f
     (inertia,) = candidates(("motor_inertia",))
     truth = TRUTH.with_effect(OFFSET.name, {"offset_nm": HIDDEN_NM})
     truth = truth.with_effect(inertia.name, {"inertia_kg_m2": hidden_kg_m2})
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         readings = make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
         calibrated = search(readings, MODEL, [], seed=1).base
         tried = Screen(calibrated).screen(inertia)
@@ -223,7 +223,7 @@ def test_a_mass_between_two_strengths_is_found(hidden_kg_m2: float, damping: flo
     (inertia,) = candidates(("motor_inertia",))
     values = {"inertia_kg_m2": hidden_kg_m2, "damping": damping}
     truth = TRUTH.with_effect("motor_inertia", values)
-    with ThreadPoolExecutor(1) as pool:
+    with workers(1) as pool:
         readings = make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
         found = Sets(readings, as_searched(MODEL))
         found.screen([inertia])

@@ -18,6 +18,7 @@ from bowden.estimation.parameters import parameters_of
 from bowden.estimation.problem import Problem
 from bowden.estimation.search import solve
 from bowden.model import Mode, parse_model
+from bowden.workers import Workers
 from numpy.typing import NDArray
 
 from ..rigs import TABLE_1, experiment_2
@@ -78,7 +79,7 @@ def draw() -> Callable[[Callable[[float], tuple[float, float]]], Landscape]:
     )
     parameters = parameters_of(MODEL, [NUMBER])
     return lambda heights: Landscape(
-        (data,), parameters, (), (None,), ThreadPoolExecutor(1), heights, noise
+        (data,), parameters, (), (None,), Workers(ThreadPoolExecutor(1)), heights, noise
     )
 
 

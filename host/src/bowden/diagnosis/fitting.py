@@ -158,11 +158,11 @@ def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
 def finish(
     material: Material, ones: Sequence[Hypothesis], noises: Sequence[Covariance]
 ) -> list[Hypothesis]:
-    """Fit hypotheses to the end under a covariance, with the corrections of where they end.
+    """Fit hypotheses to the end, side by side, under a covariance and the corrections there.
 
     Without those that the fine model cannot run: they describe no rig.
     """
-    found = [_finished(material, one, noises) for one in ones]
+    found = material.pool.map(lambda one: _finished(material, one, noises), ones)
     return [one for one in found if one is not None]
 
 

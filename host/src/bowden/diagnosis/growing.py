@@ -5,7 +5,7 @@ Takes what `proposals` chose; `sets` compares what comes back.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from bowden.diagnosis.contribution import coordinates_without, idle
@@ -25,17 +25,30 @@ def grown_from(
     material: Material,
     searched: Model,
     parent: Hypothesis,
-    screened: ScreenedCandidate,
+    proposals: Sequence[ScreenedCandidate],
     done: Done,
-) -> Hypothesis | None:
-    """Fit an addition to a parent; None where it is known or does nothing."""
-    key = parent.key | {screened.candidate.key}
-    if key in done and screened.origin is parent:
-        return None
-    child = _with_effect(material, searched, parent, screened)
-    if child is not None and (key not in done or child.best.cost < _cost_beside(child, done[key])):
-        done[key] = child
-    return child
+    *,
+    has_time: Callable[[], bool],
+) -> list[Hypothesis]:
+    """Fit each addition to a parent, side by side, without those that are known or do nothing."""
+
+    def is_known(one: ScreenedCandidate) -> bool:
+        return parent.key | {one.candidate.key} in done and one.origin is parent
+
+    def fitted(one: ScreenedCandidate) -> Hypothesis | None:
+        if is_known(one) or not has_time():
+            return None
+        return _with_effect(material, searched, parent, one)
+
+    found = []
+    for one, child in zip(proposals, material.pool.map(fitted, proposals), strict=True):
+        if child is None or is_known(one):
+            continue
+        best = done.get(child.key)
+        if best is None or child.best.cost < _cost_beside(child, best):
+            done[child.key] = child
+        found.append(child)
+    return found
 
 
 def _cost_beside(one: Hypothesis, other: Hypothesis) -> float:

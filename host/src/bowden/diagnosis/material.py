@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +23,7 @@ from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED
+from bowden.workers import Workers
 
 _Floats = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Material:
         and for those that are dear.
     nuisances : tuple of Nuisance
         An encoder's zero to half a count, its hysteresis: what no effect of the catalogue is.
-    pool : ThreadPoolExecutor
+    pool : Workers
     """
 
     mode: Mode
@@ -52,7 +52,7 @@ class Material:
     fine: tuple[Data, ...]
     dear: tuple[Data, ...]
     nuisances: tuple[Nuisance, ...]
-    pool: ThreadPoolExecutor
+    pool: Workers
 
     def problem(
         self,
@@ -128,7 +128,7 @@ class Material:
 
 
 def make_material(
-    recordings: Sequence[Recording], model: Model, mode: Mode, seed: int, pool: ThreadPoolExecutor
+    recordings: Sequence[Recording], model: Model, mode: Mode, seed: int, pool: Workers
 ) -> Material:
     """Make recordings ready; the same seed gives the same paths."""
 

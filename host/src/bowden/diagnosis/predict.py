@@ -45,8 +45,8 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
     small = [np.zeros(number) for number in count]
     large = [np.zeros(number) for number in count]
     residuals = [np.array(r) for r in best.residuals]
-    every, points = [], []
-    for k in range(max(f.max() for f in fold) + 1):
+
+    def one_fold(k: int) -> tuple[Scales, _Floats]:
         seen = tuple(tuple(np.flatnonzero(f != k).tolist()) for f in fold)
         unseen = [np.flatnonzero(f == k).tolist() for f in fold]
         train = replace(problem, blocks=seen)
@@ -74,14 +74,16 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
             for number in unseen[r]:
                 rows = data.observations.blocks[number]
                 residuals[r][rows] = found[r][rows]
-        every.append(scales)
-        points.append(x)
+        return scales, x
+
+    folds = problem.pool.map(one_fold, range(max(f.max() for f in fold) + 1))
+    every, points = zip(*folds, strict=True)
     return UnseenPrediction(
         np.concatenate(small),
         np.concatenate(large),
         tuple(residuals),
-        tuple(every),
-        tuple(points),
+        every,
+        points,
         tuple(fold),
     )
 

@@ -116,13 +116,10 @@ class Sets:
         return not self.cut
 
     def _grown(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
-        found = []
-        for screened in proposed(self.material, screening):
-            if not self.has_time():
-                break
-            child = grown_from(self.material, self.searched, parent, screened, self.done)
-            found += [] if child is None else [child]
-        return found
+        proposals = proposed(self.material, screening)
+        return grown_from(
+            self.material, self.searched, parent, proposals, self.done, has_time=self.has_time
+        )
 
     def weighed(
         self, parents: Sequence[Hypothesis], children: Sequence[Hypothesis]

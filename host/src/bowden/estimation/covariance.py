@@ -10,7 +10,6 @@ correction counts as error.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -29,7 +28,7 @@ from bowden.recording.recording import Recording
 from bowden.signals.alternatives import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
-from bowden.workers import a_few_at_a_time
+from bowden.workers import Workers, a_few_at_a_time
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
@@ -250,7 +249,7 @@ def covariance(
     model: Model,
     numbers: Sequence[tuple[Nuisance, float]] = (),
     correction: _Floats | None = None,
-    pool: ThreadPoolExecutor | None = None,
+    pool: Workers | None = None,
 ) -> Covariance:
     """Push the input paths through a model and return the covariance about its prediction.
 
@@ -266,7 +265,7 @@ def covariance(
     correction : ndarray of shape (n,), optional
         What a finer mesh and all samples add to the prediction, where the caller knows it: it is
         corrected then, and doubted by half.
-    pool : ThreadPoolExecutor, optional
+    pool : Workers, optional
         Threads that simulate paths side by side; one after the other when absent.
 
     Raises

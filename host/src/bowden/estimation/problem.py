@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from bowden.estimation.likelihood import Part, Scales, cost, recording_costs
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
 from bowden.model import Model, ModelError
+from bowden.workers import Workers
 
 _Floats = NDArray[np.float64]
 
@@ -36,14 +36,14 @@ class Problem:
     nuisances : tuple of Nuisance
     blocks : tuple of (tuple of int or None)
         Which blocks of each recording are fitted; None: all.
-    pool : ThreadPoolExecutor
+    pool : Workers
     """
 
     data: tuple[Data, ...]
     parameters: Parameters
     nuisances: tuple[Nuisance, ...]
     blocks: tuple[tuple[int, ...] | None, ...]
-    pool: ThreadPoolExecutor
+    pool: Workers
 
     @property
     def size(self) -> int:
