@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from bowden.diagnosis.predict import _density, _folds, _mixture
-from bowden.estimation.covariance import DRAWS
+from bowden.estimation.paths import DRAWS
 from hypothesis import given
 from hypothesis import strategies as st
 

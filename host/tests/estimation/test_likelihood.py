@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bowden.estimation.covariance import DRAWS, Data, covariance
+from bowden.estimation.covariance import Data, covariance
 from bowden.estimation.likelihood import (
     Scales,
     Whitened,
@@ -20,6 +20,7 @@ from bowden.estimation.likelihood import (
 )
 from bowden.estimation.nuisance import Nuisance, as_given, as_read, usual_nuisances
 from bowden.estimation.observations import USUAL_BLOCK_S, _block_edges
+from bowden.estimation.paths import DRAWS
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
 from scipy.linalg.lapack import dpotrf
@@ -249,7 +250,7 @@ def test_paths_are_the_same_each_time_and_hold_what_a_simulation_reads(
     data = Data.of(read.with_channels(bus_voltage_v=np.ones(read.time_s.size)), 0, MODEL, MODE)
     kept = list(data.paths())
     assert [a is b for a, b in zip(data.paths(), kept, strict=True)] == [True] * DRAWS
-    monkeypatch.setattr("bowden.estimation.covariance.MOST_PATHS_BYTES", 0)
+    monkeypatch.setattr("bowden.estimation.paths.MOST_BYTES", 0)
     for again, before in zip(data.paths(), kept, strict=True):  # drawn anew: too large to keep
         assert set(again.channels) == {*MODE.columns, *MODE.speeds}
         assert again is not before

@@ -28,7 +28,7 @@ from bowden.workers import Workers
 _Floats = NDArray[np.float64]
 
 SEARCH_STEP_S, SEARCH_SEGMENTS = 16e-3, 25  # 3 to 4 times faster than the fine ones
-FINE_STEP_S, DEAR_STEP_S, FINE_SEGMENTS = 1e-3, 4e-3, 50  # dear: laws of the implicit solver
+FINE_STEP_S, FINE_SEGMENTS = 1e-3, 50
 HALF = 0.5  # count: where in its first one an encoder's zero lies
 
 
@@ -40,8 +40,8 @@ class Material:
     ----------
     mode : Mode
     coarse, fine, dear : tuple of Data
-        One a recording, with the same observations; fine ones for laws that are quick to simulate
-        and for those that are dear.
+        One a recording, with the same observations; fine ones for laws that are quick to simulate,
+        dear ones for those of the implicit solver: each interval of the coarse ones cut in four.
     nuisances : tuple of Nuisance
         An encoder's zero to half a count, its hysteresis: what no effect of the catalogue is.
     pool : Workers
@@ -95,11 +95,10 @@ class Material:
             The model cannot run one of them.
         """
         meshed, finer = as_fine(model), self.finer(model)
-        step_s = DEAR_STEP_S if finer is self.dear else FINE_STEP_S
-        whole = SEARCH_STEP_S / (SEARCH_STEP_S - step_s)
 
         def one(k: int) -> _Floats:
             exact = finer[k].predict(meshed, numbers[k])
+            whole = _whole(self.coarse[k].kept.size - 1, finer[k].kept.size - 1)
             return whole * (exact - self.coarse[k].predict(model, numbers[k]))
 
         return self.each(one)
@@ -137,7 +136,7 @@ def make_material(
 
     coarse = tuple(pool.map(one, enumerate(recordings)))
     fine = tuple(one.sampled(FINE_STEP_S) for one in coarse)
-    dear = tuple(one.sampled(DEAR_STEP_S) for one in coarse)
+    dear = tuple(one.cut() for one in coarse)
     nuisances = []
     for data in coarse:
         for name, channel in data.estimates.channels.items():
@@ -146,6 +145,11 @@ def make_material(
             if name in PREDICTED[mode]:
                 nuisances.append(Nuisance("zero", name, (data.number,), HALF * channel.quantum))
     return Material(mode, coarse, fine, dear, tuple(nuisances), pool)
+
+
+def _whole(steps: int, finer: int) -> float:
+    """Return what no step at all adds, over what so many finer ones do, to first order."""
+    return finer / (finer - steps) if finer > steps else 1.0
 
 
 def as_searched(model: Model) -> Model:

@@ -9,10 +9,9 @@ correction counts as error.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +19,11 @@ from numpy.typing import NDArray
 from bowden.estimation.kept import Kept
 from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import Observations, observe
+from bowden.estimation.paths import DRAWS, Paths
+from bowden.estimation.samples import cut, simulated_samples
 from bowden.model import Mode, Model, ModelError
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
-from bowden.model.trajectory import TEMPERATURE
 from bowden.recording.recording import Recording
 from bowden.signals.alternatives import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 from bowden.signals.dequantise import Estimates, estimate_channels
@@ -33,13 +33,11 @@ from bowden.workers import Workers, a_few_at_a_time
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
-DRAWS = 48  # input paths: the degrees of freedom of the block covariance
 TAPER_S = 1.0  # beyond it so many draws resolve no correlation
 ANY_SHAPE = 1.0 / (DRAWS + 1)  # share of their variance: one further draw may have any shape
 ROUGH_S = 1.0  # and lasts so long
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
 FINEST_S = 1e-3  # shortest step between simulated samples
-MOST_PATHS_BYTES = 100_000_000  # of a recording: 87 s at 1 kHz
 MOST_FACTORS_BYTES = 48_000_000  # a recording: 16 scales over 20 s; one where it takes more
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
 
@@ -59,8 +57,8 @@ class Data:
         Best estimates of the given channels at the samples that are simulated.
     kept : ndarray of int
         Which samples those are.
-    seed : int
-        Of the drawn paths.
+    drawn : Paths
+        Other paths that explain the readings as well.
     observations : Observations
     """
 
@@ -70,7 +68,7 @@ class Data:
     given: Recording
     observations: Observations
     kept: _Index
-    seed: int
+    drawn: Paths
 
     @classmethod
     def of(
@@ -91,13 +89,20 @@ class Data:
         observations = observe(recording, estimates, mode)
         if step_s is None:
             step_s = COARSE_S if is_dear(model, mode) else FINEST_S
-        kept = simulated_samples(estimates.recording, step_s, mode)
+        kept = simulated_samples(estimates, step_s, mode)
         given = _selected(estimates.recording, kept)
-        return cls(number, mode, estimates, given, observations, kept, seed)
+        drawn = Paths(estimates, mode, (seed, number))
+        return cls(number, mode, estimates, given, observations, kept, drawn)
 
     def sampled(self, step_s: float) -> Data:
         """Return the same observations of a simulation with samples so far apart."""
-        kept = simulated_samples(self.estimates.recording, step_s, self.mode)
+        return self._of(simulated_samples(self.estimates, step_s, self.mode))
+
+    def cut(self) -> Data:
+        """Return the same observations of a simulation with four steps in the place of each."""
+        return self._of(cut(self.kept))
+
+    def _of(self, kept: _Index) -> Data:
         return replace(self, kept=kept, given=_selected(self.estimates.recording, kept))
 
     @property
@@ -105,13 +110,9 @@ class Data:
         """Return whether samples are left out of `given`."""
         return self.kept.size < self.estimates.recording.time_s.size
 
-    def paths(self) -> Iterable[Recording]:
-        """Return other paths that explain the readings as well, of what a simulation reads.
-
-        The same ones each time: kept, or drawn again where they would fill the memory.
-        """
-        size_bytes = DRAWS * self.kept.size * len(self._read) * np.dtype(np.float64).itemsize
-        return self._paths if size_bytes <= MOST_PATHS_BYTES else self._drawn()
+    def paths(self) -> Iterator[Recording]:
+        """Yield other paths that explain the readings as well, at the simulated samples."""
+        return (_selected(one, self.kept) for one in self.drawn)
 
     @cached_property
     def factors(self) -> Kept[tuple[_Floats, float]]:
@@ -123,22 +124,6 @@ class Data:
         size_bytes = np.dtype(np.float64).itemsize
         one_bytes = sum(rows.size**2 for rows in self.observations.blocks) * size_bytes
         return Kept(max(MOST_FACTORS_BYTES, one_bytes))
-
-    @cached_property
-    def _paths(self) -> tuple[Recording, ...]:
-        return tuple(self._drawn())
-
-    @property
-    def _read(self) -> set[str]:
-        """Channels that a simulation may read."""
-        read = {*self.mode.columns, *self.mode.speeds, TEMPERATURE}
-        return read & self.estimates.recording.channels.keys()
-
-    def _drawn(self) -> Iterator[Recording]:
-        unread = self.estimates.recording.channels.keys() - self._read
-        seed = np.random.SeedSequence([self.seed, self.number])
-        for one in islice(self.estimates.draws(self.mode, seed), DRAWS):
-            yield _selected(one.without_channels(unread), self.kept)
 
     def predict(
         self,
@@ -175,21 +160,6 @@ class Data:
                 value for one, value in mine if one.kind == "hysteresis"
             )
         return found
-
-
-def simulated_samples(recording: Recording, step_s: float, mode: Mode) -> _Index:
-    """Choose the samples that a simulation is given.
-
-    About so far apart, and where a given series turns between, for friction depends on extremes.
-    """
-    time_s = recording.time_s
-    stride = max(1, round(step_s / float(np.median(np.diff(time_s)))))
-    kept = [np.arange(0, time_s.size, stride), np.array([time_s.size - 1])]
-    if stride > 1:
-        for name in mode.columns:
-            values = recording[name]
-            kept.append(np.flatnonzero(np.diff(np.sign(np.diff(values))) != 0) + 1)
-    return np.unique(np.concatenate(kept))
 
 
 def _selected(recording: Recording, kept: _Index) -> Recording:

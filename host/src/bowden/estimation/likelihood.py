@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from bowden.estimation.covariance import DRAWS, Covariance, Data
+from bowden.estimation.covariance import Covariance, Data
+from bowden.estimation.paths import DRAWS
 
 _Floats = NDArray[np.float64]
 
