@@ -14,7 +14,7 @@ COMPILE = uv pip compile --quiet --universal --python-version 3.11 --generate-ha
     --no-annotate --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels transcripts bench bench-faults bench-diagnosis bench-feel bench-calibration bench-data-gate bench-sensitivity lock clean
+.PHONY: help demo demo-diagnosis test lint format firmware flash debug generate docs wheels transcripts bench bench-faults bench-diagnosis bench-applied bench-feel bench-calibration bench-data-gate bench-sensitivity lock clean
 .PHONY: setup setup-firmware setup-baselines setup-browser native kernels
 
 help: ## list the targets
@@ -82,6 +82,9 @@ bench-faults: firmware native ## every single fault in every situation, native a
 
 bench-diagnosis: setup-baselines ## hidden effects against `bowden diagnose` and its rivals (SEED=...); hours; build/diagnosis.*
 	$(BIN)/python -m hil_tests.benchmarks.diagnosis --seed $(SEED) $(BENCH_FLAGS)
+
+bench-applied: native ## does the drive render as well with what is found as with the truth? (SEED=...); half an hour
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m hil_tests.benchmarks.applied --seed $(SEED) $(BENCH_FLAGS)
 
 bench-feel: native ## what an operator feels who trembles, lets go or grasps, on two plants (SEED=...); an hour; docs/feel-benchmark.md
 	$(BIN)/python -m hil_tests.benchmarks.feel --seed $(SEED) --page docs/feel-benchmark.md $(BENCH_FLAGS)
