@@ -129,16 +129,12 @@ def outcome_of(hidden: str, rig: parameters.Rig, truth: Model, seed: int, folder
 def cases() -> list[tuple[str, parameters.Rig, Model]]:
     """Return name, rig and true model of each case."""
     lab = parse_model(LAB_MODEL, "lab.yaml")
-    plain = _rig(RIG)
+    plain = rig_with(RIG)
     found = [
         (name, hide(plain, name, values), lab.with_effect(name, values))
         for name, values in EFFECTS.items()
     ]
     for change, width_rad in LAWS:
-        angle = np.linspace(-0.7, 0.7, 17)
-        table = LawTable(
-            "friction_factor", ("load_angle_rad", "slip_direction"), tuple(angle.tolist())
-        )
         # Strokes of one length would not tell a law of the angle from one of the time since
         # reversal.
         settings = (
@@ -147,12 +143,20 @@ def cases() -> list[tuple[str, parameters.Rig, Model]]:
             f"cable.pile_change={change}",
             f"cable.pile_width_rad={width_rad}",
         )
-        truth = lab.with_law(table, (change * np.tanh(angle / width_rad)).tolist())
-        found.append((f"law {change:g}, {width_rad:g} rad", _rig(settings), truth))
+        truth = with_pile(lab, change, width_rad)
+        found.append((f"law {change:g}, {width_rad:g} rad", rig_with(settings), truth))
     return found
 
 
-def _rig(settings: Sequence[str]) -> parameters.Rig:
+def with_pile(model: Model, change: float, width_rad: float) -> Model:
+    """Return a model with the law of a leaning pile: `cable.pile_change` and `pile_width_rad`."""
+    angle = np.linspace(-0.7, 0.7, 17)
+    table = LawTable("friction_factor", ("load_angle_rad", "slip_direction"), tuple(angle.tolist()))
+    return model.with_law(table, (change * np.tanh(angle / width_rad)).tolist())
+
+
+def rig_with(settings: Sequence[str]) -> parameters.Rig:
+    """Return the rig with settings, each as PART.FIELD=VALUE."""
     rig = parameters.Rig()
     for one in settings:
         rig = parameters.changed(rig, one)
