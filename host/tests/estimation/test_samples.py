@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from bowden.estimation.samples import PARTS, STRAIGHT, cut, simulated_samples
 from bowden.model import Mode, parse_model
+from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import simulate_recording
@@ -90,11 +91,12 @@ def test_what_a_sensor_leaves_open_is_not_followed() -> None:
 def test_few_samples_tell_what_a_mass_does_at_starts_and_stops() -> None:
     estimates = strokes(0.05)
     recording = estimates.recording
-    mass = MODEL.with_effect("motor_inertia", {"inertia_kg_m2": 6e-5})
+    still = with_segments(MODEL, 400)  # and steps as close as that
+    mass = still.with_effect("motor_inertia", {"inertia_kg_m2": 6e-5})
     kept = simulated_samples(estimates, STEP_S, MODE)
     assert kept.size < 0.1 * recording.time_s.size
     plain, every = (
-        simulate_recording(one, MODE, recording).motor_angle_rad[kept] for one in (MODEL, mass)
+        simulate_recording(one, MODE, recording).motor_angle_rad[kept] for one in (still, mass)
     )
     few = simulate_recording(mass, MODE, recording.select(kept)).motor_angle_rad
     # An even grid of 16 ms is off by 10 % of what the mass does, this one by 0.2 %.

@@ -24,7 +24,7 @@ from bowden.model.trajectory import COLUMNS, FloatArray, Inputs, Mode, Trajector
 from bowden.workers import cores
 
 MOST_PASSES = 16
-AGREED = 1e-6  # of a series' largest value: then passes end
+AGREED = 1e-5  # of a series' largest value: then passes end, a tenth of NEARLY
 NEARLY = 1e-4  # at the end of all passes: half of what 100 segments get wrong
 
 
@@ -56,7 +56,7 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
     An effect that depends on a predicted series (a motor's inertia in torque-position needs the
     motor's acceleration) is solved by repeated passes: the first takes the ratio of the pulleys for
     the prediction, the next ones what came out before (`Passes`), until what is asked of the solver
-    changes by no more than 1e-6 of its largest value. The measured series of that name is never
+    changes by no more than 1e-5 of its largest value. The measured series of that name is never
     looked at.
     """
     time_s, motor, load = inputs.for_mode(mode)

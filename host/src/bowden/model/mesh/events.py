@@ -13,8 +13,16 @@ and +r theta for cable b; each cable feels them with its sign, +1 and -1.
 
 from __future__ import annotations
 
-from bowden.model.compiled import compiled_in_place
-from bowden.model.mesh.motor_mass import moved_on, pull_of_mass
+from bowden.model.compiled import compiled_in_place, inlined
+from bowden.model.mesh.motor_mass import (
+    between,
+    judged,
+    most_steps,
+    moved_on,
+    off_by,
+    pull_of_mass,
+    steps_left,
+)
 from bowden.model.mesh.state import State, Tables
 from bowden.model.mesh.varying import FrictionLevel, change_to, set_friction
 from bowden.model.mesh.zones import (
@@ -176,9 +184,58 @@ def stick_at_rest(
 
 
 @compiled_in_place
+def after_change(
+    t: Tables,
+    s: State,
+    f: FrictionLevel,
+    out: float,
+    back: float,
+    free: int,
+    before: float,
+    force: float,
+    spring: float,
+    motor: float,
+    load: float,
+) -> float:
+    """Change friction before a step and return the free pulley's difference of tensions then.
+
+    What friction alone has done to it is no step of the torque.
+    """
+    change_to(t, s, f, out, back, free, force, spring, motor, load)
+    return float(s.end_n[0, free] - s.end_n[1, free]) if free >= 0 else before
+
+
+@inlined
+def note(s: State, place: float, flags: int, row: FloatArray) -> None:
+    """Write down where a sample ends."""
+    row[0] = place
+    row[1] = s.end_n[0, 0]
+    row[2] = s.end_n[0, 1]
+    row[3] = s.end_n[1, 0]
+    row[4] = s.end_n[1, 1]
+    row[5] = (flags & 7) + (s.gap_m[0] >= 0) + 2 * (s.gap_m[1] >= 0)
+
+
+@compiled_in_place
+def copy(s: State, to: State) -> None:
+    """Copy the state; what follows from it is left out."""
+    for cable in range(2):
+        for i in range(s.node_n.shape[1]):
+            to.node_n[cable, i] = s.node_n[cable, i]
+        for end in range(2):
+            to.end_n[cable, end] = s.end_n[cable, end]
+            to.depth[cable, end] = s.depth[cable, end]
+            to.motion[cable, end] = s.motion[cable, end]
+            to.virgin[cable, end] = s.virgin[cable, end]
+            to.rest_s[cable, end] = s.rest_s[cable, end]
+        to.gap_m[cable] = s.gap_m[cable]
+
+
+@compiled_in_place
 def run(
     t: Tables,
     s: State,
+    kept: State,
     f: FrictionLevel,
     free: int,
     time: FloatArray,
@@ -186,6 +243,8 @@ def run(
     load: FloatArray,
     mass_kg: float,
     damping_s: float,
+    shortest_s: float,
+    close_m_per_s: float,
     dead_band: float,
     rest_s: float,
     factor: FloatArray,
@@ -195,51 +254,62 @@ def run(
 
     `motor` and `load` are forces (difference of tensions, N) at the free pulley and displacements
     (of cable a's end, outward, m) at the other. Row of `out`: free pulley's displacement, T1a, TLa,
-    T1b, TLb, flags. Returns the number of samples in which a step did not end (always 0).
+    T1b, TLb, flags. Returns 0, or how many samples found no end (always 0).
     `mass_kg` is the motor's inertia over its radius squared; it counts where the motor is free, and
-    `damping_s` with it. `factor` on the friction coefficient, out and back, is that of `Histories`,
-    of one sample where nothing changes.
+    `damping_s` with it. Such a mass takes steps that are not off by more than `close_m_per_s`, but
+    none shorter than `shortest_s` (`mesh.motor_mass`); `kept` is room for the state before a step.
+    `factor` on the friction coefficient, out and back, is that of `Histories`, of one sample where
+    nothing changes.
     """
-    if factor[0, 0] != 1.0 or factor[0, 1] != 1.0:
-        set_friction(t, f, factor[0, 0], factor[0, 1])
-    failed, place, speed, acceleration = 0, 0.0, 0.0, 0.0
-    has_mass = free == 0 and mass_kg > 0.0
-    force_before, x_before, y_before = 0.0, motor[0], load[0]
+    torque = motor if free == 0 else load
+    failed, place, speed, acceleration, longest_s = 0, 0.0, 0.0, 0.0, shortest_s
+    force_before, out_before, back_before = 0.0, factor[0, 0], factor[0, 1]
+    if out_before != 1.0 or back_before != 1.0:
+        set_friction(t, f, out_before, back_before)
     for i in range(time.size):
-        dt = time[i] - time[i - 1] if i > 0 else 0.0
-        force = 0.0
-        x, y = motor[i] - x_before, load[i] - y_before
-        if free == 0:
-            force, x = motor[i], 0.0
-        elif free == 1:
-            force, y = load[i], 0.0
-        before, spring = force_before if i > 0 else force, 0.0
-        if has_mass and i > 0:
-            before = s.end_n[0, 0] - s.end_n[1, 0]
-            pull, spring = pull_of_mass(mass_kg, damping_s, dt, speed, acceleration)
-            force += pull
-        if 0 < i < factor.shape[0] and (
-            factor[i, 0] != factor[i - 1, 0] or factor[i, 1] != factor[i - 1, 1]
-        ):
-            change_to(t, s, f, factor[i, 0], factor[i, 1], free, force, spring, x, y)
-            if free >= 0:  # what friction alone has done to it: no step of the torque
-                before = s.end_n[0, free] - s.end_n[1, free]
-        moved, flags = step(t, s, free, before, force, spring, x, y)
-        if has_mass and i > 0:
-            speed, acceleration = moved_on(damping_s, dt, moved, speed, acceleration)
-        place += moved
-        if free == 0:
-            x = moved
-        elif free == 1:
-            y = moved
-        if t.sticks:
-            stick_at_rest(t, s, x, y, dt, dead_band, rest_s)
-        force_before, x_before, y_before = motor[i] if free == 0 else force, motor[i], load[i]
+        whole_s = time[i] - time[i - 1] if i > 0 else 0.0
+        given_x = motor[i] - motor[i - 1] if i > 0 and free != 0 else 0.0
+        given_y = load[i] - load[i - 1] if i > 0 and free != 1 else 0.0
+        has_mass = free == 0 and mass_kg > 0.0 and i > 0
+        left_s, flags = whole_s, 0
+        for _ in range(most_steps(whole_s, shortest_s) if has_mass else 1):
+            parts = steps_left(left_s, longest_s) if has_mass else 1
+            dt = left_s / parts
+            done = 1.0 if parts == 1 else (whole_s - left_s + dt) / whole_s
+            part = dt / whole_s if has_mass else 1.0
+            x, y, force, spring = given_x * part, given_y * part, 0.0, 0.0
+            if free >= 0:
+                force = between(torque, i, done)
+            before = force_before if i > 0 else force
+            if has_mass:
+                copy(s, kept)
+                before = s.end_n[0, 0] - s.end_n[1, 0]
+                pull, spring = pull_of_mass(mass_kg, damping_s, dt, speed, acceleration)
+                force += pull
+            out_now, back_now = between(factor[:, 0], i, done), between(factor[:, 1], i, done)
+            changes = out_now != out_before or back_now != back_before
+            if changes:
+                before = after_change(t, s, f, out_now, back_now, free, before, force, spring, x, y)
+            moved, more = step(t, s, free, before, force, spring, x, y)
+            if has_mass:
+                went = moved_on(damping_s, dt, moved, speed, acceleration)
+                off_m_per_s = off_by(dt, went[1], acceleration)
+                close, longest_s = judged(off_m_per_s, close_m_per_s, dt, longest_s, shortest_s)
+                if not close:
+                    copy(kept, s)
+                    if changes:
+                        set_friction(t, f, out_before, back_before)
+                    continue
+                speed, acceleration = went
+            x, y = moved if free == 0 else x, moved if free == 1 else y
+            if t.sticks:
+                stick_at_rest(t, s, x, y, dt, dead_band, rest_s)
+            force_before, out_before, back_before = force, out_now, back_now
+            place, flags, left_s = place + moved, flags | more, left_s - dt
+            if parts == 1:
+                break
+        else:
+            flags |= 8
         failed += flags >> 3
-        out[i, 0] = place
-        out[i, 1] = s.end_n[0, 0]
-        out[i, 2] = s.end_n[0, 1]
-        out[i, 3] = s.end_n[1, 0]
-        out[i, 4] = s.end_n[1, 1]
-        out[i, 5] = (flags & 7) + (s.gap_m[0] >= 0) + 2 * (s.gap_m[1] >= 0)
+        note(s, place, flags, out[i])
     return failed

@@ -12,8 +12,6 @@ tables and reads the answer.
 
 from __future__ import annotations
 
-import math
-
 from bowden.model.compiled import compiled_in_place, inlined
 from bowden.model.mesh.chain import (
     as_before,
@@ -25,7 +23,15 @@ from bowden.model.mesh.chain import (
     set_tensions,
     solve,
 )
-from bowden.model.mesh.motor_mass import DOUBLED, ROUNDING, moved_on, off_by, pull_of_mass
+from bowden.model.mesh.motor_mass import (
+    between,
+    judged,
+    most_steps,
+    moved_on,
+    off_by,
+    pull_of_mass,
+    steps_left,
+)
 from bowden.model.mesh.pulleys import (
     SETTLED,
     Pulleys,
@@ -51,7 +57,6 @@ ALL_AT_ONCE = 16  # rounds that revise all segments at once; then one at a time,
 QUICKLY, PATIENTLY, GENTLY = WAYS = 0, 1, 2
 REFINEMENTS = (1, 4, 16, 64)  # steps that a sample is cut into where fewer find no answer
 MOST_AHEAD = 2.0  # times the last step: how long motion is guessed to go on as it was
-STEPS_AND_ATTEMPTS = 8  # a shortest step: two accepted ones, each after a few that were not
 ONLY_DIRECTION = 1e-6  # what is left of the last motion as a guess where it was a bad one
 
 
@@ -258,14 +263,6 @@ def sample(
 
 
 @inlined
-def between(values: FloatArray, i: int, done: float) -> float:
-    """Return a series on its way to sample i; of its first, or only, sample: that."""
-    if values.size == 1 or i == 0:
-        return float(values[0])
-    return float((1.0 - done) * values[i - 1] + done * values[i])
-
-
-@inlined
 def resistance(
     p: Pulleys, mass_kg: float, damping_s: float, dt: float, speed: float, acceleration: float
 ) -> tuple[float, float]:
@@ -324,9 +321,9 @@ def run(
         extra = longer[i] - longer[i - 1] if 0 < i < longer.size else longer[0] if i == 0 else 0.0
         mass_now_kg = mass_kg if free == 0 and i > 0 else 0.0
         left_s, flags = whole_s, 0
-        most = STEPS_AND_ATTEMPTS * (1 + int(whole_s / shortest_s)) if mass_now_kg > 0.0 else 1
+        most = most_steps(whole_s, shortest_s) if mass_now_kg > 0.0 else 1
         for _ in range(most):
-            parts = max(math.ceil(left_s / longest_s - ROUNDING), 1) if mass_now_kg > 0.0 else 1
+            parts = steps_left(left_s, longest_s) if mass_now_kg > 0.0 else 1
             dt = left_s / parts
             part = dt / whole_s
             done = 1.0 if parts == 1 else (whole_s - left_s + dt) / whole_s
@@ -353,12 +350,10 @@ def run(
             if mass_now_kg > 0.0:
                 went = moved_on(damping_s, dt, moved, speed, acceleration)
                 off_m_per_s = off_by(dt, went[1], acceleration)
-                if off_m_per_s > close_m_per_s and dt > (1.0 + ROUNDING) * shortest_s:
+                close, longest_s = judged(off_m_per_s, close_m_per_s, dt, longest_s, shortest_s)
+                if not close:
                     restore(s, p)
-                    longest_s = max(0.5 * dt, shortest_s)
                     continue
-                if DOUBLED * off_m_per_s < close_m_per_s:
-                    longest_s = max(longest_s, 2.0 * dt)
                 held = p.bearing_n > 0.0 and p.rolls[0] == 0
                 speed, acceleration = (0.0, 0.0) if held else went
             mean_speed, dt_before, force_before = moved / dt, dt, force

@@ -5,24 +5,22 @@ it is damped alike, whatever the cables' stiffness is just now. That is what New
 with gamma = 1/2 + damping_s / dt; with beta = (gamma + 1/2)^2 / 4 it is stable at any stiffness
 (Hughes, The Finite Element Method, 2000, section 9.1). Steps shorter than `damping_s` are no use.
 
-`mesh.implicit` chooses its steps by what each may be off by; `mesh.events`, whose steps are cheap,
-takes them all as short.
+`mesh.events` and `mesh.implicit` choose their steps by what each may be off by.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from bowden.model.compiled import inlined
+from bowden.model.mesh.state import DEFAULT_SEGMENTS
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
 
 STEPS_A_PERIOD = 128  # of ringing on both cables, end to end, at most
-CLOSE = 2e-4  # of the pretension: what the steps of a period may be off by
 DOUBLED = 8.0  # times less than that, and steps may be twice as long
 ROUNDING = 1e-6  # of a step: so much more is no reason for another one
+STEPS_AND_ATTEMPTS = 8  # a shortest step: two accepted ones, each after a few that were not
 
 
 def shortest_step_s(transmission: Transmission) -> float:
@@ -31,9 +29,14 @@ def shortest_step_s(transmission: Transmission) -> float:
 
 
 def close_m_per_s(transmission: Transmission) -> float:
-    """Return what steps may be off by, m/s."""
+    """Return what steps may be off by, m/s.
+
+    Those of a period together: the stretch of the pretension over segments^2, less than the mesh is
+    off by, whose error falls about as fast.
+    """
+    segments = transmission.segments or DEFAULT_SEGMENTS
     stretch_m = transmission.pretension_n / _stiffness_n_per_m(transmission)
-    return CLOSE * stretch_m / _period_s(transmission)
+    return stretch_m / segments**2 / _period_s(transmission)
 
 
 def _period_s(transmission: Transmission) -> float:
@@ -47,16 +50,38 @@ def _stiffness_n_per_m(transmission: Transmission) -> float:
     return 2.0 * transmission.axial_stiffness_n / transmission.length_m
 
 
-def cut(time_s: FloatArray, longest_s: float) -> FloatArray:
-    """Return the times with others evenly between those that lie further apart."""
-    steps = np.diff(time_s)
-    parts = np.maximum(np.ceil(steps / longest_s - ROUNDING), 1).astype(int)
-    if not np.any(parts > 1):
-        return time_s
-    which = np.repeat(np.arange(steps.size), parts)
-    share = (np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[which]
-    fine: FloatArray = np.append(time_s[which] + share * steps[which], time_s[-1])
-    return fine
+@inlined
+def steps_left(left_s: float, longest_s: float) -> int:
+    """Return how many equal steps are left of a sample."""
+    return max(math.ceil(left_s / longest_s - ROUNDING), 1)
+
+
+@inlined
+def most_steps(whole_s: float, shortest_s: float) -> int:
+    """Return how many steps and attempts a sample may take: a guard."""
+    return STEPS_AND_ATTEMPTS * (1 + int(whole_s / shortest_s))
+
+
+@inlined
+def judged(
+    off_m_per_s: float, close_m_per_s: float, dt: float, longest_s: float, shortest_s: float
+) -> tuple[bool, float]:
+    """Return whether a step is close enough, and how long those after it may be."""
+    if off_m_per_s > close_m_per_s and dt > (1.0 + ROUNDING) * shortest_s:
+        return False, max(0.5 * dt, shortest_s)
+    if DOUBLED * off_m_per_s < close_m_per_s:
+        return True, max(longest_s, 2.0 * dt)
+    return True, longest_s
+
+
+@inlined
+def between(values: FloatArray, i: int, done: float) -> float:
+    """Return a series on its way to sample i; of its first, or only, sample: that."""
+    if values.size == 1 or i == 0:
+        return float(values[0])
+    if done == 1.0:
+        return float(values[i])
+    return float(values[i - 1] + done * (values[i] - values[i - 1]))
 
 
 @inlined

@@ -73,8 +73,9 @@ def simulate_mesh(  # noqa: PLR0917
     factor, longer = _series(histories or Histories(), time_s.size)
     changing = bool(np.any(factor != 1.0)) and transmission.friction.has_stiction
     shortest_s = motor_mass.shortest_step_s(transmission) if free == 0 else np.inf
+    close_m_per_s = motor_mass.close_m_per_s(transmission)
+    out = np.zeros((time_s.size, 6))
     if needs_implicit_steps(transmission, mode) or changing or np.any(longer != 0.0):
-        out = np.zeros((time_s.size, 6))
         failed = implicit.run(
             chain_tables(transmission),
             chain_state(transmission),
@@ -86,31 +87,31 @@ def simulate_mesh(  # noqa: PLR0917
             mass_kg,
             damping_s,
             shortest_s,
-            motor_mass.close_m_per_s(transmission),
+            close_m_per_s,
             factor,
             longer,
             out,
         )
     else:
-        times = motor_mass.cut(time_s, shortest_s)
-        factor = _at(times, time_s, factor)
-        out = np.zeros((times.size, 6))
+        varies = bool(np.any(factor != factor[0]))
         failed = events.run(
-            tables(transmission, varies=bool(np.any(factor != factor[0]))),
+            tables(transmission, varies=varies),
+            rest_state(transmission),
             rest_state(transmission),
             friction_level(transmission),
             free,
-            times,
-            _at(times, time_s, motor_end),
-            _at(times, time_s, load_end),
+            time_s,
+            motor_end,
+            load_end,
             mass_kg,
             damping_s,
+            shortest_s,
+            close_m_per_s,
             transmission.velocity_dead_band_m_per_s,
             transmission.rest_time_s,
             factor,
             out,
         )
-        out = out[np.searchsorted(times, time_s)]
     if failed or not np.all(np.isfinite(out)):
         raise ModelError(
             "no equilibrium found, accepted: smaller steps, or motion that a cable can follow"
@@ -144,15 +145,6 @@ def _series(histories: Histories, samples: int) -> tuple[FloatArray, FloatArray]
     if least < 0:
         raise ModelError(f"friction_factor: found {least:g}, accepted: 0 or more")
     return np.ascontiguousarray(np.broadcast_arrays(*found[:2])).T.copy(), found[2]
-
-
-def _at(times: FloatArray, time_s: FloatArray, series: FloatArray) -> FloatArray:
-    """Return a series on straight lines between its samples; of one row: that row."""
-    if times.size == time_s.size or len(series) == 1:
-        return series
-    columns = series if series.ndim > 1 else series[:, None]
-    found = np.column_stack([np.interp(times, time_s, column) for column in columns.T])
-    return np.ascontiguousarray(found.reshape(times.size, *series.shape[1:]))
 
 
 def chain_tables(transmission: Transmission) -> ChainTables:
