@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,8 @@ from bowden.diagnosis.candidates import Candidate, candidates
 from bowden.diagnosis.fitting import finish, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
-from bowden.diagnosis.search import search
+from bowden.diagnosis.odds import penalty
+from bowden.diagnosis.search import likeliest, search
 from bowden.diagnosis.sets import Sets
 from bowden.model import Mode
 from bowden.workers import Workers, workers
@@ -55,6 +57,17 @@ def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
     assert set(found[0].effects) == {GAIN, OFFSET}
     assert found[0].best.cost < wrong.best.cost - 100.0
     assert abs(found[0].values(found[0].effects.index(GAIN))["g"] - 0.02) < 0.002
+
+
+def test_a_set_that_is_less_likely_than_an_effect_costs_is_not_grown(sets: Sets) -> None:
+    right = _fitted(sets, GAIN, OFFSET)
+    costs = max(penalty(GAIN.effect), penalty(OFFSET.effect))
+
+    def less_likely(by: float) -> Hypothesis:
+        return replace(right, best=replace(right.best, cost=right.best.cost + by))
+
+    ranked = [right, less_likely(0.9 * costs), less_likely(1.1 * costs)]
+    assert [id(one) for one in likeliest(ranked)] == [id(one) for one in ranked[:2]]
 
 
 def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest() -> None:

@@ -1,8 +1,8 @@
 """Search the sets of effects: add, drop and swap effects while that makes a set likelier.
 
 Every candidate is screened from the calibrated model, the most promising ones are fitted, and the
-best sets are grown. What a candidate does to a rig depends on what else the rig has: candidates are
-screened again from each set that leaves much. Where no addition helps such a set, each of its
+likeliest set is grown. What a candidate does to a rig depends on what else the rig has: candidates
+are screened again from each set that leaves much. Where no addition helps such a set, each of its
 effects is exchanged for others.
 """
 
@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import holds, leaves_something
+from bowden.diagnosis.contribution import leaves_something
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
@@ -23,8 +23,6 @@ from bowden.diagnosis.sets import MOST, Sets
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.search import Progress
 from bowden.model import Model
-
-PARENTS = 2  # sets that are grown further at each step
 
 
 def search(
@@ -66,7 +64,7 @@ def search(
             grown = sets.weighed(frontier, sets.exchanged(best))
         if grown[0].key in tried:
             break
-        frontier = [one for one in _parents(grown) if one.key not in tried]
+        frontier = [one for one in likeliest(grown) if one.key not in tried]
     tell("predicting what was held out", 0.85)
     return Found(
         tuple(_compared(sets.finalists(), len({one.name for one in every}), seed)),
@@ -95,12 +93,12 @@ def _compared(finalists: Iterable[Hypothesis], names: int, seed: int) -> list[We
     return weighed
 
 
-def _parents(grown: Sequence[Hypothesis]) -> list[Hypothesis]:
+def likeliest(ranked: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Return which sets are grown further, of those in order of merit.
 
-    Beside a set that holds, only those that are less likely by no more than one effect costs: these
-    explain each other's data with any further effect, too.
+    The likeliest, and those that are less likely by no more than one effect costs: beside it these
+    explain the data as well. What came first in another set's place is found by exchange.
     """
-    best = grown[0]
+    best = ranked[0]
     equal = merit(best) + max((penalty(one.effect) for one in best.effects), default=0.0)
-    return [one for one in grown[:PARENTS] if not holds(best) or merit(one) <= equal]
+    return [one for one in ranked if merit(one) <= equal]
