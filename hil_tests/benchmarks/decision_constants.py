@@ -24,7 +24,7 @@ FOLDER: Final = Path(bowden.diagnosis.__file__).parent
 OUTSIDE: Final = {
     "result": "holds what is found",
     "material": "steps and meshes, whose error each fit is corrected for; an encoder's half count",
-    "law_candidates": "learned laws, which are fitted once the verdict is `unlisted`",
+    "law_candidates": "knots and places of learned laws",
 }
 ODDS: Final = ("SURE", "LIKELIER", "UNLIKE", "AFFECTED")  # shares whose double would be no share
 

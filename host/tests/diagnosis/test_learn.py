@@ -9,6 +9,7 @@ import pytest
 from bowden.diagnosis import learn
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.fitting import parameters_with
+from bowden.diagnosis.found import Laws
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material
@@ -81,3 +82,17 @@ def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
     monkeypatch.setattr(learn, "_begun", lambda *_: law(-1000.0, 5.0))
     assert learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [law(-1000.0, 5.0)])
     assert not learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [law(-1100.0, 5.0)])
+
+
+@pytest.mark.parametrize(
+    ("cost", "discrepancy", "ends"),
+    [(-1000.0, 0.5, True), (-1000.0, 5.0, False), (-100.0, 0.5, False)],
+)
+def test_a_law_ends_the_search_where_it_leaves_little_and_is_likelier(
+    monkeypatch: pytest.MonkeyPatch, cost: float, discrepancy: float, ends: bool
+) -> None:
+    found = Laws((), (), (law(cost, discrepancy),))
+    monkeypatch.setattr(learn, "learn", lambda *_: found)
+    monkeypatch.setattr(learn, "weighed_under", lambda one, _: one)
+    sets = [law(0.0, 9.0), law(-100.0, 9.0), law(-500.0, 9.0)]
+    assert (learn.likelier_laws(UNUSED, MODEL, sets) is found) is ends

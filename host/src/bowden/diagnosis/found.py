@@ -10,6 +10,27 @@ from bowden.diagnosis.screening import ScreenedCandidate
 
 
 @dataclass(frozen=True)
+class Laws:
+    """Learned laws of one argument that were fitted on top of some sets.
+
+    Parameters
+    ----------
+    parents : tuple of Hypothesis
+        The calibrated model and the likeliest single effect, under one covariance. A set with more
+        effects than the rig has imitates the missing law with their numbers: no law is looked for
+        on top of it.
+    screened : tuple of ScreenedCandidate
+        Every law on top of the calibrated model.
+    fitted : tuple of Hypothesis
+        The likeliest.
+    """
+
+    parents: tuple[Hypothesis, ...]
+    screened: tuple[ScreenedCandidate, ...]
+    fitted: tuple[Hypothesis, ...]
+
+
+@dataclass(frozen=True)
 class Found:
     """What the search ends with.
 
@@ -25,6 +46,8 @@ class Found:
         Every candidate from the calibrated model, best shape of each place.
     in_time : bool
         Whether the search ended by itself, not by its time limit.
+    laws : Laws, optional
+        Those that explain more than any two effects.
     """
 
     weighed: tuple[Weighed, ...]
@@ -32,3 +55,4 @@ class Found:
     filed: Hypothesis
     screened: tuple[ScreenedCandidate, ...]
     in_time: bool = True
+    laws: Laws | None = None

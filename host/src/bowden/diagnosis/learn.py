@@ -1,11 +1,12 @@
 """Learn a law where no name fits: a smooth function of one argument or two, at one place.
 
-Where the posterior says that something unlisted is there, every place and argument is screened on
-top of the calibrated model, and the most promising laws are fitted with the simulator inside, alone
-and beside the likeliest effect, as long as they could still be the likeliest. The law is the one
-that predicts unseen stretches best; the evidence sets its smoothness. Where it, too, leaves what is
-unlisted, laws of two arguments follow. `law_candidates` lists what is tried, `verdict`
-words it.
+Where no two effects explain the data, every place and argument is screened on top of the calibrated
+model, and the most promising laws are fitted with the simulator inside, alone and beside the
+likeliest effect, as long as they could still be the likeliest. Where such a law is likelier
+than every set of effects, or something unlisted is there, laws are compared with the sets. The law
+is the one that predicts unseen stretches best; the evidence sets its smoothness. Where it, too,
+leaves what is unlisted, laws of two arguments follow. `law_candidates` lists what is tried,
+`search` asks for it, `verdict` words it.
 """
 
 from __future__ import annotations
@@ -19,8 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.contribution import holds, matters
-from bowden.diagnosis.fitting import FRICTION, ROUGH, about_first, finish, start_of
-from bowden.diagnosis.found import Found
+from bowden.diagnosis.fitting import (
+    FRICTION,
+    ROUGH,
+    about_first,
+    finish,
+    start_of,
+    weighed_under,
+)
+from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.growing import without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import FITTED as KNOTS
@@ -35,13 +43,12 @@ from bowden.diagnosis.law_candidates import (
 )
 from bowden.diagnosis.material import Material, as_searched, with_offset
 from bowden.diagnosis.numbers_known import solver_errors
-from bowden.diagnosis.odds import Weighed, log_prior, merit, posterior
+from bowden.diagnosis.odds import LEAST_WEIGHT, Weighed, log_prior, merit, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
-from bowden.diagnosis.validation import LEAST_WEIGHT
 from bowden.estimation.covariance import Covariance
-from bowden.estimation.descend import bounded_step, normal_equations
+from bowden.estimation.descend import ROUNDS, bounded_step, normal_equations
 from bowden.estimation.likelihood import best_scales
 from bowden.estimation.problem import WIDEST, fitted_parts, objective
 from bowden.estimation.search import INTERVAL, Progress
@@ -51,12 +58,56 @@ from bowden.recording.recording import Recording
 _Floats = NDArray[np.float64]
 
 PROPOSED = 4  # laws that are begun at a time on top of each parent
-MOST_PROPOSED = 12
-ROUNDS = 12  # of Gauss-Newton: a law has many numbers
+MOST_PROPOSED = 12  # laws that are begun on top of each parent where something unlisted is there
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
+APART = math.log(1.0 / LEAST_WEIGHT) + KNOTS  # nats: odds for nothing, and a smoothness per knot
 
-# Of -log posterior: odds that count for nothing, and what another smoothness may do to each knot.
-APART = math.log(1.0 / LEAST_WEIGHT) + KNOTS
+
+def learn(
+    material: Material,
+    searched: Model,
+    parents: Sequence[Hypothesis],
+    rivals: Sequence[Hypothesis] = (),
+    most: int = MOST_PROPOSED,
+) -> Laws:
+    """Fit the likeliest laws of one argument on top of some sets.
+
+    Parameters
+    ----------
+    material : Material
+    searched : Model
+        As it is searched, with the file's values.
+    parents : sequence of Hypothesis
+        The calibrated model first.
+    rivals : sequence of Hypothesis
+        Sets of effects; laws that cannot become as likely are given up.
+    most : int
+        Laws that are begun on top of each parent, the most promising ones.
+    """
+    recordings = [data.estimates.recording for data in material.coarse]
+    screened = _screened(material, Screen(parents[0]), laws_over(recordings))
+    fitted = _laws(material, searched, parents, screened, rivals, most=most)
+    return Laws(tuple(parents), tuple(screened), tuple(fitted))
+
+
+def likelier_laws(material: Material, searched: Model, ones: Sequence[Hypothesis]) -> Laws | None:
+    """Return laws that leave little and are likelier than the likeliest set; None if none is.
+
+    Only the most promising ones are begun. All are as the verdict says that something is unlisted.
+
+    Parameters
+    ----------
+    material : Material
+    searched : Model
+        As it is searched, with the file's values.
+    ones : sequence of Hypothesis
+        The calibrated model, the likeliest single effect and the likeliest set, finished under one
+        covariance.
+    """
+    *parents, best = ones
+    found = learn(material, searched, parents, [best], PROPOSED)
+    weighed = [weighed_under(one, best.best.noises) for one in found.fitted if holds(one)]
+    return found if any(merit(one) < merit(best) for one in weighed) else None
 
 
 def with_laws(
@@ -78,18 +129,16 @@ def with_laws(
     tell = progress or (lambda _stage, _share: None)
     tell("learning a law that no name fits", 0.9)
     searched = as_searched(model)
-    parents = _parents(found)
-    screen = Screen(parents[0])
-    recordings = [data.estimates.recording for data in material.coarse]
-    screened = _screened(material, screen, laws_over(recordings))
-    laws = _laws(material, searched, parents, screened)
+    learned = found.laws or learn(material, searched, _parents(found))
+    laws = list(learned.fitted)
     tell("predicting by learned laws", 0.93)
     weighed = _weighed(material, found, laws, seed)
     best = next((one for one in weighed if learned_among(one.hypothesis.effects)), None)
     if best is not None and best.beyond > best.weight:
         tell("learning a law of two arguments", 0.94)
-        surfaces = _screened(material, screen, _surfaces(material, screen, screened))
-        laws += _laws(material, searched, parents, surfaces, laws)
+        screen = Screen(learned.parents[0])
+        surfaces = _screened(material, screen, _surfaces(material, screen, learned.screened))
+        laws += _laws(material, searched, learned.parents, surfaces, laws)
         weighed = _weighed(material, found, laws, seed) or weighed
     return replace(found, weighed=tuple(weighed)) if weighed else found
 
@@ -100,12 +149,15 @@ def _laws(
     parents: Sequence[Hypothesis],
     screened: Sequence[ScreenedCandidate],
     rivals: Sequence[Hypothesis] = (),
+    *,
+    most: int = MOST_PROPOSED,
 ) -> list[Hypothesis]:
     """Return the likeliest of some laws, on top of each parent and alone."""
     laws: list[Hypothesis] = []
     for parent in parents:
         if not any(map(holds, laws)):  # as in `search`: beside a set that holds none is grown
-            laws += _laws_on(material, searched, parent, screened, [*rivals, *laws])
+            others = [*rivals, *laws]
+            laws += _laws_on(material, searched, parent, screened, others, most=most)
     done = {one.key: one for one in [*rivals, *laws]}
     alone = [without_idle(material, searched, one, done) for one in laws]
     return laws + [one for one in alone if one is not None and learned_among(one.effects)]
@@ -136,11 +188,7 @@ def _weighed(
 
 
 def _parents(found: Found) -> list[Hypothesis]:
-    """Return the calibrated model and the likeliest single effect, under one covariance.
-
-    A set with more effects than the rig has imitates the missing law with their numbers: no law is
-    looked for on top of it.
-    """
+    """Return the calibrated model and the likeliest single effect, under one covariance."""
     every = [one.hypothesis for one in found.weighed]
     base = next(one for one in every if not one.effects)
     parents = [base]
@@ -184,6 +232,8 @@ def _laws_on(
     parent: Hypothesis,
     screened: Sequence[ScreenedCandidate],
     rivals: Sequence[Hypothesis],
+    *,
+    most: int = MOST_PROPOSED,
 ) -> list[Hypothesis]:
     """Return the likeliest laws on top of a set of effects, fitted to the end.
 
@@ -192,7 +242,7 @@ def _laws_on(
     ones are tried until one holds.
     """
     laws: list[Hypothesis] = []
-    chosen = _proposed(material, parent, screened)
+    chosen = _proposed(material, parent, screened)[:most]
     for first in range(0, len(chosen), PROPOSED):
         batch = chosen[first : first + PROPOSED]
         begun = [_begun(material, searched, parent, one) for one in batch]

@@ -27,6 +27,7 @@ MORE = 0.25  # of rigs that miss some effects miss one more
 AFFECTED = (0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
 RESAMPLES = 2000  # draws of the Bayesian bootstrap
 SURE = 0.95  # of the posterior: an effect is named
+LEAST_WEIGHT = 0.01  # of the posterior: a less likely set answers no split, and rivals no law
 NOTHING, UNLISTED = "nothing", "unlisted"  # explanations that name no effect
 NONE = 1e-9  # of its usual strength: an effect counts as no weaker in its prior
 

@@ -3,7 +3,9 @@
 Every candidate is screened from the calibrated model, the most promising ones are fitted, and the
 likeliest set is grown. What a candidate does to a rig depends on what else the rig has: candidates
 are screened again from each set that leaves much. Where no addition helps such a set, each of its
-effects is exchanged for others.
+effects is exchanged for others. Where no two effects explain the data a law that no name fits is
+learned: it is likelier beforehand than three effects, and where it explains more than two do, no
+larger sets are grown.
 """
 
 from __future__ import annotations
@@ -12,10 +14,11 @@ import math
 from collections.abc import Iterable, Sequence
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import leaves_something
+from bowden.diagnosis.contribution import holds, leaves_something
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.learn import likelier_laws
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import SURE, Weighed, merit, penalty, posterior
 from bowden.diagnosis.predict import predict_unseen
@@ -52,7 +55,7 @@ def search(
     sets = Sets(material, as_searched(model), time_limit_s)
     tell("screening every effect", 0.15)
     sets.screen(every)
-    frontier, tried = [sets.base], set[Key]()
+    frontier, tried, laws = [sets.base], set[Key](), None
     while sets.has_time():
         size = 1 + max(len(one.effects) for one in frontier)
         tell(f"sets of {min(size, MOST)}", 0.2 + 0.12 * min(size, MOST))
@@ -64,6 +67,12 @@ def search(
             grown = sets.weighed(frontier, sets.exchanged(best))
         if grown[0].key in tried:
             break
+        if size == 2 and not holds(grown[0]):
+            tell("learning a law that no name fits", 0.5)
+            single = next(one for one in grown if len(one.effects) == 1)
+            laws = likelier_laws(material, sets.searched, [sets.base, single, grown[0]])
+            if laws is not None:
+                break
         frontier = [one for one in likeliest(grown) if one.key not in tried]
     tell("predicting what was held out", 0.85)
     return Found(
@@ -72,6 +81,7 @@ def search(
         sets.filed,
         tuple(sets.first.here),
         not sets.cut,
+        laws,
     )
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from bowden.diagnosis.localise import SIGNIFICANT
-from bowden.diagnosis.odds import Weighed, explanations, posterior
+from bowden.diagnosis.odds import LEAST_WEIGHT, Weighed, explanations, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Data
@@ -28,7 +28,6 @@ from bowden.signals.prediction import PREDICTED
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
-LEAST_WEIGHT = 0.01  # of the posterior: a less likely set answers no split, and rivals no law
 LAGS = 8  # observations, some 16 ms apart: what lasts longer shows at these, too
 
 
