@@ -24,7 +24,7 @@ demo: native $(if $(filter emulated,$(TARGET)),firmware) ## the main job on the 
 	$(BIN)/bowden demo --output build/demo --target $(TARGET)
 
 demo-diagnosis: native $(if $(filter emulated,$(TARGET)),firmware) ## the loop closed: find what the model lacks, apply it, render the tunnel better
-	$(BIN)/bowden demo-diagnosis --output build/demo-diagnosis --target $(TARGET)
+	$(BIN)/bowden demo-diagnosis --part both --output build/demo-diagnosis --target $(TARGET)
 
 # Two at a time: the checks leave a core idle, on which the kernels are compiled that tests need.
 test: setup setup-firmware setup-browser ## lint, prove the firmware integer-only, run every test

@@ -141,7 +141,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--part",
         choices=("both", "named", "learned"),
         default="named",
-        help="a hidden effect that has a name, a law that has none (takes more than ten minutes), "
+        help="a hidden effect that has a name, a law that has none (takes minutes), "
         "or both (default: %(default)s)",
     )
     add_target_argument(parser)
