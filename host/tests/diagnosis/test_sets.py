@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
-from bowden.diagnosis.contribution import coordinates_without, idle
+from bowden.diagnosis.contribution import coordinates_without, idle, shares
 from bowden.diagnosis.fitting import about_first, finish, start_of
 from bowden.diagnosis.growing import refitted_from, start_without, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
@@ -30,6 +31,7 @@ from .lab import MODEL, TRUTH, measured
 (CELL,) = candidates(("load_cell_offset",))
 (GAIN,) = candidates(("load_cell_gain",))
 (WRAP,) = candidates(("wrap_angle_change",))
+PRESLIDING = candidates(("presliding_compliance",))[0]
 HIDDEN_NM: Final = 0.03
 _Numbers = Sequence[Sequence[tuple[Nuisance, float]]]
 
@@ -66,6 +68,22 @@ def test_an_effect_that_does_nothing_beside_another_is_dropped(
     # Known to a hundredth of itself: counts and noise of 12 s.
     assert less.values(0)["offset_nm"] == pytest.approx(HIDDEN_NM, rel=0.01)
     assert without_idle(material, as_searched(MODEL), both, {less.key: less}) is None
+
+
+def test_a_law_is_doubted_no_more_than_the_data_leave_it(
+    material: Material, base: Hypothesis
+) -> None:
+    """A bristle's law that the data bear out to a hundredth hides no mass of a tenth of it."""
+    bristle = (PRESLIDING, {PRESLIDING.strengths[0].name: PRESLIDING.strengths[0].typical})
+    both = fitted(material, base, bristle, (OFFSET, {"offset_nm": HIDDEN_NM}))
+
+    def doubted(law: float) -> Hypothesis:
+        return replace(both, best=replace(both.best, scales=replace(both.best.scales, law=law)))
+
+    alone = shares(both)
+    assert shares(doubted(0.0), beside_laws=True) == pytest.approx(alone)
+    offset = [shares(doubted(law), beside_laws=True)[1] for law in (0.3, 1.0)]
+    assert offset[1] < offset[0] < alone[1]
 
 
 def test_a_set_without_an_effect_starts_with_the_numbers_of_the_others(

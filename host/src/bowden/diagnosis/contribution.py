@@ -76,11 +76,13 @@ def shares(one: Hypothesis, *, beside_laws: bool = False) -> list[float]:
     """Return how much each effect does beyond calibration, as `size_in_noise` has it.
 
     Infinite where the model cannot run without it. With `beside_laws` the errors hold what the laws
-    of the other effects may be off by, observation by observation.
+    of the other effects are off by, observation by observation, as far as the data leave it.
     """
     found = []
     for index, effect in enumerate(one.contributions):
-        laws = one.law_variances(besides=index) if beside_laws else None
+        laws, left = None, one.best.scales.law**2
+        if beside_laws and left > 0.0:
+            laws = [left * law for law in one.law_variances(besides=index)]
         found.append(np.inf if effect is None else size_in_noise(one, effect.beyond, laws))
     return found
 
