@@ -13,12 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bowden.estimation.parameters import WEAK
 from bowden.model import Model
 from bowden.model.effects import CATALOGUE
 from bowden.model.effects.effect import Effect, Parameter, Variant
-
-BELOW = 100.0  # a weak effect may be that much weaker than the weakest that is usual
-MOST_SHAPES = 24  # of an effect that are simulated
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ class Candidate:
             else:
                 values = list(np.linspace(one.low, one.high, 7)[1:6:2])
             choices.append([(one.name, float(value)) for value in values])
-        for chosen in itertools.islice(itertools.product(*choices), MOST_SHAPES):
+        for chosen in itertools.product(*choices):
             yield dict(chosen)
 
 
@@ -109,6 +107,6 @@ def strength_of(one: Parameter, value: float) -> float:
 def value_of(one: Parameter, strength: float) -> float:
     """Return the value of a strength, within what is plausible."""
     if one.scale == "reciprocal":
-        return float(np.clip(1.0 / max(strength, 1e-15), one.low, one.high * BELOW))
+        return float(np.clip(1.0 / max(strength, 1e-15), one.low, one.high * WEAK))
     low = min(one.low, float(one.off or 0.0))
     return float(np.clip(float(one.off or 0.0) + strength, low, one.high))

@@ -22,7 +22,7 @@ from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.probes import Probe, probes_of, start_values, switched_off
 from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whitening_roots
 from bowden.estimation.problem import fitted_parts, objective
-from bowden.model import ModelError
+from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
 
@@ -103,9 +103,9 @@ class Screen:
         prior, slope = self.problem.prior(best.x)
         rows = np.concatenate([*white, np.column_stack([prior, slope])])
         self._residual, self._slopes = rows[:, 0], rows[:, 1:]
+        self._before = self._predicted(parent.model)
         self._q, self._r = np.linalg.qr(self._slopes)
         self._aim = -(self._q.T @ self._residual)
-        self._off: dict[object, list[_Floats] | None] = {}
         self._low = np.concatenate(
             [self.problem.parameters.low, np.full(len(self.problem.nuisances), -np.inf)]
         )
@@ -120,14 +120,11 @@ class Screen:
         frequency of its own instead: where two strengths do unlike things, each is tried as it is.
         """
         shapes = list(candidate.shapes())
-        off = self._switched_off(candidate, switched_off(candidate, shapes[0]))
-        if off is None:
-            return []
         found = []
         for shape, factor in itertools.product(shapes, STRENGTHS if len(shapes) == 1 else (1.0,)):
             nothing = switched_off(candidate, shape)
             probes = probes_of(candidate, nothing, factor)
-            found.append(self._screen(candidate, nothing, probes, off))
+            found.append(self._screen(candidate, nothing, probes))
         tried = [one for one in found if one is not None]
         if len(shapes) == 1 and self._are_unlike([one.responses[0] for one in tried]):
             tried += self.peaks(candidate)
@@ -141,15 +138,12 @@ class Screen:
         model may be worse than none.
         """
         nothing = switched_off(candidate, next(candidate.shapes()))
-        off = self._switched_off(candidate, nothing)
-        if off is None:
-            return []
         signs = (1.0, -1.0) if candidate.strengths[0].low < 0.0 else (1.0,)
         logs = np.log(EVERY)
         step = float(logs[1] - logs[0])
         found = []
         for sign in signs:
-            tried_at = partial(self._as_it_is, candidate, nothing, off, sign)
+            tried_at = partial(self._as_it_is, candidate, nothing, sign)
             grid = [tried_at(float(log)) for log in logs]
             gains = [-np.inf, *(one.gain for one in grid), -np.inf]
             for k, (low, middle, high) in enumerate(zip(gains, gains[1:], gains[2:], strict=False)):
@@ -181,10 +175,7 @@ class Screen:
     def screen_once(self, candidate: Candidate) -> ScreenedCandidate | None:
         """Predict the gain of a candidate without a shape, in proportion to its strengths."""
         nothing = switched_off(candidate, {})
-        off = self._predict(candidate, nothing)
-        if off is None:
-            return None
-        return self._screen(candidate, nothing, probes_of(candidate, nothing, 1.0), off)
+        return self._screen(candidate, nothing, probes_of(candidate, nothing, 1.0))
 
     def _are_unlike(self, changes: Sequence[Sequence[_Floats]]) -> bool:
         """Whether an effect does something else in kind at one strength than at the next."""
@@ -196,7 +187,6 @@ class Screen:
         self,
         candidate: Candidate,
         nothing: dict[str, float],
-        off: Sequence[_Floats],
         sign: float,
         log_factor: float,
     ) -> ScreenedCandidate:
@@ -204,20 +194,19 @@ class Screen:
 
         Of one that the model cannot run nothing is hoped for.
         """
-        found = self._nothing(candidate, nothing, off)
+        found = self._nothing(candidate, nothing)
         (probe,) = probes_of(candidate, nothing, sign * math.exp(log_factor))[:1]
-        change = self._change(candidate, probe.values, off)
+        change = self._change(candidate, probe.values)
         if change is None:
             return replace(found, gain=-np.inf)
         _, gain, step = self._project(self._whiten(change)[:, None], *_share(as_it_is=True))
         values = dict(probe.values)
         return replace(found, values=values, change=tuple(change), gain=gain, step=step)
 
-    def _nothing(
-        self, candidate: Candidate, nothing: dict[str, float], off: Sequence[_Floats]
-    ) -> ScreenedCandidate:
+    def _nothing(self, candidate: Candidate, nothing: dict[str, float]) -> ScreenedCandidate:
         """Return a candidate with no predicted gain."""
-        still, stays = tuple(0.0 * one for one in off), np.zeros(self.parent.best.x.size)
+        still = tuple(0.0 * one for one in self.parent.best.residuals)
+        stays = np.zeros(self.parent.best.x.size)
         return ScreenedCandidate(
             candidate, nothing, 0.0, still, 0.0, nothing, (), (), stays, self.parent
         )
@@ -233,18 +222,17 @@ class Screen:
         candidate: Candidate,
         nothing: dict[str, float],
         probes: Sequence[Probe],
-        off: Sequence[_Floats],
     ) -> ScreenedCandidate | None:
         responses = []
         for probe in probes:
-            response = self._change(candidate, probe.values, off)
+            response = self._change(candidate, probe.values)
             if response is None:
                 return None
             responses.append(tuple(response))
         columns = np.stack([self._whiten(one) for one in responses], axis=1)
         visible = float(np.linalg.norm(self._beyond(columns), axis=0).max())
         screened = replace(
-            self._nothing(candidate, nothing, off),
+            self._nothing(candidate, nothing),
             visible=visible / probes[0].factor,
             probes=tuple(probes),
             responses=tuple(responses),
@@ -253,18 +241,14 @@ class Screen:
         if scaled.gain <= 0.0:
             return screened
         # Once more from there: the secant to where the effect would be, not to where it is usual.
-        change = self._change(candidate, scaled.values, off)
+        change = self._change(candidate, scaled.values)
         if change is None:
             return None
         return self._along(replace(screened, values=scaled.values, change=tuple(change)))
 
     def anew(self, screened: ScreenedCandidate) -> ScreenedCandidate | None:
         """Screen again from this hypothesis what was screened from another."""
-        candidate, nothing = screened.candidate, screened.shape
-        off = self._switched_off(candidate, nothing)
-        if off is None:
-            return None
-        return self._screen(candidate, nothing, screened.probes, off)
+        return self._screen(screened.candidate, screened.shape, screened.probes)
 
     def again(self, screened: ScreenedCandidate) -> ScreenedCandidate:
         """Predict the gain here of what was screened from another hypothesis, without a simulation.
@@ -332,32 +316,21 @@ class Screen:
         here = objective(self.problem, best.x, best.residuals, best.noises, best.scales)
         return here - now
 
-    def _predict(self, candidate: Candidate, values: Mapping[str, float]) -> list[_Floats] | None:
-        parent = self.parent
+    def _change(self, candidate: Candidate, values: Mapping[str, float]) -> list[_Floats] | None:
+        """Return what a candidate does to each residual; None where no rig answers."""
         try:
-            model = candidate.added_to(parent.model, values)
-            return [
-                data.predict(model, self.problem.numbers(parent.best.x, data.number))
-                for data in self.problem.data
-            ]
+            on = self._predicted(candidate.added_to(self.parent.model, values))
         except ModelError:
             return None
-
-    def _switched_off(
-        self, candidate: Candidate, nothing: Mapping[str, float]
-    ) -> list[_Floats] | None:
-        key = (candidate.key, tuple(nothing.items()))
-        if key not in self._off:
-            self._off[key] = self._predict(candidate, nothing)
-        return self._off[key]
-
-    def _change(
-        self, candidate: Candidate, values: Mapping[str, float], off: Sequence[_Floats]
-    ) -> list[_Floats] | None:
-        on = self._predict(candidate, values)
-        if on is None or not all(bool(np.all(np.isfinite(one))) for one in on):
+        if not all(bool(np.all(np.isfinite(one))) for one in on):
             return None
-        return [without - with_it for without, with_it in zip(off, on, strict=True)]
+        return [without - with_it for without, with_it in zip(self._before, on, strict=True)]
+
+    def _predicted(self, model: Model) -> list[_Floats]:
+        x = self.parent.best.x
+        return [
+            data.predict(model, self.problem.numbers(x, data.number)) for data in self.problem.data
+        ]
 
     def _whiten(self, change: Sequence[_Floats]) -> _Floats:
         rows = [root @ change[k][rows] for k, rows, root in self._roots]
