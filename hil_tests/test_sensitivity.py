@@ -44,7 +44,7 @@ def test_a_constant_is_changed_wherever_it_is_read_and_set_back() -> None:
 
 
 def test_half_and_double() -> None:
-    assert (_named("FITTED").scaled(0.5), _named("FITTED").scaled(2.0)) == (3, 10)  # of 5
+    assert (_named("BEGUN").scaled(0.5), _named("BEGUN").scaled(2.0)) == (3, 10)  # of 5
     assert _named("OUTLIER").scaled(2.0) == 0.06
     # odds 19 : 1, halved and doubled: a share stays a share
     assert _named("SURE").scaled(0.5) == pytest.approx(9.5 / 10.5)
@@ -60,7 +60,7 @@ def test_a_step_is_repeated_where_a_constant_that_it_reaches_has_changed(
     thing, memory = object(), remembered.Memory()
     with memory.used():
         assert place.step(thing) == place.step(thing) == 1
-        with _named("LIKELIER").set_to(0.6):  # of `verdict`, which no fit reads
+        with _named("RESAMPLES").set_to(9):  # of `odds`, which no fit reads
             assert place.step(thing) == 1
         with _named("SETTLED").set_to(1.0):
             assert place.step(thing) == 2

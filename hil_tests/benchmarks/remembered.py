@@ -27,6 +27,8 @@ STEPS: Final[tuple[tuple[Any, str, str], ...]] = (
     (proposals, "start_of", "fitting"),
     (growing, "start_of", "fitting"),
     (Start, "fitted", "fitting"),
+    (Start, "begun", "fitting"),
+    (growing, "recorrected", "fitting"),
     (sets, "finish", "fitting"),
     (sets, "Screen", "screening"),
     (proposals, "Screen", "screening"),

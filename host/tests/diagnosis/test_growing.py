@@ -1,8 +1,8 @@
-"""Which fits go on and from where, and how many finalists are compared."""
+"""From where a fit starts again, and how many finalists are compared."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, cast
@@ -11,37 +11,23 @@ import numpy as np
 import pytest
 from bowden.diagnosis import growing
 from bowden.diagnosis import search as searching
-from bowden.diagnosis.growing import lowest
-from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.odds import Weighed
+from bowden.diagnosis.sets import Sets
 
 
 @dataclass(frozen=True)
 class Begun:
-    """A fit by its effects' names and its cost."""
+    """A fit by its effects' names."""
 
     name: str
-    cost: float
-    where: str = ""
 
     @property
-    def best(self) -> Any:
-        return SimpleNamespace(cost=self.cost)
-
-    @property
-    def key(self) -> frozenset[tuple[str, str]]:
-        return frozenset({(name, self.where) for name in self.name.split()})
+    def effects(self) -> tuple[str, ...]:
+        return self.names
 
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(self.name.split())
-
-
-def test_forms_of_an_effect_take_one_place_among_those_fitted_to_the_end() -> None:
-    """Else three forms of a wrong one leave none for the right one."""
-    fits = Begun("a", 10.0, " here"), Begun("a", 11.0, " there"), Begun("b", 20.0), Begun("c", 30.0)
-    found = lowest(cast("list[Hypothesis]", fits), 2)
-    assert [(one.names, one.best.cost) for one in found] == [(("a",), 10.0), (("b",), 20.0)]
 
 
 @dataclass(frozen=True)
@@ -84,35 +70,44 @@ def test_a_set_starts_again_with_what_the_likeliest_says_of_the_effects_of_both(
     assert gone == [1]  # what c did is left to the calibrated numbers
 
 
-def compared(monkeypatch: pytest.MonkeyPatch, shares: dict[str, float]) -> list[str]:
+def compared(
+    monkeypatch: pytest.MonkeyPatch,
+    parts: dict[str, float],
+    rivals: dict[str, float],
+) -> list[str]:
     """Return which finalists are looked at, where each has such a share of the posterior."""
+    shares = {"a b": 1.0, "": 0.0} | parts | rivals
 
     def weigh(found: list[Any], *_: Any) -> list[Weighed]:
         return [Weighed(one, prediction, shares[one.name]) for one, prediction in found]
 
     looked_at: list[str] = []
 
-    def each() -> Iterator[Begun]:
-        for number, name in enumerate(shares):
-            looked_at.append(name)
-            yield Begun(name, float(number))
+    def each(names: Iterable[str]) -> Iterator[Begun]:
+        yield from (Begun(name) for name in names)
+
+    def predict(one: Begun) -> Any:
+        looked_at.append(one.name)
+        return np.zeros(1)
 
     monkeypatch.setattr(searching, "posterior", weigh)
-    monkeypatch.setattr(searching, "predict_unseen", lambda _one: np.zeros(1))
-    monkeypatch.setattr(searching, "merit", lambda one: one.cost)
-    searching._compared(cast("Iterator[Hypothesis]", each()), 32, 0)
+    monkeypatch.setattr(searching, "predict_unseen", predict)
+    finalists = Begun("a b"), each(parts), each(rivals)
+    sets = SimpleNamespace(finalists=lambda: finalists, base=Begun(""), finished=lambda one: one)
+    searching._compared(cast("Sets", sets), 32, 0)
     return looked_at
 
 
-def test_the_first_finalist_that_cannot_change_what_is_sure_is_the_last(
+def test_the_first_rival_that_cannot_change_what_is_sure_is_the_last(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    shares = {"a": 0.7, "b": 0.06, "c": 0.04, "d": 0.2}
-    assert compared(monkeypatch, shares) == ["a", "b", "c"]
+    found = compared(monkeypatch, {"": 0.2}, {"c": 0.06, "d": 0.04, "e": 0.2})
+    assert found == ["a b", "", "c", "d"]
 
 
-def test_what_the_likeliest_is_made_of_is_compared_whatever_it_carries(
+def test_parts_of_the_likeliest_are_looked_at_whatever_its_rivals_carry(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    shares = {"a b": 1.0, "": 0.0, "a": 0.0, "b": 0.0, "c": 0.0, "d": 0.0}
-    assert compared(monkeypatch, shares) == ["a b", "", "a", "b", "c"]
+    """By the sets without it an effect is judged."""
+    found = compared(monkeypatch, {"a": 0.1, "b": 0.01, "": 0.0}, {"c": 0.0, "d": 0.3})
+    assert found == ["a b", "a", "b", "c", ""]  # the calibrated model: there to compare with

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 from bowden.diagnosis import learn
-from bowden.diagnosis.candidates import candidates
+from bowden.diagnosis import reach as reaching
 from bowden.diagnosis.fitting import parameters_with
-from bowden.diagnosis.found import Laws
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material
@@ -35,33 +35,20 @@ def law(cost: float, discrepancy: float) -> Hypothesis:
     return Hypothesis((one,), problem, Optimum(x, cost, np.eye(x.size), [], [], scales), ())
 
 
-def test_a_number_that_the_data_do_not_tell_leaves_a_fit_where_it_is() -> None:
-    """Two known sets of a rig may hold a number without prior that no recording moves."""
-    (one,) = candidates(["viscous_friction"])
-    parameters = parameters_with(MODEL, [(one, {"mu_v_s_per_m": 0.1})])
-    with workers(1) as pool:
-        problem = Problem((), parameters, (), (), pool)
-    x = parameters.coordinates_of(parameters.model)
-    best = Optimum(x, 0.0, np.eye(x.size), [], [], Scales((0.0, 0.0)))
-    found = learn._reach(Hypothesis((one,), problem, best, ()), [])
-    prior, _ = problem.prior(x)
-    assert found <= 0.5 * float(prior @ prior) + 1e-9
-    assert np.isfinite(found)
-
-
 @pytest.fixture
 def tried(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Have twelve laws proposed; those that are fitted to the end are returned by their number."""
     found: list[str] = []
     proposed = [cast(ScreenedCandidate, number) for number in range(12)]
     monkeypatch.setattr(learn, "_proposed", lambda *_: proposed)
-    monkeypatch.setattr(learn, "_reach", lambda one, _: one.best.cost)
-    monkeypatch.setattr(learn, "_fitted", lambda _m, _s, one, *_: one)
+    monkeypatch.setattr(reaching, "fall", lambda _: 0.0)
+    monkeypatch.setattr(reaching, "_densities", lambda _: np.zeros(2))
+    monkeypatch.setattr(learn, "continued", lambda one: one)
     monkeypatch.setattr(learn, "_smoothed", lambda _m, _s, one: one)
     return found
 
 
-@pytest.mark.parametrize(("right", "begun"), [(0, 4), (6, 8), (99, 12)])
+@pytest.mark.parametrize(("right", "begun"), [(0, 5), (6, 10), (99, 12)])
 def test_further_laws_are_tried_until_one_holds(
     tried: list[str], monkeypatch: pytest.MonkeyPatch, right: int, begun: int
 ) -> None:
@@ -75,6 +62,30 @@ def test_further_laws_are_tried_until_one_holds(
     assert (min(one.best.cost for one in laws) == -1000.0) is (right < 12)
 
 
+def test_no_further_laws_are_tried_once_none_could_be_the_likeliest(
+    tried: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def begin(*args: object) -> Hypothesis:
+        tried.append(str(args[-1]))
+        return law(-100.0 if len(tried) <= 5 else -10.0, 5.0)
+
+    monkeypatch.setattr(learn, "_begun", begin)
+    laws = learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [])
+    assert len(tried) == 10
+    assert [one.best.cost for one in laws] == [-100.0]
+
+
+def test_of_laws_that_hold_all_that_could_be_the_likeliest_are_fitted(
+    tried: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def begin(*args: object) -> Hypothesis:
+        tried.append(str(args[-1]))
+        return law(-100.0, 0.0 if len(tried) < 4 else 5.0)
+
+    monkeypatch.setattr(learn, "_begun", begin)
+    assert len(learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [])) == 4  # and one that does not
+
+
 def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
     tried: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,14 +96,16 @@ def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
 
 
 @pytest.mark.parametrize(
-    ("cost", "discrepancy", "ends"),
+    ("cost", "discrepancy", "likelier"),
     [(-1000.0, 0.5, True), (-1000.0, 5.0, False), (-100.0, 0.5, False)],
 )
-def test_a_law_ends_the_search_where_it_leaves_little_and_is_likelier(
-    monkeypatch: pytest.MonkeyPatch, cost: float, discrepancy: float, ends: bool
+def test_a_law_explains_more_where_it_leaves_little_and_is_likelier(
+    monkeypatch: pytest.MonkeyPatch, cost: float, discrepancy: float, likelier: bool
 ) -> None:
-    found = Laws((), (), (law(cost, discrepancy),))
-    monkeypatch.setattr(learn, "learn", lambda *_: found)
-    monkeypatch.setattr(learn, "weighed_under", lambda one, _: one)
-    sets = [law(0.0, 9.0), law(-100.0, 9.0), law(-500.0, 9.0)]
-    assert (learn.likelier_laws(UNUSED, MODEL, sets) is found) is ends
+    monkeypatch.setattr(learn, "Screen", lambda _: None)
+    monkeypatch.setattr(learn, "laws_over", lambda _: [])
+    monkeypatch.setattr(learn, "_screened", lambda *_: [])
+    monkeypatch.setattr(learn, "_laws", lambda *_: [law(cost, discrepancy)])
+    material = cast(Material, SimpleNamespace(coarse=()))
+    found = learn.learn(material, MODEL, [law(0.0, 9.0)], [law(-500.0, 9.0)])
+    assert found.likelier is likelier

@@ -12,14 +12,14 @@ from bowden.diagnosis import verdict as verdicts
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.localise import Where
-from bowden.diagnosis.odds import Weighed, posterior
+from bowden.diagnosis.odds import Weighed, log_prior, posterior
 from bowden.diagnosis.result import NamedEffect
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.diagnosis.wording import sentence_of
 from bowden.estimation.gap import Gap
 
 BLOCKS = 12
-WEAK = {"weak": 0.01}  # of its usual strength; others have it
+WEAK = {"weak": 0.01, "gone": 0.0}  # of its usual strength; others have it
 NOTHING = np.full(BLOCKS, -50.0)  # log density where something unlisted would fit badly
 
 
@@ -167,6 +167,12 @@ def test_the_order_of_the_hypotheses_changes_nothing() -> None:
     one, other = weighed(*sets), weighed(*reversed(sets))
     assert [w.hypothesis.names for w in one] == [w.hypothesis.names for w in other]
     np.testing.assert_allclose([w.weight for w in one], [w.weight for w in other])
+
+
+def test_an_effect_of_no_strength_is_not_there() -> None:
+    """A fit may leave one at its bound; the set is that without it."""
+    both, one = (cast("Hypothesis", Stub(names)) for names in (("a", "gone"), ("a",)))
+    assert log_prior(both) == log_prior(one)
 
 
 def test_a_look_alike_of_a_hundredth_of_its_usual_strength_has_a_hundredth_of_the_odds() -> None:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
-from bowden.diagnosis.fitting import finish, start_of, weighed_under
+from bowden.diagnosis.fitting import finish, recorrected, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
-from bowden.diagnosis.odds import penalty
-from bowden.diagnosis.search import likeliest, search
+from bowden.diagnosis.search import rivals_of, search
 from bowden.diagnosis.sets import Sets
 from bowden.model import Mode
 from bowden.workers import Workers, workers
@@ -46,7 +44,7 @@ def _fitted(sets: Sets, *effects: Candidate) -> Hypothesis:
     values = [(one, HIDDEN.get(one, {"offset_nm": 0.01})) for one in effects]
     start = start_of(sets.material, sets.searched, values, {}, sets.base.best)
     assert start is not None
-    (found,) = finish(sets.material, [start.fitted(4)], sets.noises)
+    (found,) = finish(sets.material, [start.fitted()], sets.noises)
     return found
 
 
@@ -59,15 +57,18 @@ def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
     assert abs(found[0].values(found[0].effects.index(GAIN))["g"] - 0.02) < 0.002
 
 
-def test_a_set_that_is_less_likely_than_an_effect_costs_is_not_grown(sets: Sets) -> None:
-    right = _fitted(sets, GAIN, OFFSET)
-    costs = max(penalty(GAIN.effect), penalty(OFFSET.effect))
+def test_of_forms_of_the_same_effects_one_is_grown(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right, other = _fitted(sets, GAIN, OFFSET), _fitted(sets, OFFSET, CELL)
+    monkeypatch.setattr("bowden.diagnosis.search.in_reach", lambda ranked: ranked)
+    assert rivals_of([right, _fitted(sets, GAIN, OFFSET), other]) == [right, other]
 
-    def less_likely(by: float) -> Hypothesis:
-        return replace(right, best=replace(right.best, cost=right.best.cost + by))
 
-    ranked = [right, less_likely(0.9 * costs), less_likely(1.1 * costs)]
-    assert [id(one) for one in likeliest(ranked)] == [id(one) for one in ranked[:2]]
+def test_a_set_that_could_carry_nothing_beside_the_likeliest_is_not_grown(sets: Sets) -> None:
+    right, wrong = _fitted(sets, GAIN, OFFSET), _fitted(sets, OFFSET, CELL)
+    assert wrong.best.cost > right.best.cost + 100.0
+    assert rivals_of([right, wrong]) == [right]
 
 
 def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest() -> None:
@@ -105,6 +106,27 @@ def test_a_set_is_weighed_where_it_is_under_another_covariance(sets: Sets) -> No
         assert noise.offset is before.offset
 
 
+def test_a_fit_that_was_begun_is_weighed_with_the_correction_of_where_it_has_come_to(
+    sets: Sets,
+) -> None:
+    """That of its start was 25 nats off where a torque constant was found from nothing."""
+    start = start_of(sets.material, sets.searched, [(GAIN, {"g": 1e-4})], {}, sets.base.best)
+    assert start is not None
+    begun = start.begun()
+    assert begun.values(0)["g"] > 0.01
+    there = recorrected(sets.material, begun)
+    assert there is not None
+    # A fit that starts where this one has come to has its correction from the start.
+    effects, coordinates = [(GAIN, begun.values(0))], begun.coordinates()
+    same = start_of(sets.material, sets.searched, effects, coordinates, begun.best)
+    assert same is not None
+    (mine,), (other,) = there.best.noises, same.here.noises
+    np.testing.assert_allclose(mine.offset, other.offset, rtol=0.0, atol=1e-9)
+    assert there.best.cost == pytest.approx(
+        same.here.cost, abs=0.1
+    )  # of nats; scales lie on a grid
+
+
 def test_a_set_that_ended_in_a_notch_starts_again_from_the_likeliest(
     sets: Sets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,6 +140,7 @@ def test_a_set_that_ended_in_a_notch_starts_again_from_the_likeliest(
     monkeypatch.setattr(sets, "done", {stuck.key: stuck, right.key: right})
     # No fit of its own leads out of a notch.
     monkeypatch.setattr("bowden.diagnosis.sets.finish", lambda _material, one, _noises: one)
-    found = {one.key: one for one in sets.finalists()}
-    # Four rounds come as near as a tenth of the way that is left to them.
-    assert found[base.key].best.cost - base.best.cost < 0.1 * (stuck.best.cost - base.best.cost)
+    _, parts, _ = sets.finalists()
+    (found,) = parts
+    # A fit ends where a step gains next to nothing.
+    assert found.best.cost - base.best.cost < 0.1 * (stuck.best.cost - base.best.cost)

@@ -53,7 +53,7 @@ def fitted(
 ) -> Hypothesis:
     start = start_of(material, as_searched(MODEL), effects, {}, base.best)
     assert start is not None
-    (found,) = finish(material, [start.fitted(4)], base.best.noises)
+    (found,) = finish(material, [start.fitted()], base.best.noises)
     return found
 
 
@@ -75,7 +75,10 @@ def test_a_law_is_doubted_no_more_than_the_data_leave_it(
 ) -> None:
     """A bristle's law that the data bear out to a hundredth hides no mass of a tenth of it."""
     bristle = (PRESLIDING, {PRESLIDING.strengths[0].name: PRESLIDING.strengths[0].typical})
-    both = fitted(material, base, bristle, (OFFSET, {"offset_nm": HIDDEN_NM}))
+    effects = [bristle, (OFFSET, {"offset_nm": HIDDEN_NM})]
+    start = start_of(material, as_searched(MODEL), effects, {}, base.best)
+    assert start is not None
+    both = start.fitted(0)
 
     def doubted(law: float) -> Hypothesis:
         return replace(both, best=replace(both.best, scales=replace(both.best.scales, law=law)))

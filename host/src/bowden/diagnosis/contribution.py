@@ -16,7 +16,6 @@ from bowden.diagnosis.unseen import LISTED
 
 _Floats = NDArray[np.float64]
 
-STRAINED = 2.5  # tolerances by which calibration moves a number: more may stand in for an effect
 ERROR = 1.0  # of a single observation, or a tolerance: the region of practical equivalence
 
 
@@ -97,15 +96,6 @@ def strains(one: Hypothesis) -> list[float]:
         np.inf if effect is None else float(np.linalg.norm(one.calibrated_prior @ effect.step))
         for effect in one.contributions
     ]
-
-
-def is_strained(one: Hypothesis) -> bool:
-    """Whether calibration had to move a number further than its tolerance makes likely.
-
-    It may stand in for an effect then, along a valley that starts at the file's values.
-    """
-    residual, _ = one.problem.prior(one.best.x)
-    return bool(np.max(np.abs(residual), initial=0.0) > STRAINED)
 
 
 def holds(one: Hypothesis) -> bool:

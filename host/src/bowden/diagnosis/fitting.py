@@ -6,6 +6,7 @@ one comparison are fitted under one covariance, each with its own correction.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.hypothesis import SETTLED, Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
 from bowden.estimation.covariance import Covariance
@@ -25,7 +26,7 @@ from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
 
-ROUGH = 4  # rounds of a first fit
+SECANTS = 4  # steps after each with derivatives of its own: a search fits hundreds of sets
 FRICTION = ("friction.mu_d", "friction.mu_s")
 
 
@@ -77,7 +78,7 @@ class Start:
     problem: Problem
     here: Optimum
 
-    def fitted(self, rounds: int, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
+    def fitted(self, rounds: int = ROUNDS, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
         """Return the hypothesis after so many rounds of Gauss-Newton.
 
         `slopes`: the derivatives at the start, where they are known already.
@@ -94,6 +95,13 @@ class Start:
         if best.slopes is None:
             return with_slopes(self.effects, self.problem, best)
         return Hypothesis(self.effects, self.problem, best, tuple(best.slopes))
+
+
+def continued(one: Hypothesis) -> Hypothesis:
+    """Go on with a fit to its end, under the covariance and the correction that it began with."""
+    axes = principal_axes(one.problem, one.best.hessian)
+    best = _descend(one.problem, one.best, one.best.noises, axes=axes) or one.best
+    return with_slopes(one.effects, one.problem, best)
 
 
 def start_of(
@@ -160,6 +168,7 @@ def finish(
 ) -> list[Hypothesis]:
     """Fit hypotheses to the end, side by side, under a covariance and the corrections there.
 
+    Each once more with the correction of where it ended, as long as it moves less than before.
     Without those that the fine model cannot run: they describe no rig.
     """
     found = material.pool.map(lambda one: _finished(material, one, noises), ones)
@@ -172,7 +181,8 @@ def _finished(
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
     problem, best = material.problem(one.problem.parameters, effects), one.best
     slopes: Sequence[_Floats] | None = one.slopes
-    for _ in range(CORRECTED):
+    nearest = math.inf
+    for _ in range(ROUNDS):
         own = corrected(material, problem, best.x, _with_laws_doubted(one, noises))
         if own is None:
             return None
@@ -180,12 +190,13 @@ def _finished(
         found = _descend(problem, best, own, axes=axes, slopes=slopes)
         if found is None:
             return None
-        settled = _is_near(problem, best.x, found.x)
+        moved = _apart(problem, best.x, found.x)
         best = found
         slopes = best.slopes if best.settled else None
         one = replace(one, problem=problem, best=best)
-        if settled:
+        if moved < SETTLED or moved >= nearest:
             break
+        nearest = moved
     return with_slopes(one.effects, problem, best)
 
 
@@ -198,11 +209,29 @@ def _with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Co
 def is_settled(before: Hypothesis, one: Hypothesis) -> bool:
     """Whether a fit ended where an earlier one of the same set did: what holds there holds here."""
     alike = [e.key for e in before.effects] == [e.key for e in one.effects]
-    return alike and _is_near(one.problem, before.best.x, one.best.x)
+    return alike and _apart(one.problem, before.best.x, one.best.x) < SETTLED
 
 
-def _is_near(problem: Problem, before: _Floats, x: _Floats) -> bool:
-    return bool(np.max(np.abs(x - before) / problem.unit, initial=0.0) < SETTLED)
+def _apart(problem: Problem, before: _Floats, x: _Floats) -> float:
+    """Return how far a point is from another, in unit steps of the number that moved most."""
+    return float(np.max(np.abs(x - before) / problem.unit, initial=0.0))
+
+
+def recorrected(material: Material, one: Hypothesis) -> Hypothesis | None:
+    """Return a hypothesis where it is, with the correction there; None where the fine model fails.
+
+    That of where a fit started may be off by more than two sets differ.
+    """
+    best = one.best
+    own = corrected(material, one.problem, best.x, best.noises)
+    if own is None:
+        return None
+    residuals = [
+        residual + before.offset - now.offset
+        for residual, before, now in zip(best.residuals, best.noises, own, strict=True)
+    ]
+    here = replace(best, residuals=residuals, noises=own)
+    return weighed_under(replace(one, best=here), own)
 
 
 def weighed_under(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
@@ -239,11 +268,6 @@ def _descend(
         axes=axes,
         slopes=slopes,
     )
-
-
-SECANTS = 4  # steps after each with derivatives of its own: a search fits hundreds of sets
-CORRECTED = 4  # times at most that a fit is repeated with the correction of where it ended
-SETTLED = 0.05  # unit steps: neither correction nor covariance changes within that
 
 
 def corrected(

@@ -22,12 +22,15 @@ class Laws:
     screened : tuple of ScreenedCandidate
         Every law on top of the calibrated model.
     fitted : tuple of Hypothesis
-        The likeliest.
+        Those that could be as likely as any set of effects.
+    likelier : bool
+        Whether one leaves little and is likelier than the likeliest set.
     """
 
     parents: tuple[Hypothesis, ...]
     screened: tuple[ScreenedCandidate, ...]
     fitted: tuple[Hypothesis, ...]
+    likelier: bool
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Found:
     in_time : bool
         Whether the search ended by itself, not by its time limit.
     laws : Laws, optional
-        Those that explain more than any two effects.
+        Where no two effects hold.
     """
 
     weighed: tuple[Weighed, ...]
@@ -56,3 +59,8 @@ class Found:
     screened: tuple[ScreenedCandidate, ...]
     in_time: bool = True
     laws: Laws | None = None
+
+    @property
+    def explained_by_laws(self) -> bool:
+        """Whether a learned law leaves little and is likelier than every set."""
+        return self.laws is not None and self.laws.likelier

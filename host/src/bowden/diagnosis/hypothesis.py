@@ -17,6 +17,8 @@ from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
 
+SETTLED = 0.05  # unit steps: within that a fit is the same, and so are correction and covariance
+
 
 @dataclass(frozen=True)
 class Contribution:

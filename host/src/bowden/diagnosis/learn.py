@@ -12,7 +12,6 @@ leaves what is unlisted, laws of two arguments follow. `law_candidates` lists wh
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -22,16 +21,16 @@ from numpy.typing import NDArray
 from bowden.diagnosis.contribution import holds, matters
 from bowden.diagnosis.fitting import (
     FRICTION,
-    ROUGH,
     about_first,
+    continued,
     finish,
+    recorrected,
     start_of,
     weighed_under,
 )
 from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.growing import without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.law_candidates import FITTED as KNOTS
 from bowden.diagnosis.law_candidates import (
     LawCandidate,
     finer,
@@ -41,36 +40,31 @@ from bowden.diagnosis.law_candidates import (
     surface_of,
     visits,
 )
-from bowden.diagnosis.material import Material, as_searched, with_offset
+from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.numbers_known import solver_errors
-from bowden.diagnosis.odds import LEAST_WEIGHT, Weighed, log_prior, merit, posterior
+from bowden.diagnosis.odds import SURE, Weighed, merit, posterior
 from bowden.diagnosis.predict import predict_unseen
+from bowden.diagnosis.proposals import BEGUN
+from bowden.diagnosis.reach import in_reach
 from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
-from bowden.estimation.covariance import Covariance
-from bowden.estimation.descend import ROUNDS, bounded_step, normal_equations
-from bowden.estimation.likelihood import best_scales
-from bowden.estimation.problem import WIDEST, fitted_parts, objective
+from bowden.estimation.problem import WIDEST
 from bowden.estimation.search import INTERVAL, Progress
 from bowden.model import Model, ModelError
 from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
-PROPOSED = 4  # laws that are begun at a time on top of each parent
-MOST_PROPOSED = 12  # laws that are begun on top of each parent where something unlisted is there
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
-APART = math.log(1.0 / LEAST_WEIGHT) + KNOTS  # nats: odds for nothing, and a smoothness per knot
 
 
 def learn(
     material: Material,
     searched: Model,
     parents: Sequence[Hypothesis],
-    rivals: Sequence[Hypothesis] = (),
-    most: int = MOST_PROPOSED,
+    rivals: Sequence[Hypothesis],
 ) -> Laws:
-    """Fit the likeliest laws of one argument on top of some sets.
+    """Fit the laws of one argument that could be the likeliest, on top of some sets.
 
     Parameters
     ----------
@@ -80,34 +74,14 @@ def learn(
     parents : sequence of Hypothesis
         The calibrated model first.
     rivals : sequence of Hypothesis
-        Sets of effects; laws that cannot become as likely are given up.
-    most : int
-        Laws that are begun on top of each parent, the most promising ones.
+        Sets of effects, under the same covariance.
     """
     recordings = [data.estimates.recording for data in material.coarse]
     screened = _screened(material, Screen(parents[0]), laws_over(recordings))
-    fitted = _laws(material, searched, parents, screened, rivals, most=most)
-    return Laws(tuple(parents), tuple(screened), tuple(fitted))
-
-
-def likelier_laws(material: Material, searched: Model, ones: Sequence[Hypothesis]) -> Laws | None:
-    """Return laws that leave little and are likelier than the likeliest set; None if none is.
-
-    Only the most promising ones are begun. All are as the verdict says that something is unlisted.
-
-    Parameters
-    ----------
-    material : Material
-    searched : Model
-        As it is searched, with the file's values.
-    ones : sequence of Hypothesis
-        The calibrated model, the likeliest single effect and the likeliest set, finished under one
-        covariance.
-    """
-    *parents, best = ones
-    found = learn(material, searched, parents, [best], PROPOSED)
-    weighed = [weighed_under(one, best.best.noises) for one in found.fitted if holds(one)]
-    return found if any(merit(one) < merit(best) for one in weighed) else None
+    fitted = _laws(material, searched, parents, screened, rivals)
+    least = min(map(merit, rivals))
+    likelier = any(merit(one) < least for one in fitted if holds(one))
+    return Laws(tuple(parents), tuple(screened), tuple(fitted), likelier)
 
 
 def with_laws(
@@ -129,17 +103,20 @@ def with_laws(
     tell = progress or (lambda _stage, _share: None)
     tell("learning a law that no name fits", 0.9)
     searched = as_searched(model)
-    learned = found.laws or learn(material, searched, _parents(found))
+    sets = [one.hypothesis for one in found.weighed]
+    learned = found.laws or learn(material, searched, _parents(sets), sets)
     laws = list(learned.fitted)
     tell("predicting by learned laws", 0.93)
     weighed = _weighed(material, found, laws, seed)
     best = next((one for one in weighed if learned_among(one.hypothesis.effects)), None)
-    if best is not None and best.beyond > best.weight:
+    if best is None or best.beyond > best.weight:
         tell("learning a law of two arguments", 0.94)
         screen = Screen(learned.parents[0])
         surfaces = _screened(material, screen, _surfaces(material, screen, learned.screened))
-        laws += _laws(material, searched, learned.parents, surfaces, laws)
-        weighed = _weighed(material, found, laws, seed) or weighed
+        rivals = [weighed_under(one, learned.parents[0].best.noises) for one in sets]
+        of_two = _laws(material, searched, learned.parents, surfaces, [*laws, *rivals])
+        if of_two:
+            weighed = _weighed(material, found, [*laws, *of_two], seed)
     return replace(found, weighed=tuple(weighed)) if weighed else found
 
 
@@ -148,16 +125,14 @@ def _laws(
     searched: Model,
     parents: Sequence[Hypothesis],
     screened: Sequence[ScreenedCandidate],
-    rivals: Sequence[Hypothesis] = (),
-    *,
-    most: int = MOST_PROPOSED,
+    rivals: Sequence[Hypothesis],
 ) -> list[Hypothesis]:
     """Return the likeliest of some laws, on top of each parent and alone."""
     laws: list[Hypothesis] = []
     for parent in parents:
         if not any(map(holds, laws)):  # as in `search`: beside a set that holds none is grown
             others = [*rivals, *laws]
-            laws += _laws_on(material, searched, parent, screened, others, most=most)
+            laws += _laws_on(material, searched, parent, screened, others)
     done = {one.key: one for one in [*rivals, *laws]}
     alone = [without_idle(material, searched, one, done) for one in laws]
     return laws + [one for one in alone if one is not None and learned_among(one.effects)]
@@ -170,32 +145,28 @@ def _weighed(
     if not laws:
         return []
     try:
-        best, noises = about_first(material, sorted(laws, key=merit))
+        _, noises = about_first(material, sorted(laws, key=merit))
     except ModelError:  # so steep that they describe no rig
         return []
     known = [
         one.hypothesis
         for one in found.weighed
-        if one.share > LEAST_WEIGHT or not one.hypothesis.effects
+        if one.share > 1.0 - SURE or not one.hypothesis.effects
     ]
-    known = [
-        one for one in known if not one.effects or _reach(one, noises) <= best.best.cost + APART
-    ]
+    here = [weighed_under(one, noises) for one in known]
+    near = in_reach(here, [weighed_under(one, noises) for one in laws])
+    known = [one for one in here if one in near or not one.effects]
     compared = finish(material, [*laws, *known], noises)
     compared = [one for one in compared if not one.effects or matters(one)]
     names = len({one.candidate.name for one in found.screened})
     return posterior([(one, predict_unseen(one)) for one in compared], names, seed)
 
 
-def _parents(found: Found) -> list[Hypothesis]:
+def _parents(sets: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Return the calibrated model and the likeliest single effect, under one covariance."""
-    every = [one.hypothesis for one in found.weighed]
-    base = next(one for one in every if not one.effects)
-    parents = [base]
-    for one in [one for one in every if len(one.effects) == 1][:1]:
-        noises = with_offset(base.best.noises, [noise.offset for noise in one.best.noises])
-        parents.append(replace(one, best=replace(one.best, noises=noises)))
-    return parents
+    base = next(one for one in sets if not one.effects)
+    singles = [one for one in sets if len(one.effects) == 1]
+    return [base, *(weighed_under(one, base.best.noises) for one in singles[:1])]
 
 
 def _screened(
@@ -223,7 +194,7 @@ def _surfaces(
         return screen.together([screened[k] for k in pair], [probed[k] for k in pair])
 
     gains = list(material.pool.map(gain, pairs))
-    return [surfaces[k] for k in np.argsort(gains)[::-1][:PROPOSED]]
+    return [surfaces[k] for k in np.argsort(gains)[::-1][:BEGUN]]
 
 
 def _laws_on(
@@ -232,30 +203,26 @@ def _laws_on(
     parent: Hypothesis,
     screened: Sequence[ScreenedCandidate],
     rivals: Sequence[Hypothesis],
-    *,
-    most: int = MOST_PROPOSED,
 ) -> list[Hypothesis]:
-    """Return the likeliest laws on top of a set of effects, fitted to the end.
+    """Return the laws on top of a set of effects that could be the likeliest, fitted to the end.
 
-    The likeliest of each set and of its rivals: beside a named effect that turns out idle a law
-    counts without it. Gains are predicted to first order, and those of strong laws badly: further
-    ones are tried until one holds.
+    Gains are predicted to first order, and those of strong laws badly: further laws are begun until
+    one holds, or none could be as likely as those before. The likeliest are fitted first, until one
+    leaves much: the less likely ones leave more.
     """
     laws: list[Hypothesis] = []
-    chosen = _proposed(material, parent, screened)[:most]
-    for first in range(0, len(chosen), PROPOSED):
-        batch = chosen[first : first + PROPOSED]
-        begun = [_begun(material, searched, parent, one) for one in batch]
-        others = [*rivals, *laws]
-        rough = [_fitted(material, searched, one, ROUGH) for one in _in_reach(begun, others)]
-        laws += [
-            one
-            for reached in _in_reach(rough, others)
-            if (one := _smoothed(material, searched, reached)) is not None
-        ]
-        if any(map(holds, laws)):
+    chosen = _proposed(material, parent, screened)
+    for first in range(0, len(chosen), BEGUN):
+        batch = [_begun(material, searched, parent, one) for one in chosen[first : first + BEGUN]]
+        begun = in_reach([one for one in batch if one is not None], [*rivals, *laws])
+        for one in begun:
+            law = _smoothed(material, searched, continued(one))
+            laws += [] if law is None else [law]
+            if law is None or not holds(law):
+                break
+        if not begun or any(map(holds, laws)):
             break
-    return _in_reach(laws, rivals)
+    return in_reach(laws, rivals)
 
 
 def _proposed(
@@ -263,7 +230,7 @@ def _proposed(
 ) -> list[ScreenedCandidate]:
     """Return the laws with the largest predicted gains on top of a set of effects, best first."""
     screen = Screen(parent)
-    here = sorted(map(screen.again, screened), key=lambda one: -one.gain)[:MOST_PROPOSED]
+    here = [screen.again(one) for one in screened]
     gains = list(material.pool.map(screen.annealed, here))
     return [here[k] for k in np.argsort(gains)[::-1] if gains[k] > 0.0]
 
@@ -281,7 +248,7 @@ def _begun(
     effects = [*known, (law, values)]
     start, like = parent.coordinates(), parent.best
     begun = start_of(material, searched, effects, start, like)
-    return None if begun is None else begun.begun()
+    return None if begun is None else recorrected(material, begun.begun())
 
 
 def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:
@@ -289,44 +256,12 @@ def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothe
     *known, law = first.effects
     assert isinstance(law, LawCandidate)
     law = replace(law, bend=_likeliest_bend(first, law))
-    return _fitted(material, searched, replace(first, effects=(*known, law)), ROUNDS, first.slopes)
-
-
-def _fitted(
-    material: Material,
-    searched: Model,
-    one: Hypothesis,
-    rounds: int,
-    slopes: Sequence[_Floats] | None = None,
-) -> Hypothesis | None:
-    """Continue the fit of a law from where it is."""
-    effects = [(effect, one.values(i)) for i, effect in enumerate(one.effects)]
-    start = start_of(material, searched, effects, one.coordinates(), one.best)
-    return None if start is None else start.fitted(rounds, slopes)
-
-
-def _in_reach(
-    tried: Sequence[Hypothesis | None], rivals: Sequence[Hypothesis] = ()
-) -> list[Hypothesis]:
-    """Return the laws that could still be as likely as the likeliest, the likeliest first."""
-    laws = sorted((one for one in tried if one is not None), key=merit)
-    least = min(map(merit, (*laws, *rivals)), default=0.0)
-    return [one for one in laws if _reach(one, one.best.noises) - log_prior(one) <= least + APART]
-
-
-def _reach(one: Hypothesis, noises: Sequence[Covariance]) -> float:
-    """Return the -log posterior that a fit could come down to under a covariance.
-
-    Twice the fall that its derivatives predict: no fit is quite a parabola.
-    """
-    own = with_offset(noises, [noise.offset for noise in one.best.noises])
-    like = one.best.x, one.best.residuals
-    scales = best_scales(fitted_parts(one.problem, one.best.residuals, own), one.best.scales)
-    cost = objective(one.problem, *like, own, scales)
-    hessian, gradient = normal_equations(one.problem, *like, one.slopes, (own, scales))
-    # What the data don't tell at all is known by its range: see `Problem.root`.
-    step = bounded_step(one.problem, one.best.x, hessian, gradient, WIDEST**-2.0)
-    return cost + 2.0 * float(gradient @ step + 0.5 * step @ hessian @ step)
+    effects = [
+        *((effect, first.values(i)) for i, effect in enumerate(known)),
+        (law, first.values(len(known))),
+    ]
+    start = start_of(material, searched, effects, first.coordinates(), first.best)
+    return None if start is None else start.fitted(slopes=first.slopes)
 
 
 def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:

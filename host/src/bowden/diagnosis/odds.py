@@ -26,10 +26,8 @@ PRIOR_UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
 MORE = 0.25  # of rigs that miss some effects miss one more
 AFFECTED = (0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
 RESAMPLES = 2000  # draws of the Bayesian bootstrap
-SURE = 0.95  # of the posterior: an effect is named
-LEAST_WEIGHT = 0.01  # of the posterior: a less likely set answers no split, and rivals no law
+SURE = 0.95  # of the posterior: an effect is named; what carries less than the rest is no rival
 NOTHING, UNLISTED = "nothing", "unlisted"  # explanations that name no effect
-NONE = 1e-9  # of its usual strength: an effect counts as no weaker in its prior
 
 
 @dataclass(frozen=True)
@@ -65,15 +63,16 @@ def log_prior(one: Hypothesis, candidates: int = len(CATALOGUE)) -> float:
     are known to the same share of themselves, so that the one which needs a hundredth of its usual
     strength for it takes up a hundredth of its range (the Occam factor, MacKay 2003, 28.1).
     """
-    listed = [e.effect for e in one.effects if not isinstance(e, LawCandidate)]
     laws = [effect for effect in one.effects if isinstance(effect, LawCandidate)]
-    penalties = sum(penalty(effect, candidates - k) for k, effect in enumerate(listed))
-    orders = math.lgamma(len(listed) + 1)
-    room = sum(
-        math.log(min(max(one.relative_strength(index), NONE), 1.0))
-        for index, candidate in enumerate(one.effects)
-        if not isinstance(candidate, LawCandidate)
-    )
+    listed = [
+        (effect.effect, one.relative_strength(index))
+        for index, effect in enumerate(one.effects)
+        if not isinstance(effect, LawCandidate)
+    ]
+    there = [(effect, strength) for effect, strength in listed if strength > 0.0]
+    penalties = sum(penalty(effect, candidates - k) for k, (effect, _) in enumerate(there))
+    room = sum(math.log(min(strength, 1.0)) for _, strength in there)
+    orders = math.lgamma(len(there) + 1)
     return orders - penalties + room + sum(map(_log_prior_of, laws))
 
 
@@ -118,18 +117,37 @@ def posterior(
     prior = np.array([log_prior(one[0], candidates) + log_tolerances(one[0]) for one in found])
     unlisted = prior + math.log(PRIOR_UNLISTED / len(AFFECTED))
     prior = np.concatenate([prior + math.log1p(-PRIOR_UNLISTED), *[unlisted] * len(AFFECTED)])
-    blocks = density.shape[1]
-    draws = np.random.default_rng([seed, 41]).dirichlet(np.ones(blocks), RESAMPLES) * blocks
-    total = draws @ density.T + prior
-    total -= total.max(axis=1, keepdims=True)
-    share = np.exp(total)
-    share = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
-    by_share = share.reshape(1 + len(AFFECTED), len(found))
+    by_share = shares_of(density, prior, seed).reshape(1 + len(AFFECTED), len(found))
     weighed = [
         Weighed(*one, weight=float(by_share[0, i]), beyond=float(by_share[1:, i].sum()))
         for i, one in enumerate(found)
     ]
     return sorted(weighed, key=lambda one: -one.share)
+
+
+def is_likelier(share: float) -> bool:
+    """Whether an explanation that carries such a share is likelier than all others together."""
+    return share > 1.0 - share
+
+
+def shares_of(density: _Floats, prior: _Floats, seed: int) -> _Floats:
+    """Return the share of each hypothesis, averaged over a Bayesian bootstrap of the blocks.
+
+    Parameters
+    ----------
+    density : ndarray of shape (h, blocks)
+        Logarithms.
+    prior : ndarray of shape (h,)
+        Logarithms.
+    seed : int
+        Of the bootstrap.
+    """
+    blocks = density.shape[1]
+    draws = np.random.default_rng([seed, 41]).dirichlet(np.ones(blocks), RESAMPLES) * blocks
+    total = draws @ density.T + prior
+    total -= total.max(axis=1, keepdims=True)
+    share = np.exp(total)
+    return np.asarray((share / share.sum(axis=1, keepdims=True)).mean(axis=0))
 
 
 def explanation(one: Hypothesis) -> str:

@@ -20,14 +20,13 @@ from scipy.special import logsumexp
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.unseen import LISTED, UNLISTED, UnseenPrediction
 from bowden.estimation.covariance import Covariance, Data
-from bowden.estimation.descend import bounded_step, normal_equations
+from bowden.estimation.descend import LEAST, Place, lower, normal_equations
 from bowden.estimation.likelihood import LAWS, Scales, best_scales, cost, half_square, whiten
 from bowden.estimation.problem import Problem, fitted_parts, objective
 
 _Floats = NDArray[np.float64]
 
 FOLDS = 4  # that the blocks are dealt to
-DAMPING = (1e-6, 1e-2, 1.0)  # of a step, in turn
 
 
 def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPrediction:
@@ -112,14 +111,12 @@ def _refitted(
         train, best.x, best.residuals, one.slopes, (best.noises, scales)
     )
     root = train.root(hessian)
-    here = objective(train, best.x, best.residuals, best.noises, scales)
-    for damping in DAMPING:
-        step = bounded_step(train, best.x, hessian, gradient, damping)
-        x = train.feasible(best.x + step)
-        found = train.residuals(x, best.noises)
-        if found is not None and objective(train, x, found, best.noises, scales) < here:
-            return x, found, root * (step != 0.0)[:, None]
-    return best.x, best.residuals, root
+    cost = objective(train, best.x, best.residuals, best.noises, scales)
+    here = Place(best.x, best.residuals, scales, cost)
+    there, _ = lower(train, here, best.noises, (hessian, gradient), LEAST)
+    if there is here:
+        return here.x, here.residuals, root
+    return there.x, there.residuals, root * (there.x != here.x)[:, None]
 
 
 def _folds(count: list[int]) -> list[NDArray[np.intp]]:

@@ -1,4 +1,4 @@
-"""Propose which effects are fitted on top of a fitted set.
+"""Propose which effects are begun on top of a fitted set.
 
 What an effect does to a rig depends on what else the rig has: from the calibrated model every shape
 of every effect is simulated, from larger sets those that suit what the set leaves. `growing` fits
@@ -13,18 +13,16 @@ from dataclasses import dataclass, replace
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.contribution import (
     ERROR,
-    is_strained,
     size_in_noise,
 )
 from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
-from bowden.diagnosis.odds import penalty
+from bowden.diagnosis.odds import log_tolerances, penalty
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.model import Model
 
-FITTED = 5  # of the screened candidates at each step
-RESHAPED = 3  # shapes of an effect that are simulated from another set
+BEGUN = 5  # effects, or laws, that are begun at each step, the most promising ones
 
 
 @dataclass(frozen=True)
@@ -51,18 +49,29 @@ def screened_from(
     searched: Model,
     parent: Hypothesis,
     screening: Callable[[Screen], list[ScreenedCandidate]],
+    from_file: Callable[[Screen], list[ScreenedCandidate]],
 ) -> Screening:
     """Screen every effect that a set doesn't have, from where its fit ended.
 
-    Where calibration is strained it may imitate an effect; then every effect is also screened from
-    the file's values, and the best of each place is kept, by what a fit from there would gain.
+    Where calibration is strained it may imitate an effect; then every effect is also screened
+    `from_file`, from the file's values, and the best of each place is kept, by what a fit from
+    there would gain.
     """
     screen = Screen(parent)
     here = screening(screen)
-    if not is_strained(parent):
+    if not _is_strained(parent, here):
         return Screening(screen, here, [])
     filed = Screen(as_filed(material, searched, parent))
-    return Screening(screen, here, _annealed(material, filed, screening(filed)))
+    return Screening(screen, here, _annealed(material, filed, from_file(filed)))
+
+
+def _is_strained(parent: Hypothesis, screened: Sequence[ScreenedCandidate]) -> bool:
+    """Whether calibration strains its tolerances by more than an effect costs.
+
+    It may stand in for an effect then, along a valley that starts at the file's values.
+    """
+    costs = min((penalty(one.candidate.effect) for one in screened), default=0.0)
+    return -log_tolerances(parent) > costs
 
 
 def _annealed(
@@ -85,7 +94,7 @@ def every_shape(
 def anew(
     material: Material, before: Sequence[ScreenedCandidate], screen: Screen
 ) -> list[ScreenedCandidate]:
-    """Simulate each effect from another set, of the shapes that suit what that set leaves.
+    """Simulate each effect from another set, of the shape that suits best what that set leaves.
 
     Of effects whose strengths do unlike things every strength is: what it does here cannot be told
     from what it does elsewhere.
@@ -94,12 +103,17 @@ def anew(
     others = [one for one in before if one.candidate.name not in names]
     unlike = {one.candidate.key: one.candidate for one in others if not one.probes}
     alike = [screen.again(one) for one in others if one.candidate.key not in unlike]
-    shapes = _by_place(sorted(alike, key=lambda one: -one.gain))
-    chosen = [one for each in shapes for one in each[:RESHAPED]]
+    chosen = [max(each, key=lambda one: one.gain) for each in _by_place(alike)]
     found = [one for one in material.pool.map(screen.anew, chosen) if one is not None]
     for peaks in material.pool.map(screen.peaks, unlike.values()):
         found += peaks
     return found
+
+
+def unchanged(before: Sequence[ScreenedCandidate], screen: Screen) -> list[ScreenedCandidate]:
+    """Take each effect to do from another set what it did before, without a simulation."""
+    others = [one for one in before if one.candidate.name not in screen.parent.names]
+    return [screen.again(one) for one in others]
 
 
 def as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis:
@@ -110,22 +124,21 @@ def as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis
 
 
 def proposed(material: Material, screening: Screening) -> list[ScreenedCandidate]:
-    """Choose what is fitted on top of a set: what would matter and has the largest gains.
+    """Choose what is begun on top of a set: what would matter and has the largest gains.
 
     By the gain with the parent's discrepancy estimated anew, the best beside those from the file's
     values.
     """
     screen, parent = screening.screen, screening.screen.parent
-    others = [one for one in screening.here if one.candidate.name not in parent.names]
-    fresh = [screen.again(one) for one in others]
-    laws = parent.law_variances()
-    fresh = [
-        one for one in fresh if one.gain > 0.0 and size_in_noise(parent, one.change, laws) > ERROR
+    seen = [
+        one
+        for one in unchanged(screening.here, screen)
+        if one.gain > 0.0 and size_in_noise(parent, one.change) > ERROR
     ]
-    annealed = _annealed(material, screen, fresh)
+    annealed = _annealed(material, screen, seen)
     best = [one for one in annealed if one.gain > penalty(one.candidate.effect)]
     filed = [one for one in screening.filed if one.candidate.name not in parent.names]
-    return [*best[:FITTED], *filed[:FITTED]]
+    return [*best[:BEGUN], *filed[:BEGUN]]
 
 
 def _by_place(screened: Sequence[ScreenedCandidate]) -> list[list[ScreenedCandidate]]:

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from bowden.diagnosis.candidates import Candidate, strength_of, value_of
-from bowden.diagnosis.fitting import SETTLED
-from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.hypothesis import SETTLED, Hypothesis
 from bowden.diagnosis.probes import Probe, probes_of, start_values, switched_off
 from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whitening_roots
 from bowden.estimation.problem import fitted_parts, objective

@@ -1,29 +1,30 @@
 """Search the sets of effects: add, drop and swap effects while that makes a set likelier.
 
 Every candidate is screened from the calibrated model, the most promising ones are fitted, and the
-likeliest set is grown. What a candidate does to a rig depends on what else the rig has: candidates
-are screened again from each set that leaves much. Where no addition helps such a set, each of its
-effects is exchanged for others. Where no two effects explain the data a law that no name fits is
-learned: it is likelier beforehand than three effects, and where it explains more than two do, no
-larger sets are grown.
+sets that could be the likeliest are grown. What a candidate does to a rig depends on what else the
+rig has: candidates are screened again from each set that leaves much. Where no addition helps such
+a set, each of its effects is exchanged for others. Where no two effects explain the data a law that
+no name fits is learned: it is likelier beforehand than three effects, and where it explains more
+than two do, no larger sets are grown.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.contribution import holds, leaves_something
+from bowden.diagnosis.fitting import weighed_under
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.learn import likelier_laws
+from bowden.diagnosis.learn import learn
 from bowden.diagnosis.material import Material, as_searched
-from bowden.diagnosis.odds import SURE, Weighed, merit, penalty, posterior
+from bowden.diagnosis.odds import SURE, Weighed, posterior
 from bowden.diagnosis.predict import predict_unseen
+from bowden.diagnosis.reach import in_reach
 from bowden.diagnosis.sets import MOST, Sets
-from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.search import Progress
 from bowden.model import Model
 
@@ -70,13 +71,14 @@ def search(
         if size == 2 and not holds(grown[0]):
             tell("learning a law that no name fits", 0.5)
             single = next(one for one in grown if len(one.effects) == 1)
-            laws = likelier_laws(material, sets.searched, [sets.base, single, grown[0]])
-            if laws is not None:
+            parents = [weighed_under(one, sets.noises) for one in (sets.base, single)]
+            laws = learn(material, sets.searched, parents, [grown[0]])
+            if laws.likelier:
                 break
-        frontier = [one for one in likeliest(grown) if one.key not in tried]
+        frontier = [one for one in rivals_of(grown) if one.key not in tried]
     tell("predicting what was held out", 0.85)
     return Found(
-        tuple(_compared(sets.finalists(), len({one.name for one in every}), seed)),
+        tuple(_compared(sets, len({one.name for one in every}), seed)),
         sets.base,
         sets.filed,
         tuple(sets.first.here),
@@ -85,30 +87,36 @@ def search(
     )
 
 
-def _compared(finalists: Iterable[Hypothesis], names: int, seed: int) -> list[Weighed]:
-    """Weigh finalists by what they predict of unseen data, until one cannot change what is sure.
+def _compared(sets: Sets, names: int, seed: int) -> list[Weighed]:
+    """Weigh sets by what they predict of unseen data, until one cannot change what is sure.
 
-    Those behind it carry less; but each effect of the likeliest set is judged by the sets without
-    it, which come first.
+    Those behind it carry less. What the likeliest is made of is looked at first, and for itself: by
+    these each of its effects is judged. The calibrated model is always there to compare with.
     """
-    found: list[tuple[Hypothesis, UnseenPrediction]] = []
-    weighed: list[Weighed] = []
-    for one in finalists:
-        found.append((one, predict_unseen(one)))
+    likeliest, parts, rivals = sets.finalists()
+    found = [(likeliest, predict_unseen(likeliest))]
+    weighed = posterior(found, names, seed)
+    for others in (parts, rivals):
+        for one in others:
+            found.append((one, predict_unseen(one)))
+            weighed = posterior(found, names, seed)
+            (mine,) = [each for each in weighed if each.hypothesis is one]
+            if mine.share < 1.0 - SURE:
+                break
+    if all(one.effects for one, _ in found):
+        base = sets.finished(sets.base)
+        found.append((base, predict_unseen(base)))
         weighed = posterior(found, names, seed)
-        rivals = not one.key <= min((each for each, _ in found), key=merit).key
-        (mine,) = [each for each in weighed if each.hypothesis is one]
-        if rivals and mine.share < 1.0 - SURE:
-            break
     return weighed
 
 
-def likeliest(ranked: Sequence[Hypothesis]) -> list[Hypothesis]:
+def rivals_of(ranked: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Return which sets are grown further, of those in order of merit.
 
-    The likeliest, and those that are less likely by no more than one effect costs: beside it these
-    explain the data as well. What came first in another set's place is found by exchange.
+    The likeliest, and those that could carry something beside it. An effect has several forms; one
+    of each choice of names is grown. What came first in another's place is found by exchange.
     """
-    best = ranked[0]
-    equal = merit(best) + max((penalty(one.effect) for one in best.effects), default=0.0)
-    return [one for one in ranked if merit(one) <= equal]
+    found: dict[tuple[str, ...], Hypothesis] = {}
+    for one in in_reach(ranked):
+        found.setdefault(one.names, one)
+    return list(found.values())

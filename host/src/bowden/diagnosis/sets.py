@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import leaves_something, matters
+from bowden.diagnosis.contribution import idle, leaves_something, matters
 from bowden.diagnosis.fitting import (
     about_first,
     finish,
@@ -24,8 +23,8 @@ from bowden.diagnosis.fitting import (
 )
 from bowden.diagnosis.growing import (
     Done,
-    grown_from,
-    lowest,
+    Key,
+    begun_from,
     refitted_from,
     start_without,
     without_idle,
@@ -40,14 +39,14 @@ from bowden.diagnosis.proposals import (
     every_shape,
     proposed,
     screened_from,
+    unchanged,
 )
+from bowden.diagnosis.reach import in_reach
 from bowden.diagnosis.screening import Screen
 from bowden.estimation.search import solve
 from bowden.model import Model
 
 MOST = 4  # effects in a set: of the rigs that miss some, MORE**4 = 0.4 % miss more
-FINISHED = 3  # of the fitted sets at each step
-COMPARED = 8  # sets at most, beside the calibrated model, by their predictions
 
 
 class Sets:
@@ -82,32 +81,33 @@ class Sets:
         """Screen every effect from the calibrated model."""
         self.filed = as_filed(self.material, self.searched, self.base)
         shapes = partial(every_shape, self.material, every)
-        self.first = screened_from(self.material, self.searched, self.base, shapes)
+        self.first = screened_from(self.material, self.searched, self.base, shapes, shapes)
 
     def _screened(self, parent: Hypothesis) -> Screening:
         if not parent.effects:
             return self.first
         if not leaves_something(parent):
-            return replace(self.first, screen=Screen(parent))
+            return Screening(Screen(parent), self.first.here, [])
         again = partial(anew, self.material, self.first.here)
-        return screened_from(self.material, self.searched, parent, again)
+        as_before = partial(unchanged, self.first.filed or self.first.here)
+        return screened_from(self.material, self.searched, parent, again, as_before)
 
     def added(self, parents: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Fit one more effect beside those of each parent."""
-        found = []
+        """Begin to fit one more effect beside those of each parent."""
+        found: list[Hypothesis] = []
         for one in parents:
             if len(one.effects) < MOST and self.has_time():
-                found += self._grown(one, self._screened(one))
+                found += self._begun(one, self._screened(one))
         return found
 
     def exchanged(self, one: Hypothesis) -> list[Hypothesis]:
-        """Fit another effect in the place of each: what came first may only imitate it."""
-        found = []
+        """Begin to fit another effect in the place of each: what came first may only imitate it."""
+        found: list[Hypothesis] = []
         for k in range(len(one.effects)):
             start = start_without(self.material, self.searched, one, [k])
             if start is not None:
                 less = start.fitted(0)
-                found += self._grown(less, replace(self.first, screen=Screen(less)))
+                found += self._begun(less, Screening(Screen(less), self.first.here, []))
         return found
 
     def has_time(self) -> bool:
@@ -115,26 +115,40 @@ class Sets:
         self.cut = self.cut or time.monotonic() >= self._until
         return not self.cut
 
-    def _grown(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
+    def _begun(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
         proposals = proposed(self.material, screening)
-        return grown_from(
+        return begun_from(
             self.material, self.searched, parent, proposals, self.done, has_time=self.has_time
         )
 
     def weighed(
         self, parents: Sequence[Hypothesis], children: Sequence[Hypothesis]
     ) -> list[Hypothesis]:
-        """Fit parents and the likeliest children to the end; best first.
+        """Fit parents and the children that could be the likeliest to the end; best first.
 
-        Under the covariance about the likeliest, and without effects that do nothing.
+        Under the covariance about the likeliest, and without effects that do nothing. A child whose
+        last effect does nothing is its parent once more.
         """
-        known = list(parents)
-        if self._move_to([*parents, *children]):
-            known = finish(self.material, parents, self.noises) or known
-        fresh = finish(self.material, lowest(children, FINISHED), self.noises)
+        known, begun = list(parents), dict[Key, Hypothesis]()
+        for one in in_reach(children, parents):
+            begun.setdefault(one.key, one)  # several starts of a set: the likeliest
+        ranked = list(begun.values())
+        first = finish(self.material, ranked[:1], self.noises)
+        if self._move_to([*known, *first]):
+            known = finish(self.material, known, self.noises) or known
+        first, others = (
+            [weighed_under(one, self.noises) for one in each] for each in (first, ranked[1:])
+        )
+        near = in_reach(others, [*known, *first])
+        fresh = finish(self.material, [*first, *near], self.noises)
+        fresh = [one for one in fresh if len(one.effects) - 1 not in idle(one)]
         less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
         fresh += finish(self.material, [one for one in less if one is not None], self.noises)
-        self.done.update((one.key, one) for one in (*known, *fresh))
+        self.done.update((one.key, one) for one in known)
+        for one in fresh:
+            before = self.done.get(one.key)
+            if before is None or merit(one) < merit(weighed_under(before, self.noises)):
+                self.done[one.key] = one
         return sorted([*fresh, *known], key=merit)
 
     def _move_to(self, ones: Sequence[Hypothesis]) -> bool:
@@ -145,32 +159,38 @@ class Sets:
         self.about, self.noises = about_first(self.material, ranked)
         return True
 
-    def finalists(self) -> Iterator[Hypothesis]:
-        """Yield the sets to compare, fitted to the end under one covariance.
+    def finalists(self) -> tuple[Hypothesis, Iterator[Hypothesis], Iterator[Hypothesis]]:
+        """Return the likeliest set, what it is made of, and the others; likeliest first.
 
-        First what the likeliest is made of, so that each of its effects is seen to be needed; then
-        the others, likeliest first. A jagged likelihood may hold a fit in a notch, and a further
-        effect may seem to gain what is only the way out of it: each set starts once more from where
-        the likeliest ended.
+        Each is fitted to the end when it is asked for, under one covariance. A jagged likelihood
+        may hold a fit in a notch, and a further effect may seem to gain what is only the way out of
+        it: each set starts once more from where the likeliest ended.
         """
         ranked = sorted(
             (weighed_under(one, self.noises) for one in self.done.values() if matters(one)),
             key=merit,
-        )[:COMPARED]
-        if all(one.effects for one in ranked):
-            ranked.append(self.base)
+        )
         self._move_to(ranked)
-        finished = sorted(finish(self.material, ranked, self.noises), key=merit)
-        likeliest = finished[0]
-        for one in sorted(finished, key=lambda one: not one.key <= likeliest.key):
-            again = self._restarted(one, likeliest)
-            self.done[again.key] = again
-            if matters(again):
-                yield again
+        first, *others = ranked
+        likeliest = self.finished(first)
+        parts = [one for one in others if one.key <= likeliest.key]
+        rivals = [one for one in others if not one.key <= likeliest.key]
+        return likeliest, self._ended(parts, likeliest), self._ended(rivals, likeliest)
+
+    def finished(self, one: Hypothesis) -> Hypothesis:
+        """Fit a set to the end under the covariance of the comparison; as it is where none runs."""
+        return next(iter(finish(self.material, [one], self.noises)), one)
+
+    def _ended(self, ones: Sequence[Hypothesis], likeliest: Hypothesis) -> Iterator[Hypothesis]:
+        """Fit each to the end, without those of which an effect turns out to do nothing."""
+        for one in ones:
+            for ended in finish(self.material, [one], self.noises):
+                again = self._restarted(ended, likeliest)
+                self.done[again.key] = again
+                if matters(again):
+                    yield again
 
     def _restarted(self, one: Hypothesis, likeliest: Hypothesis) -> Hypothesis:
-        if one is likeliest:
-            return one
         again = refitted_from(self.material, self.searched, one, likeliest)
         return min([one, *finish(self.material, [again], self.noises)], key=merit)
 

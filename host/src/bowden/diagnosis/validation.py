@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from bowden.diagnosis.localise import SIGNIFICANT
-from bowden.diagnosis.odds import LEAST_WEIGHT, Weighed, explanations, posterior
+from bowden.diagnosis.odds import SURE, Weighed, explanations, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Data
@@ -129,7 +129,7 @@ def validate(every: Sequence[Weighed], chosen: Weighed, candidates: int, seed: i
     able = [
         one
         for one in every
-        if one is chosen or not one.hypothesis.effects or one.share > LEAST_WEIGHT
+        if one is chosen or not one.hypothesis.effects or one.share > 1.0 - SURE
     ]
     splits = []
     for text, predictions in _splits(able):

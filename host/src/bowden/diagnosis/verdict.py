@@ -23,6 +23,8 @@ from bowden.diagnosis.odds import (
     credible,
     explanation,
     explanations,
+    is_likelier,
+    penalty,
 )
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
 from bowden.diagnosis.unseen import UnseenPrediction
@@ -30,9 +32,6 @@ from bowden.estimation.search import INTERVAL
 from bowden.model.effects import LEARNED
 
 _Floats = NDArray[np.float64]
-
-LIKELIER = 0.5  # of the posterior: an explanation is likelier than all others
-VISIBLE = 3.0  # sigmas that an effect of usual size moves the data, calibration taken out
 
 
 @dataclass(frozen=True)
@@ -72,12 +71,12 @@ def decide(found: Found) -> Decision:
     beyond, nothing = odds[UNLISTED], odds.get(NOTHING, 0.0)
     base = next(one for one in every if not one.hypothesis.effects)
     verdict: Verdict
-    if beyond > LIKELIER:
+    if is_likelier(beyond):
         verdict, chosen, shown = "unlisted", every[0], []
     elif sure:
         chosen = next(one for one in every if sure <= set(one.hypothesis.names))
         verdict, shown = "named", [chosen]
-    elif nothing > LIKELIER:
+    elif is_likelier(nothing):
         verdict, chosen, shown = "complete", base, []
     else:
         verdict, chosen, shown = "ambiguous", likely[0], likely
@@ -191,7 +190,7 @@ def ranking(found: Found) -> tuple[Ranked, ...]:
 
 
 def _density(one: Weighed) -> float:
-    return float(max(one.prediction.density.sum(), one.prediction.affected(LIKELIER).sum()))
+    return float(max(one.prediction.density.sum(), one.prediction.large.sum()))
 
 
 def unseen_gap(one: Hypothesis, prediction: UnseenPrediction, channel: int) -> float:
@@ -205,8 +204,15 @@ def unseen_gap(one: Hypothesis, prediction: UnseenPrediction, channel: int) -> f
 
 
 def invisible(found: Found) -> tuple[str, ...]:
-    """Return the effects that would not show in these recordings at their usual size."""
-    seen = {one.candidate.name for one in found.screened if one.visible > VISIBLE}
+    """Return the effects that would not show in these recordings at their usual size.
+
+    What they gain then is less than the prior odds against them.
+    """
+    seen = {
+        one.candidate.name
+        for one in found.screened
+        if 0.5 * one.visible**2 > penalty(one.candidate.effect)
+    }
     return tuple(sorted({one.candidate.name for one in found.screened} - seen))
 
 

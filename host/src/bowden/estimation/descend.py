@@ -26,6 +26,7 @@ DERIVATIVE = 0.02  # of a unit step, before anything is known of the posterior
 SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
 LENGTHS = (1e-4, 0.5)  # unit steps: of an axis, at least and at most
 LESS, MORE = 0.2, (4.0, 16.0, 64.0, 256.0, 1024.0)  # damping after a step down, after one up
+LEAST = 1e-6  # damping
 LONGEST = 3.0  # unit steps a round, in any coordinate
 KEPT = 0.5  # of what a step promised: derivatives are as good as that, or are taken anew
 
@@ -67,7 +68,7 @@ def descend(
                 problem, here.x, here.residuals, slopes, (noises, here.scales)
             )
             over = principal_axes(problem, hessian) if step == 0 else over
-            there, damping = _lower(problem, here, noises, (hessian, gradient), damping)
+            there, damping = lower(problem, here, noises, (hessian, gradient), damping)
             gained, move = here.cost - there.cost, there.x - here.x
             promised = -float(gradient @ move + 0.5 * move @ hessian @ move)
             if gained >= ENOUGH:  # over less, what is jagged hides the derivative
@@ -92,7 +93,7 @@ def descend(
 
 
 @dataclass(frozen=True)
-class _Place:
+class Place:
     """A point with its residuals, the scales that suit them, and -log posterior."""
 
     x: _Floats
@@ -107,19 +108,19 @@ def _settled(
     residuals: list[_Floats],
     noises: Sequence[Covariance],
     scales: Scales,
-) -> _Place:
+) -> Place:
     """Return a point with the scales found anew."""
     scales = best_scales(fitted_parts(problem, residuals, noises), scales)
-    return _Place(x, residuals, scales, objective(problem, x, residuals, noises, scales))
+    return Place(x, residuals, scales, objective(problem, x, residuals, noises, scales))
 
 
-def _lower(
+def lower(
     problem: Problem,
-    here: _Place,
+    here: Place,
     noises: Sequence[Covariance],
     normal: tuple[_Floats, _Floats],
     damping: float,
-) -> tuple[_Place, float]:
+) -> tuple[Place, float]:
     """Return a lower place under the same scales and the next damping; `here` where none is."""
     for more in MORE:
         x = problem.feasible(here.x + bounded_step(problem, here.x, *normal, damping))
@@ -127,7 +128,7 @@ def _lower(
         if found is not None:
             cost = objective(problem, x, found, noises, here.scales)
             if cost < here.cost:
-                return _Place(x, found, here.scales, cost), max(LESS * damping, 1e-6)
+                return Place(x, found, here.scales, cost), max(LESS * damping, LEAST)
         damping *= more
     return here, damping
 

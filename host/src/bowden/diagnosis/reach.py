@@ -1,0 +1,75 @@
+"""Which fits could still be the likeliest: a fit is begun, and gone on with as long as it could be.
+
+One round of a fit tells how far it could come down. Effects and learned laws are begun alike;
+`sets` and `learn` go on with those that `in_reach` returns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.law_candidates import FITTED, learned_among
+from bowden.diagnosis.odds import SURE, merit, shares_of
+from bowden.estimation.descend import bounded_step, normal_equations
+from bowden.estimation.likelihood import block_cost, whiten
+from bowden.estimation.problem import WIDEST
+
+_Floats = NDArray[np.float64]
+
+
+def in_reach(tried: Sequence[Hypothesis], rivals: Sequence[Hypothesis] = ()) -> list[Hypothesis]:
+    """Return the fits that could still carry something beside the likeliest, likeliest first.
+
+    With all that they could come down by. The blocks tell how sure a difference is, as they do in
+    the posterior: few that speak for the one leave a doubt where many leave none.
+
+    Parameters
+    ----------
+    tried : sequence of Hypothesis
+    rivals : sequence of Hypothesis
+        Others, under the same covariance.
+    """
+    likeliest = min((*tried, *rivals), key=merit, default=None)
+
+    def could_count(one: Hypothesis) -> bool:
+        if one is likeliest or likeliest is None:
+            return True
+        density = np.stack([_densities(one), _densities(likeliest)])
+        prior = -np.array([merit(one) - fall(one), merit(likeliest)]) - density.sum(axis=1)
+        return bool(shares_of(density, prior, seed=0)[0] >= 1.0 - SURE)
+
+    return [one for one in sorted(tried, key=merit) if could_count(one)]
+
+
+def _densities(one: Hypothesis) -> _Floats:
+    """Return the log density of each block where a fit ended, up to a constant of the data."""
+    best = one.best
+    return np.array(
+        [
+            -block_cost(block)
+            for data, noise, residual in zip(
+                one.problem.data, best.noises, best.residuals, strict=True
+            )
+            for block in whiten(data, noise, best.scales, residual[:, None])
+        ]
+    )
+
+
+def fall(one: Hypothesis) -> float:
+    """Return by how much the -log posterior of a fit could still come down.
+
+    Twice as far as its derivatives predict: no fit is quite a parabola. A learned law may gain as
+    much again by another smoothness, up to a nat for each of its knots.
+    """
+    best = one.best
+    hessian, gradient = normal_equations(
+        one.problem, best.x, best.residuals, one.slopes, (best.noises, best.scales)
+    )
+    # What the data don't tell at all is known by its range: see `Problem.root`.
+    step = bounded_step(one.problem, best.x, hessian, gradient, WIDEST**-2.0)
+    predicted = -float(gradient @ step + 0.5 * step @ hessian @ step)
+    return 2.0 * predicted + (FITTED if learned_among(one.effects) else 0.0)

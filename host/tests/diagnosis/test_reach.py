@@ -1,0 +1,100 @@
+"""Which fits go on: those that could still be as likely as the likeliest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from bowden.diagnosis import reach as reaching
+from bowden.diagnosis.candidates import candidates
+from bowden.diagnosis.fitting import parameters_with
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.law_candidates import FITTED as KNOTS
+from bowden.diagnosis.law_candidates import LawCandidate
+from bowden.diagnosis.reach import fall, in_reach
+from bowden.estimation.likelihood import Scales
+from bowden.estimation.problem import Optimum, Problem
+from bowden.model.effects import LawTable
+from bowden.workers import workers
+
+from .lab import MODEL
+
+(VISCOUS,) = candidates(["viscous_friction"])
+LAW = LawCandidate.of(LawTable("load_torque_nm", ("time_s",), (0.0, 1.0, 2.0)), 0.1)
+DOUBT = math.log(19.0)  # odds of what is sure to 95 %
+
+
+def fitted(cost: float, *, law: bool = False) -> Hypothesis:
+    """Return a fit that ended at its usual strength with such a cost."""
+    effect = LAW if law else VISCOUS
+    values = dict.fromkeys(LAW.table.names, 0.1) if law else {"mu_v_s_per_m": 0.1}
+    parameters = parameters_with(MODEL, [(effect, values)])
+    with workers(1) as pool:
+        problem = Problem((), parameters, (), (), pool)
+    x = parameters.coordinates_of(parameters.model)
+    best = Optimum(x, cost, np.eye(x.size), [], [], Scales((0.0, 0.0)))
+    return Hypothesis((effect,), problem, best, ())
+
+
+def test_a_number_that_the_data_do_not_tell_leaves_a_fit_where_it_is() -> None:
+    """Two known sets of a rig may hold a number without prior that no recording moves."""
+    one = fitted(0.0)
+    prior, slope = one.problem.prior(one.best.x)
+    found = fall(one)
+    # What the priors alone could come down by, twice.
+    assert 0.0 <= found <= float(prior @ prior) + 1e-9
+    assert slope.size
+
+
+@pytest.fixture
+def blocks(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hypothesis, list[float]], None]:
+    """Say what each block speaks for a fit; that it could come down no further."""
+    spoken: dict[int, list[float]] = {}
+    monkeypatch.setattr(reaching, "fall", lambda _: 0.0)
+    monkeypatch.setattr(reaching, "_densities", lambda one: np.array(spoken[id(one)]))
+
+    def say(one: Hypothesis, densities: list[float]) -> None:
+        spoken[id(one)] = densities
+
+    return say
+
+
+Say = Callable[[Hypothesis, list[float]], None]
+
+
+@pytest.mark.parametrize(("behind", "goes_on"), [(0.99 * DOUBT, True), (1.01 * DOUBT, False)])
+def test_a_fit_goes_on_while_it_leaves_a_doubt_of_the_likeliest(
+    blocks: Say, behind: float, goes_on: bool
+) -> None:
+    first, second = fitted(-100.0), fitted(-100.0 + behind)
+    for one in (first, second):  # all blocks say the same: the difference is as sure as can be
+        blocks(one, [-one.best.cost / 8.0] * 8)
+    assert in_reach([second, first]) == [first, second][: 1 + goes_on]
+    assert in_reach([second], [first]) == [second][:goes_on]
+
+
+def test_one_block_against_many_leaves_a_doubt(blocks: Say) -> None:
+    """It may be an outlier: in a draw of the blocks it counts for little now and then."""
+    first, second = fitted(-100.0), fitted(-90.0)
+    blocks(first, [12.5] * 8)
+    blocks(second, [12.5] * 7 + [2.5])
+    assert in_reach([second], [first]) == [second]
+    blocks(second, [11.25] * 8)
+    assert in_reach([second], [first]) == []
+
+
+def test_what_counts_is_how_far_a_fit_could_come_down(
+    blocks: Say, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = fitted(-100.0), fitted(-60.0)
+    for one in (first, second):
+        blocks(one, [-one.best.cost / 8.0] * 8)
+    assert in_reach([second], [first]) == []
+    monkeypatch.setattr(reaching, "fall", lambda one: 40.0 if one is second else 0.0)
+    assert in_reach([second], [first]) == [second]
+
+
+def test_a_law_may_gain_by_another_smoothness() -> None:
+    assert fall(fitted(0.0, law=True)) - KNOTS == pytest.approx(0.0, abs=1.0)
