@@ -50,7 +50,7 @@ def test_a_number_that_the_data_do_not_tell_leaves_a_fit_where_it_is() -> None:
 
 @pytest.fixture
 def blocks(monkeypatch: pytest.MonkeyPatch) -> Callable[[Hypothesis, list[float]], None]:
-    """Say what each block speaks for a fit; that it could come down no further."""
+    """Say how likely each block is by a fit; that it could come down no further."""
     spoken: dict[int, list[float]] = {}
     monkeypatch.setattr(reaching, "fall", lambda _: 0.0)
     monkeypatch.setattr(reaching, "_densities", lambda one: np.array(spoken[id(one)]))

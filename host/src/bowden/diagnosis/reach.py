@@ -25,7 +25,7 @@ def in_reach(tried: Sequence[Hypothesis], rivals: Sequence[Hypothesis] = ()) -> 
     """Return the fits that could still carry something beside the likeliest, likeliest first.
 
     With all that they could come down by. The blocks tell how sure a difference is, as they do in
-    the posterior: few that speak for the one leave a doubt where many leave none.
+    the posterior: one that lies in few of them leaves a doubt, one in many leaves none.
 
     Parameters
     ----------
