@@ -93,7 +93,7 @@ def descend(
 
 
 @dataclass(frozen=True)
-class Place:
+class FittedPoint:
     """A point with its residuals, the scales that suit them, and -log posterior."""
 
     x: _Floats
@@ -108,19 +108,19 @@ def _settled(
     residuals: list[_Floats],
     noises: Sequence[Covariance],
     scales: Scales,
-) -> Place:
+) -> FittedPoint:
     """Return a point with the scales found anew."""
     scales = best_scales(fitted_parts(problem, residuals, noises), scales)
-    return Place(x, residuals, scales, objective(problem, x, residuals, noises, scales))
+    return FittedPoint(x, residuals, scales, objective(problem, x, residuals, noises, scales))
 
 
 def lower(
     problem: Problem,
-    here: Place,
+    here: FittedPoint,
     noises: Sequence[Covariance],
     normal: tuple[_Floats, _Floats],
     damping: float,
-) -> tuple[Place, float]:
+) -> tuple[FittedPoint, float]:
     """Return a lower place under the same scales and the next damping; `here` where none is."""
     for more in MORE:
         x = problem.feasible(here.x + bounded_step(problem, here.x, *normal, damping))
@@ -128,7 +128,7 @@ def lower(
         if found is not None:
             cost = objective(problem, x, found, noises, here.scales)
             if cost < here.cost:
-                return Place(x, found, here.scales, cost), max(LESS * damping, LEAST)
+                return FittedPoint(x, found, here.scales, cost), max(LESS * damping, LEAST)
         damping *= more
     return here, damping
 
