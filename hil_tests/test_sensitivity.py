@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from bowden.diagnosis import contribution, odds, predict, unseen
+from bowden.diagnosis import contribution, odds, predict, proposals, unseen
 
 from hil_tests.benchmarks import decision_constants, remembered, sensitivity
 from hil_tests.benchmarks.decision_constants import Constant, constants
@@ -37,10 +37,10 @@ def test_only_the_decision_path_is_read() -> None:
 
 
 def test_a_constant_is_changed_wherever_it_is_read_and_set_back() -> None:
-    before = unseen.LISTED
-    with _named("LISTED").set_to((0.0, 2.0)):
-        assert vars(predict)["LISTED"] == vars(contribution)["LISTED"] == (0.0, 2.0)
-    assert vars(predict)["LISTED"] is vars(contribution)["LISTED"] is before
+    places = [vars(one) for one in (unseen, predict, contribution, proposals)]
+    with _named("ERROR").set_to(2.0):
+        assert [one["ERROR"] for one in places] == [2.0] * len(places)
+    assert [one["ERROR"] for one in places] == [1.0] * len(places)
 
 
 def test_half_and_double() -> None:

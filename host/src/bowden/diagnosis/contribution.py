@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.unseen import LISTED
+from bowden.diagnosis.unseen import ERROR
 
 _Floats = NDArray[np.float64]
-
-ERROR = 1.0  # of a single observation, or a tolerance: the region of practical equivalence
 
 
 def size_in_noise(
@@ -100,7 +98,7 @@ def strains(one: Hypothesis) -> list[float]:
 
 def holds(one: Hypothesis) -> bool:
     """Whether a set leaves no more than a model may that is right in practice."""
-    return max(one.best.scales.discrepancy) <= LISTED[-1]
+    return max(one.best.scales.discrepancy) <= ERROR
 
 
 def leaves_something(one: Hypothesis) -> bool:

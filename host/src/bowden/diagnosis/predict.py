@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.unseen import LISTED, UNLISTED, UnseenPrediction
+from bowden.diagnosis.unseen import DISCREPANCIES, ERROR, UnseenPrediction
 from bowden.estimation.covariance import Covariance, Data
 from bowden.estimation.descend import LEAST, FittedPoint, lower, normal_equations
 from bowden.estimation.likelihood import LAWS, Scales, best_scales, cost, half_square, whiten
@@ -49,22 +49,20 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
         seen = tuple(tuple(np.flatnonzero(f != k).tolist()) for f in fold)
         unseen = [np.flatnonzero(f == k).tolist() for f in fold]
         train = replace(problem, blocks=seen)
-        scales = best_scales(
-            fitted_parts(train, best.residuals, best.noises), best.scales, LISTED[-1]
-        )
+        scales = best_scales(fitted_parts(train, best.residuals, best.noises), best.scales, ERROR)
         x, found, root = _refitted(train, one, scales)
         laws = _laws(train, found, best.noises, scales)
         for r, data in enumerate(problem.data):
             if not unseen[r]:
                 continue
             columns = np.column_stack([found[r], one.slopes[r] @ root])
-            for into, sizes in ((small, LISTED), (large, UNLISTED)):
+            for into, leaving in ((small, _little), (large, _much)):
                 by_law = [
                     log_weight
                     + _mixture(
                         [
                             _densities(data, best.noises[r], each, columns, unseen[r])
-                            for each in _of_sizes(like, sizes)
+                            for each in leaving(like)
                         ]
                     )
                     for like, log_weight in laws
@@ -128,14 +126,20 @@ def _folds(count: list[int]) -> list[NDArray[np.intp]]:
     return found
 
 
-def _of_sizes(scales: Scales, sizes: Sequence[float]) -> list[Scales]:
-    """Return what a discrepancy of such sizes may do in the two channels of a block."""
-    least = sizes[1] if sizes is UNLISTED else 0.0
-    return [
-        replace(scales, discrepancy=(first, second))
-        for first, second in itertools.product(sizes, sizes)
-        if max(first, second) >= least
-    ]
+def _little(scales: Scales) -> list[Scales]:
+    """Return the scales of a block in which a model leaves what one does that is right."""
+    return _with_each(scales, [size for size in DISCREPANCIES if size <= ERROR])
+
+
+def _much(scales: Scales) -> list[Scales]:
+    """Return the scales of a block in which something else does more, in a channel or in both."""
+    sizes = [0.0, *(size for size in DISCREPANCIES if size > ERROR)]
+    return _with_each(scales, sizes)[1:]
+
+
+def _with_each(scales: Scales, sizes: Sequence[float]) -> list[Scales]:
+    pairs = itertools.product(sizes, sizes)
+    return [replace(scales, discrepancy=pair) for pair in pairs]
 
 
 def _mixture(densities: Sequence[_Floats]) -> _Floats:

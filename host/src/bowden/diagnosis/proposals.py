@@ -11,15 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import (
-    ERROR,
-    size_in_noise,
-)
+from bowden.diagnosis.contribution import size_in_noise
 from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import log_tolerances, penalty
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
+from bowden.diagnosis.unseen import ERROR
 from bowden.model import Model
 
 BEGUN = 5  # effects, or laws, that are begun at each step, the most promising ones

@@ -15,8 +15,8 @@ from bowden.estimation.likelihood import Scales
 
 _Floats = NDArray[np.float64]
 
-LISTED = (0.0, 0.25, 0.5, 1.0)  # times usual noise: what a model leaves that is right in practice
-UNLISTED = (0.0, 2.0, 8.0, 32.0, 128.0)  # times usual noise: what an unlisted effect does besides
+ERROR = 1.0  # of an observation, or a tolerance: less is the same in practice
+DISCREPANCIES = (0.0, 0.25, 0.5, 1.0, 2.0, 8.0, 32.0, 128.0)  # in usual noise: each as likely
 OUTLIER = 0.03  # of the blocks: noise is not what it was taken for (17 of 592, nothing hidden)
 
 
