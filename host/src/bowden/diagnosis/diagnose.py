@@ -16,10 +16,10 @@ import numpy as np
 
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.excitation import excitation
-from bowden.diagnosis.figures import gap_in, series_of
+from bowden.diagnosis.figures import gap_in, learned_of, series_of
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.law_candidates import learned_among
-from bowden.diagnosis.learn import learned_of, with_laws
+from bowden.diagnosis.learn import with_laws
 from bowden.diagnosis.localise import Where, localise
 from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment

@@ -1,7 +1,8 @@
-"""Before and after, sample by sample, each by a fit that has not seen its stretch of time.
+"""What an answer shows: before and after, sample by sample, the gap, and a learned law's curve.
 
-`Found` and recordings in; `Series` for plots and `Gap` for words out. Simulates each fold's fit of
-two hypotheses on all samples; touches no file.
+Hypotheses and recordings in; `Series` for plots, `Gap` for words and `Learned` out. Simulates each
+fold's fit of two hypotheses on all samples, each stretch by one that has not seen it; touches no
+file.
 """
 
 from __future__ import annotations
@@ -11,14 +12,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.diagnosis.fitting import FRICTION
 from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.law_candidates import learned_among, visits
 from bowden.diagnosis.material import Material, as_fine
+from bowden.diagnosis.numbers_known import solver_errors
 from bowden.diagnosis.odds import Weighed
-from bowden.diagnosis.result import Series
+from bowden.diagnosis.result import Learned, Series
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Data
 from bowden.estimation.gap import Gap
 from bowden.estimation.nuisance import as_given, as_read
+from bowden.estimation.search import INTERVAL
+from bowden.model import Model
+from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED, simulate_recording
 
 _Floats = NDArray[np.float64]
@@ -98,3 +105,28 @@ def gap_in(name: str, series: Sequence[Series]) -> Gap:
         rms([one.measured - one.after for one in of]),
         rms([one.sigma for one in of]),
     )
+
+
+def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
+    """Return the law of a hypothesis that has one, with its 95 % band and where it was visited."""
+    law = learned_among(one.effects)
+    assert law is not None
+    index = one.effects.index(law)
+    mine = one.rows(index)
+    value = one.best.x[mine]
+    variance = np.maximum(np.diag(one.covariance)[mine], 0.0) + solver_errors(one, index) ** 2
+    if law.scales_friction:  # mu (1 + f) is known, mu to its tolerance only
+        variance = variance + (_tolerance_of(one.model, FRICTION[0]) * (1.0 + value)) ** 2
+    reach = INTERVAL * np.sqrt(variance)
+    table, at = law.table, law.table.points
+    curve = np.stack([at[:, 0], value, value - reach, value + reach], axis=1)
+    second = at[:, 1] if table.y else None
+    return Learned(table.place, table.arguments, curve, visits(table, recordings), second)
+
+
+def _tolerance_of(model: Model, path: str) -> float:
+    """Return the relative tolerance of a number; 0 without one."""
+    for found, value, sigma in model.free_parameters():
+        if found == path:
+            return sigma / value
+    return 0.0

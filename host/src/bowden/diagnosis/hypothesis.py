@@ -122,13 +122,13 @@ class Hypothesis:
     @cached_property
     def contributions(self) -> tuple[Contribution | None, ...]:
         """What each effect does; None where the model cannot run without it."""
-        with_it = self._predictions(self.model)
+        with_it = self.predictions(self.model)
         found: list[Contribution | None] = []
         for index, effect in enumerate(self.effects):
             place = f"effects[{self.own + index}]"
             off = {f"{place}.{p.name}": off_value(p) for p in effect.strengths}
             try:
-                without = self._predictions(self.model.with_values(off))
+                without = self.predictions(self.model.with_values(off))
             except ModelError:
                 found.append(None)
                 continue
@@ -182,7 +182,8 @@ class Hypothesis:
         )
         return np.asarray(step)
 
-    def _predictions(self, model: Model) -> list[_Floats]:
+    def predictions(self, model: Model) -> list[_Floats]:
+        """Return what another model predicts of each recording, the nuisances as they are."""
         return [
             data.predict(model, self.problem.numbers(self.best.x, data.number))
             for data in self.problem.data

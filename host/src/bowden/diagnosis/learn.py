@@ -38,20 +38,16 @@ from bowden.diagnosis.law_candidates import (
     learned_among,
     smooth_precision,
     surface_of,
-    visits,
 )
 from bowden.diagnosis.material import Material, as_searched
-from bowden.diagnosis.numbers_known import solver_errors
 from bowden.diagnosis.odds import SURE, Weighed, merit, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.proposals import BEGUN
 from bowden.diagnosis.reach import in_reach
-from bowden.diagnosis.result import Learned
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
 from bowden.estimation.problem import WIDEST
-from bowden.estimation.search import INTERVAL, Progress
+from bowden.estimation.search import Progress
 from bowden.model import Model, ModelError
-from bowden.recording.recording import Recording
 
 _Floats = NDArray[np.float64]
 
@@ -292,28 +288,3 @@ def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:
 
     bends = [float(share) * spread for share in BENDS]
     return max(bends, key=evidence)
-
-
-def learned_of(one: Hypothesis, recordings: Sequence[Recording]) -> Learned:
-    """Return the law of a hypothesis that has one, with its 95 % band and where it was visited."""
-    law = learned_among(one.effects)
-    assert law is not None
-    index = one.effects.index(law)
-    mine = one.rows(index)
-    value = one.best.x[mine]
-    variance = np.maximum(np.diag(one.covariance)[mine], 0.0) + solver_errors(one, index) ** 2
-    if law.scales_friction:  # mu (1 + f) is known, mu to its tolerance only
-        variance = variance + (_tolerance_of(one.model, FRICTION[0]) * (1.0 + value)) ** 2
-    reach = INTERVAL * np.sqrt(variance)
-    table, at = law.table, law.table.points
-    curve = np.stack([at[:, 0], value, value - reach, value + reach], axis=1)
-    second = at[:, 1] if table.y else None
-    return Learned(table.place, table.arguments, curve, visits(table, recordings), second)
-
-
-def _tolerance_of(model: Model, path: str) -> float:
-    """Return the relative tolerance of a number; 0 without one."""
-    for found, value, sigma in model.free_parameters():
-        if found == path:
-            return sigma / value
-    return 0.0

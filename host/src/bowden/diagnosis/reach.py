@@ -33,12 +33,15 @@ def in_reach(tried: Sequence[Hypothesis], rivals: Sequence[Hypothesis] = ()) -> 
     rivals : sequence of Hypothesis
         Others, under the same covariance.
     """
-    likeliest = min((*tried, *rivals), key=merit, default=None)
+    if not tried:
+        return []
+    likeliest = min((*tried, *rivals), key=merit)
+    bar = _densities(likeliest)
 
     def could_count(one: Hypothesis) -> bool:
-        if one is likeliest or likeliest is None:
+        if one is likeliest:
             return True
-        density = np.stack([_densities(one), _densities(likeliest)])
+        density = np.stack([_densities(one), bar])
         prior = -np.array([merit(one) - fall(one), merit(likeliest)]) - density.sum(axis=1)
         return bool(shares_of(density, prior, seed=0)[0] >= 1.0 - SURE)
 

@@ -21,14 +21,13 @@ from bowden.diagnosis.hypothesis import SETTLED, Hypothesis
 from bowden.diagnosis.probes import Probe, probes_of, start_values, switched_off
 from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whitening_roots
 from bowden.estimation.problem import fitted_parts, objective
-from bowden.model import Model, ModelError
+from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
 
 STRENGTHS = (0.3, 1.0, 3.0)  # of the usual one: tried where an effect has no shape
 UNLIKE = 0.85  # cosine: below it, what two strengths of an effect do differs in kind
 EVERY = np.geomspace(0.1, 10.0, 15)  # of the usual strength, for those
-OVERSHOOT = 3.0  # how far beyond its first guess a strength may be taken on one secant
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ class Screen:
         prior, slope = self.problem.prior(best.x)
         rows = np.concatenate([*white, np.column_stack([prior, slope])])
         self._residual, self._slopes = rows[:, 0], rows[:, 1:]
-        self._before = self._predicted(parent.model)
+        self._before = parent.predictions(parent.model)
         self._q, self._r = np.linalg.qr(self._slopes)
         self._aim = -(self._q.T @ self._residual)
         self._low = np.concatenate(
@@ -318,18 +317,12 @@ class Screen:
     def _change(self, candidate: Candidate, values: Mapping[str, float]) -> list[_Floats] | None:
         """Return what a candidate does to each residual; None where no rig answers."""
         try:
-            on = self._predicted(candidate.added_to(self.parent.model, values))
+            on = self.parent.predictions(candidate.added_to(self.parent.model, values))
         except ModelError:
             return None
         if not all(bool(np.all(np.isfinite(one))) for one in on):
             return None
         return [without - with_it for without, with_it in zip(self._before, on, strict=True)]
-
-    def _predicted(self, model: Model) -> list[_Floats]:
-        x = self.parent.best.x
-        return [
-            data.predict(model, self.problem.numbers(x, data.number)) for data in self.problem.data
-        ]
 
     def _whiten(self, change: Sequence[_Floats]) -> _Floats:
         rows = [root @ change[k][rows] for k, rows, root in self._roots]
@@ -363,8 +356,11 @@ class Screen:
 
 
 def _share(*, as_it_is: bool) -> tuple[_Floats, float]:
-    """Return between what bounds the share lies of what an effect does at its values."""
-    return (np.array([1.0 - 1e-6]), 1.0) if as_it_is else (np.zeros(1), OVERSHOOT)
+    """Return between what bounds the share lies of what an effect does at its values.
+
+    One strength stands for others as far as those that are tried lie apart.
+    """
+    return (np.array([1.0 - 1e-6]), 1.0) if as_it_is else (np.zeros(1), STRENGTHS[-1])
 
 
 def _lowest(probes: Sequence[Probe]) -> _Floats:

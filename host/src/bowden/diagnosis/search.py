@@ -104,7 +104,7 @@ def _compared(sets: Sets, names: int, seed: int) -> list[Weighed]:
             if mine.share < 1.0 - SURE:
                 break
     if all(one.effects for one, _ in found):
-        base = sets.finished(sets.base)
+        base = sets.finished(sets.base) or sets.base
         found.append((base, predict_unseen(base)))
         weighed = posterior(found, names, seed)
     return weighed

@@ -136,11 +136,10 @@ class Sets:
         first = finish(self.material, ranked[:1], self.noises)
         if self._move_to([*known, *first]):
             known = finish(self.material, known, self.noises) or known
-        first, others = (
-            [weighed_under(one, self.noises) for one in each] for each in (first, ranked[1:])
-        )
+            first = finish(self.material, first, self.noises)
+        others = [weighed_under(one, self.noises) for one in ranked[1:]]
         near = in_reach(others, [*known, *first])
-        fresh = finish(self.material, [*first, *near], self.noises)
+        fresh = [*first, *finish(self.material, near, self.noises)]
         fresh = [one for one in fresh if len(one.effects) - 1 not in idle(one)]
         less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
         fresh += finish(self.material, [one for one in less if one is not None], self.noises)
@@ -172,23 +171,26 @@ class Sets:
         )
         self._move_to(ranked)
         first, *others = ranked
-        likeliest = self.finished(first)
-        parts = [one for one in others if one.key <= likeliest.key]
-        rivals = [one for one in others if not one.key <= likeliest.key]
+        likeliest = self.finished(first) or first
+        parts, rivals = list[Hypothesis](), list[Hypothesis]()
+        for one in others:
+            (parts if one.key <= likeliest.key else rivals).append(one)
         return likeliest, self._ended(parts, likeliest), self._ended(rivals, likeliest)
 
-    def finished(self, one: Hypothesis) -> Hypothesis:
-        """Fit a set to the end under the covariance of the comparison; as it is where none runs."""
-        return next(iter(finish(self.material, [one], self.noises)), one)
+    def finished(self, one: Hypothesis) -> Hypothesis | None:
+        """Fit a set to the end under the covariance of the comparison; None where no rig is it."""
+        return next(iter(finish(self.material, [one], self.noises)), None)
 
     def _ended(self, ones: Sequence[Hypothesis], likeliest: Hypothesis) -> Iterator[Hypothesis]:
         """Fit each to the end, without those of which an effect turns out to do nothing."""
         for one in ones:
-            for ended in finish(self.material, [one], self.noises):
-                again = self._restarted(ended, likeliest)
-                self.done[again.key] = again
-                if matters(again):
-                    yield again
+            ended = self.finished(one)
+            if ended is None:
+                continue
+            again = self._restarted(ended, likeliest)
+            self.done[again.key] = again
+            if matters(again):
+                yield again
 
     def _restarted(self, one: Hypothesis, likeliest: Hypothesis) -> Hypothesis:
         again = refitted_from(self.material, self.searched, one, likeliest)
