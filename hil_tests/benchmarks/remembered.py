@@ -28,7 +28,6 @@ STEPS: Final[tuple[tuple[Any, str, str], ...]] = (
     (growing, "start_of", "fitting"),
     (Start, "fitted", "fitting"),
     (Start, "begun", "fitting"),
-    (growing, "recorrected", "fitting"),
     (sets, "finish", "fitting"),
     (sets, "Screen", "screening"),
     (proposals, "Screen", "screening"),

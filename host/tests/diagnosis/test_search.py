@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 import pytest
+from bowden.diagnosis import fitting
 from bowden.diagnosis.candidates import Candidate, candidates
-from bowden.diagnosis.fitting import finish, recorrected, start_of, weighed_under
+from bowden.diagnosis.fitting import finish, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.search import rivals_of, search
 from bowden.diagnosis.sets import Sets
+from bowden.estimation.covariance import Covariance
+from bowden.estimation.problem import Problem
 from bowden.model import Mode
 from bowden.workers import Workers, workers
+from numpy.typing import NDArray
 
 from .lab import MODEL, TRUTH, measured
+
+_Floats = NDArray[np.float64]
 
 (GAIN,) = candidates(("load_cell_gain",))
 (OFFSET,) = candidates(("motor_torque_offset",))
@@ -71,6 +78,49 @@ def test_a_set_that_could_carry_nothing_beside_the_likeliest_is_not_grown(sets: 
     assert rivals_of([right, wrong]) == [right]
 
 
+def _misled(monkeypatch: pytest.MonkeyPatch, levels: Sequence[object]) -> list[object]:
+    """Let descents at these levels end half a unit step off; return at which each was tried."""
+    tried: list[object] = []
+    descend = fitting.descend
+
+    def descended(
+        problem: Problem, x: _Floats, noises: Sequence[Covariance], *rest: Any, **named: Any
+    ) -> Any:
+        tried.append(problem.data)
+        found = descend(problem, x, noises, *rest, **named)
+        if found is None or not any(problem.data is one for one in levels):
+            return found
+        off = problem.feasible(x + 0.5 * problem.unit)
+        return replace(found, x=off, residuals=problem.residuals(off, noises))
+
+    monkeypatch.setattr(fitting, "descend", descended)
+    return tried
+
+
+def test_where_coarse_steps_lead_up_shorter_ones_lead(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    coarse, short = sets.material.coarse, sets.material.dear
+    right = _fitted(sets, GAIN, OFFSET)
+    assert right.problem.data is coarse
+    away = replace(right, best=replace(right.best, x=right.best.x + 0.1 * right.problem.unit))
+    tried = _misled(monkeypatch, [coarse])
+    (found,) = finish(sets.material, [away], sets.noises)
+    assert found.problem.data is short
+    assert tried[0] is coarse
+    # Corrected, both are the same model: the optimum differs by where each search ends.
+    assert found.best.cost == pytest.approx(right.best.cost, abs=1.0)
+
+
+def test_a_fit_that_no_steps_lead_down_from_stays_where_it_is(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = _fitted(sets, GAIN, OFFSET)
+    _misled(monkeypatch, [sets.material.coarse, sets.material.dear])
+    (found,) = finish(sets.material, [right], sets.noises)
+    np.testing.assert_array_equal(found.best.x, right.best.x)
+
+
 def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest() -> None:
     """A gain of the load cell makes (1 + g)^2 of the variance of what the inputs do."""
     with workers(2) as pool:
@@ -112,13 +162,11 @@ def test_a_fit_that_was_begun_is_weighed_with_the_correction_of_where_it_has_com
     """That of its start was 25 nats off where a torque constant was found from nothing."""
     start = start_of(sets.material, sets.searched, [(GAIN, {"g": 1e-4})], {}, sets.base.best)
     assert start is not None
-    begun = start.begun()
-    assert begun.values(0)["g"] > 0.01
-    there = recorrected(sets.material, begun)
-    assert there is not None
+    there = start.begun(sets.material)
+    assert there.values(0)["g"] > 0.01
     # A fit that starts where this one has come to has its correction from the start.
-    effects, coordinates = [(GAIN, begun.values(0))], begun.coordinates()
-    same = start_of(sets.material, sets.searched, effects, coordinates, begun.best)
+    effects, coordinates = [(GAIN, there.values(0))], there.coordinates()
+    same = start_of(sets.material, sets.searched, effects, coordinates, there.best)
     assert same is not None
     (mine,), (other,) = there.best.noises, same.here.noises
     np.testing.assert_allclose(mine.offset, other.offset, rtol=0.0, atol=1e-9)

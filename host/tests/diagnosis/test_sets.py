@@ -20,6 +20,7 @@ from bowden.diagnosis.proposals import anew
 from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
 from bowden.diagnosis.sets import Sets
+from bowden.estimation.covariance import Data
 from bowden.estimation.nuisance import Nuisance
 from bowden.model import Mode, Model, ModelError
 from bowden.workers import workers
@@ -199,10 +200,12 @@ def test_what_the_fine_model_cannot_run_is_no_hypothesis(
     steep = fitted(material, base, (OFFSET, {"offset_nm": HIDDEN_NM}))
     correction = Material.correction
 
-    def able(self: Material, model: Model, numbers: _Numbers) -> list[NDArray[np.float64]]:
+    def able(
+        self: Material, model: Model, numbers: _Numbers, data: tuple[Data, ...]
+    ) -> list[NDArray[np.float64]]:
         if model.effects:
             raise ModelError("found no agreement, accepted: weaker effects")
-        return correction(self, model, numbers)
+        return correction(self, model, numbers, data)
 
     monkeypatch.setattr(Material, "correction", able)
     noises = base.best.noises

@@ -6,7 +6,6 @@ one comparison are fitted under one covariance, each with its own correction.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +16,7 @@ from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.hypothesis import SETTLED, Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
-from bowden.estimation.covariance import Covariance
+from bowden.estimation.covariance import Covariance, Data
 from bowden.estimation.descend import ROUNDS, descend, jacobians, principal_axes
 from bowden.estimation.likelihood import best_scales
 from bowden.estimation.parameters import Parameters, parameters_of
@@ -88,13 +87,13 @@ class Start:
             best = _descend(self.problem, here, here.noises, rounds, slopes=slopes) or here
         return with_slopes(self.effects, self.problem, best)
 
-    def begun(self) -> Hypothesis:
+    def begun(self, material: Material) -> Hypothesis:
         """Return the hypothesis after one round, with the derivatives that it ended with."""
-        here = self.here
-        best = _descend(self.problem, here, here.noises, 1) or here
-        if best.slopes is None:
-            return with_slopes(self.effects, self.problem, best)
-        return Hypothesis(self.effects, self.problem, best, tuple(best.slopes))
+        here = Hypothesis(self.effects, self.problem, self.here, ())
+        there = _lowered(material, here, 1) or here
+        if there.best.slopes is None:
+            return with_slopes(self.effects, there.problem, there.best)
+        return replace(there, slopes=tuple(there.best.slopes))
 
 
 def continued(one: Hypothesis) -> Hypothesis:
@@ -168,7 +167,6 @@ def finish(
 ) -> list[Hypothesis]:
     """Fit hypotheses to the end, side by side, under a covariance and the corrections there.
 
-    Each once more with the correction of where it ended, as long as it moves less than before.
     Without those that the fine model cannot run: they describe no rig.
     """
     found = material.pool.map(lambda one: _finished(material, one, noises), ones)
@@ -178,26 +176,70 @@ def finish(
 def _finished(
     material: Material, one: Hypothesis, noises: Sequence[Covariance]
 ) -> Hypothesis | None:
+    """Go down with the corrections of where each descent has come to, as long as it moves."""
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
-    problem, best = material.problem(one.problem.parameters, effects), one.best
+    problem = material.problem(one.problem.parameters, effects, one.problem.data)
+    doubted = _with_laws_doubted(one, noises)
+    here = _at(material, replace(one, problem=problem), problem.data, doubted)
+    if here is None:
+        return None
     slopes: Sequence[_Floats] | None = one.slopes
-    nearest = math.inf
     for _ in range(ROUNDS):
-        own = corrected(material, problem, best.x, _with_laws_doubted(one, noises))
-        if own is None:
-            return None
-        axes = principal_axes(problem, best.hessian)
-        found = _descend(problem, best, own, axes=axes, slopes=slopes)
-        if found is None:
-            return None
-        moved = _apart(problem, best.x, found.x)
-        best = found
-        slopes = best.slopes if best.settled else None
-        one = replace(one, problem=problem, best=best)
-        if moved < SETTLED or moved >= nearest:
+        axes = principal_axes(here.problem, here.best.hessian)
+        there = _lowered(material, here, axes=axes, slopes=slopes)
+        if there is None:
             break
-        nearest = moved
-    return with_slopes(one.effects, problem, best)
+        has_settled = _apart(problem, here.best.x, there.best.x) < SETTLED
+        here, slopes = there, there.best.slopes if there.best.settled else None
+        if has_settled:
+            break
+        here = _reweighed(here, _with_laws_doubted(here, here.best.noises))
+    if slopes is not None:
+        return replace(here, slopes=tuple(slopes))
+    return with_slopes(one.effects, here.problem, replace(here.best, settled=False))
+
+
+def _lowered(
+    material: Material,
+    here: Hypothesis,
+    rounds: int = ROUNDS,
+    *,
+    axes: _Floats | None = None,
+    slopes: Sequence[_Floats] | None = None,
+) -> Hypothesis | None:
+    """Return a hypothesis that the fine model makes likelier than one; None where none is found.
+
+    With a correction the coarse model is exact where that was made, and a guide about there. Where
+    it has led up, shorter steps lead (Alexandrov and Lewis 2001, Optimization and Engineering 2).
+    """
+    now: Hypothesis | None = here
+    while now is not None:
+        best = _descend(now.problem, now.best, now.best.noises, rounds, axes=axes, slopes=slopes)
+        there = None if best is None else _recorrected(material, replace(now, best=best))
+        if there is not None and there.best.cost < now.best.cost:
+            return there
+        data = material.shorter(now.problem.data)
+        if (
+            data is None
+            or there is None
+            or _apart(now.problem, here.best.x, there.best.x) < SETTLED
+        ):
+            return None
+        now, slopes = _at(material, now, data, now.best.noises), None
+    return None
+
+
+def _at(
+    material: Material, one: Hypothesis, data: tuple[Data, ...], noises: Sequence[Covariance]
+) -> Hypothesis | None:
+    """Return a hypothesis where it is, corrected, at other steps; None where that fails."""
+    problem = replace(one.problem, data=data)
+    own = corrected(material, problem, one.best.x, noises)
+    residuals = None if own is None else problem.residuals(one.best.x, own)
+    if own is None or residuals is None:
+        return None
+    best = replace(one.best, residuals=residuals, noises=own)
+    return _reweighed(replace(one, problem=problem, best=best), own)
 
 
 def _with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
@@ -217,7 +259,7 @@ def _apart(problem: Problem, before: _Floats, x: _Floats) -> float:
     return float(np.max(np.abs(x - before) / problem.unit, initial=0.0))
 
 
-def recorrected(material: Material, one: Hypothesis) -> Hypothesis | None:
+def _recorrected(material: Material, one: Hypothesis) -> Hypothesis | None:
     """Return a hypothesis where it is, with the correction there; None where the fine model fails.
 
     That of where a fit started may be off by more than two sets differ.
@@ -230,8 +272,7 @@ def recorrected(material: Material, one: Hypothesis) -> Hypothesis | None:
         residual + before.offset - now.offset
         for residual, before, now in zip(best.residuals, best.noises, own, strict=True)
     ]
-    here = replace(best, residuals=residuals, noises=own)
-    return weighed_under(replace(one, best=here), own)
+    return _reweighed(replace(one, best=replace(best, residuals=residuals)), own)
 
 
 def weighed_under(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
@@ -239,14 +280,18 @@ def weighed_under(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
 
     With its own correction, its own laws' errors, and the scales that suit it there.
     """
-    problem, best = one.problem, one.best
     own = [
         replace(noise, offset=before.offset, law=before.law)
-        for noise, before in zip(noises, best.noises, strict=True)
+        for noise, before in zip(noises, one.best.noises, strict=True)
     ]
-    scales = best_scales(fitted_parts(problem, best.residuals, own), best.scales)
-    cost = objective(problem, best.x, best.residuals, own, scales)
-    return replace(one, best=replace(best, noises=own, scales=scales, cost=cost))
+    return _reweighed(one, own)
+
+
+def _reweighed(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
+    problem, best = one.problem, one.best
+    scales = best_scales(fitted_parts(problem, best.residuals, noises), best.scales)
+    cost = objective(problem, best.x, best.residuals, noises, scales)
+    return replace(one, best=replace(best, noises=list(noises), scales=scales, cost=cost))
 
 
 def _descend(
@@ -275,9 +320,9 @@ def corrected(
 ) -> list[Covariance] | None:
     """Return covariances with the correction of a point; None where the fine model fails."""
     model = problem.parameters.model_at(x[: problem.size])
-    numbers = [problem.numbers(x, one.number) for one in material.coarse]
+    numbers = [problem.numbers(x, one.number) for one in problem.data]
     try:
-        return with_offset(noises, material.correction(model, numbers))
+        return with_offset(noises, material.correction(model, numbers, problem.data))
     except ModelError:
         return None
 

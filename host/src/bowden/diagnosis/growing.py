@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from bowden.diagnosis.contribution import coordinates_without, idle
-from bowden.diagnosis.fitting import Start, recorrected, start_of
+from bowden.diagnosis.fitting import Start, start_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.screening import ScreenedCandidate
@@ -58,7 +58,7 @@ def _with_effect(
     able = [one for one in starts if one is not None]
     if not able:
         return None
-    return recorrected(material, min(able, key=lambda one: one.here.cost).begun())
+    return min(able, key=lambda one: one.here.cost).begun(material)
 
 
 def without_idle(

@@ -24,7 +24,6 @@ from bowden.diagnosis.fitting import (
     about_first,
     continued,
     finish,
-    recorrected,
     start_of,
     weighed_under,
 )
@@ -244,7 +243,7 @@ def _begun(
     effects = [*known, (law, values)]
     start, like = parent.coordinates(), parent.best
     begun = start_of(material, searched, effects, start, like)
-    return None if begun is None else recorrected(material, begun.begun())
+    return None if begun is None else begun.begun(material)
 
 
 def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:

@@ -42,6 +42,7 @@ class Material:
     coarse, fine, dear : tuple of Data
         One a recording, with the same observations; fine ones for laws that are quick to simulate,
         dear ones for those of the implicit solver: each interval of the coarse ones cut in four.
+        Where the coarse ones mislead a fit it is searched for on the dear ones, too.
     nuisances : tuple of Nuisance
         An encoder's zero to half a count, its hysteresis: what no effect of the catalogue is.
     pool : Workers
@@ -58,8 +59,9 @@ class Material:
         self,
         parameters: Parameters,
         effects: Sequence[tuple[Candidate, Mapping[str, float]]] = (),
+        data: tuple[Data, ...] | None = None,
     ) -> Problem:
-        """Return what the parameters of a hypothesis are fitted to.
+        """Return what the parameters of a hypothesis are fitted to, on the coarse or other `data`.
 
         An encoder that is off centre was zeroed wherever the rig stood: its zero is then unknown
         to as much as it is off centre.
@@ -75,19 +77,23 @@ class Material:
             replace(one, sigma=math.hypot(one.sigma, *off_centre)) if one.kind == "zero" else one
             for one in self.nuisances
         )
-        return Problem(self.coarse, parameters, nuisances, blocks, self.pool)
+        return Problem(data or self.coarse, parameters, nuisances, blocks, self.pool)
 
     def each(self, what: Callable[[int], _Floats]) -> list[_Floats]:
         """Return something of every recording, side by side."""
         return list(self.pool.map(what, range(len(self.coarse))))
 
     def correction(
-        self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
+        self,
+        model: Model,
+        numbers: Sequence[Sequence[tuple[Nuisance, float]]],
+        data: tuple[Data, ...],
     ) -> list[_Floats]:
         """Return what a fine mesh and short steps add to a prediction, one array a recording.
 
         A law of speed answers half a step late: what a step does falls in proportion to it, and is
-        extrapolated to none (Richardson).
+        extrapolated to none (Richardson). To the coarse prediction or to that at other steps,
+        `data`; with it both are the same.
 
         Raises
         ------
@@ -97,15 +103,22 @@ class Material:
         meshed, finer = as_fine(model), self.finer(model)
 
         def one(k: int) -> _Floats:
-            exact = finer[k].predict(meshed, numbers[k])
+            coarse = self.coarse[k].predict(model, numbers[k])
             whole = _whole(self.coarse[k].kept.size - 1, finer[k].kept.size - 1)
-            return whole * (exact - self.coarse[k].predict(model, numbers[k]))
+            added = whole * (finer[k].predict(meshed, numbers[k]) - coarse)
+            if data is self.coarse:
+                return added
+            return added + coarse - data[k].predict(model, numbers[k])
 
         return self.each(one)
 
     def finer(self, model: Model) -> tuple[Data, ...]:
         """Return the recordings at the steps that a model's law can afford."""
         return self.dear if is_dear(model, self.mode) else self.fine
+
+    def shorter(self, data: tuple[Data, ...]) -> tuple[Data, ...] | None:
+        """Return the recordings to search on where those at some steps mislead; None: none are."""
+        return self.dear if data is self.coarse else None
 
     def noise(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
@@ -119,7 +132,7 @@ class Material:
         ModelError
             The model cannot run a recording, or none of its paths.
         """
-        offsets, finer = self.correction(model, numbers), self.finer(model)
+        offsets, finer = self.correction(model, numbers, self.coarse), self.finer(model)
         return [
             covariance(data, model, own, correction, self.pool)
             for data, own, correction in zip(finer, numbers, offsets, strict=True)
