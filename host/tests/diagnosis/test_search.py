@@ -13,8 +13,10 @@ from bowden.diagnosis.candidates import Candidate, candidates
 from bowden.diagnosis.fitting import finish, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
-from bowden.diagnosis.search import rivals_of, search
+from bowden.diagnosis.odds import Weighed, merit
+from bowden.diagnosis.search import likely_of, rivals_of, search
 from bowden.diagnosis.sets import Sets
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.problem import Problem
 from bowden.model import Mode
@@ -64,18 +66,50 @@ def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
     assert abs(found[0].values(found[0].effects.index(GAIN))["g"] - 0.02) < 0.002
 
 
-def test_of_forms_of_the_same_effects_one_is_grown(
-    sets: Sets, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    right, other = _fitted(sets, GAIN, OFFSET), _fitted(sets, OFFSET, CELL)
-    monkeypatch.setattr("bowden.diagnosis.search.in_reach", lambda ranked: ranked)
-    assert rivals_of([right, _fitted(sets, GAIN, OFFSET), other]) == [right, other]
+def _weighed(one: Hypothesis, share: float) -> Weighed:
+    nothing = np.zeros(4)
+    return Weighed(one, UnseenPrediction(nothing, nothing, (), (), (), ()), share)
 
 
-def test_a_set_that_could_carry_nothing_beside_the_likeliest_is_not_grown(sets: Sets) -> None:
+def test_of_forms_of_the_same_effects_one_is_grown(sets: Sets) -> None:
+    """They share what their names carry, and the likeliest stands for them."""
+    right, same, other = (
+        _fitted(sets, GAIN, OFFSET),
+        _fitted(sets, GAIN, OFFSET),
+        _fitted(sets, OFFSET, CELL),
+    )
+    every = [_weighed(right, 0.90), _weighed(other, 0.06), _weighed(same, 0.04)]
+    assert rivals_of(every) == [right, other]
+    # 0.03 each: neither form counts alone, together they do.
+    assert rivals_of([_weighed(other, 0.94), _weighed(right, 0.03), _weighed(same, 0.03)]) == [
+        other,
+        right,
+    ]
+
+
+def test_a_set_that_carries_nothing_beside_the_likeliest_is_not_grown(sets: Sets) -> None:
     right, wrong = _fitted(sets, GAIN, OFFSET), _fitted(sets, OFFSET, CELL)
     assert wrong.best.cost > right.best.cost + 100.0
-    assert rivals_of([right, wrong]) == [right]
+    assert likely_of([right, wrong], 32, 1) == [right]
+
+
+def test_a_set_that_predicts_worse_than_a_smaller_one_is_not_grown(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However much better it fits what it has seen."""
+    larger, smaller = _fitted(sets, GAIN, OFFSET), _fitted(sets, OFFSET)
+    assert merit(larger) < merit(smaller) - 100.0
+    density = {id(larger): np.full(12, 0.0), id(smaller): np.full(12, 10.0)}
+
+    def predicted(one: Hypothesis) -> UnseenPrediction:
+        each = density[id(one)]
+        return UnseenPrediction(each, each, (), (), (), ())
+
+    monkeypatch.setattr("bowden.diagnosis.search.predict_unseen", predicted)
+    monkeypatch.setattr("bowden.diagnosis.search.in_reach", lambda grown: grown)
+    assert likely_of([larger, smaller], 32, 1) == [smaller]
+    density[id(larger)] += 20.0
+    assert likely_of([larger, smaller], 32, 1) == [larger]
 
 
 def _misled(monkeypatch: pytest.MonkeyPatch, levels: Sequence[object]) -> list[object]:

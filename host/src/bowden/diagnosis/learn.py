@@ -148,10 +148,9 @@ def _weighed(
         for one in found.weighed
         if one.share > 1.0 - SURE or not one.hypothesis.effects
     ]
-    here = [weighed_under(one, noises) for one in known]
-    near = in_reach(here, [weighed_under(one, noises) for one in laws])
-    known = [one for one in here if one in near or not one.effects]
-    compared = finish(material, [*laws, *known], noises)
+    here = [weighed_under(one, noises) for one in [*laws, *known]]
+    near = in_reach(here)
+    compared = finish(material, [one for one in here if one in near or not one.effects], noises)
     compared = [one for one in compared if not one.effects or matters(one)]
     names = len({one.candidate.name for one in found.screened})
     return posterior([(one, predict_unseen(one)) for one in compared], names, seed)

@@ -1,11 +1,12 @@
-"""Search the sets of effects: add, drop and swap effects while that makes a set likelier.
+"""Search the sets of effects: add and exchange effects while that predicts unseen data better.
 
 Every candidate is screened from the calibrated model, the most promising ones are fitted, and the
-sets that could be the likeliest are grown. What a candidate does to a rig depends on what else the
-rig has: candidates are screened again from each set that leaves much. Where no addition helps such
-a set, each of its effects is exchanged for others. Where no two effects explain the data a law that
-no name fits is learned: it is likelier beforehand than three effects, and where it explains more
-than two do, no larger sets are grown.
+sets that could be the likeliest by what they predict are grown. What a candidate does to a rig
+depends on what else the rig has: candidates are screened again from each set that leaves much.
+Where no addition helps the likeliest set, each of its effects is exchanged for others: it is named
+only where none does as well in its place. Where no two effects explain the data a law that no name
+fits is learned: it is likelier beforehand than three effects, and where it explains more than two
+do, no larger sets are grown.
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ import math
 from collections.abc import Sequence
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.contribution import holds, leaves_something
-from bowden.diagnosis.fitting import weighed_under
-from bowden.diagnosis.found import Found
+from bowden.diagnosis.contribution import holds
+from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.learn import learn
@@ -56,29 +56,30 @@ def search(
     sets = Sets(material, as_searched(model), time_limit_s)
     tell("screening every effect", 0.15)
     sets.screen(every)
-    frontier, tried, laws = [sets.base], set[Key](), None
-    while sets.has_time():
-        size = 1 + max(len(one.effects) for one in frontier)
-        tell(f"sets of {min(size, MOST)}", 0.2 + 0.12 * min(size, MOST))
-        grown = sets.weighed(frontier, sets.added(frontier))
-        tried.update(one.key for one in frontier)
-        best = grown[0]
-        if best.key in tried and len(best.effects) > 1 and leaves_something(best):
+    names = len({one.name for one in every})
+    laws: Laws | None = None
+    likely, added, exchanged = [sets.base], set[Key](), set[Key]()
+    while sets.has_time() and not (laws and laws.likelier):
+        best = likely[0]
+        size = max(len(one.effects) for one in likely)
+        if parents := [one for one in likely if one.key not in added]:
+            tell(f"sets of {min(size + 1, MOST)}", 0.2 + 0.12 * min(size + 1, MOST))
+            children = sets.added(parents)
+            added.update(one.key for one in parents)
+        elif best.key not in exchanged:
             tell("exchanging effects", 0.8)
-            grown = sets.weighed(frontier, sets.exchanged(best))
-        if grown[0].key in tried:
+            children = sets.exchanged(best)
+            exchanged.add(best.key)
+        else:
             break
-        if size == 2 and not holds(grown[0]):
+        grown = sets.weighed(likely, children)
+        likely = likely_of(grown, names, seed)
+        if laws is None and len(likely[0].effects) == 2 and not holds(grown[0]):
             tell("learning a law that no name fits", 0.5)
-            single = next(one for one in grown if len(one.effects) == 1)
-            parents = [weighed_under(one, sets.noises) for one in (sets.base, single)]
-            laws = learn(material, sets.searched, parents, [grown[0]])
-            if laws.likelier:
-                break
-        frontier = [one for one in rivals_of(grown) if one.key not in tried]
+            laws = learn(material, sets.searched, sets.first_two(), [grown[0]])
     tell("predicting what was held out", 0.85)
     return Found(
-        tuple(_compared(sets, len({one.name for one in every}), seed)),
+        tuple(_compared(sets, names, seed)),
         sets.base,
         sets.filed,
         tuple(sets.first.here),
@@ -110,13 +111,27 @@ def _compared(sets: Sets, names: int, seed: int) -> list[Weighed]:
     return weighed
 
 
-def rivals_of(ranked: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Return which sets are grown further, of those in order of merit.
+def likely_of(grown: Sequence[Hypothesis], names: int, seed: int) -> list[Hypothesis]:
+    """Return the sets that could be the likeliest by what they predict of unseen data.
 
-    The likeliest, and those that could carry something beside it. An effect has several forms; one
-    of each choice of names is grown. What came first in another's place is found by exchange.
+    What fits the data better and predicts no better imitates what it lacks.
     """
-    found: dict[tuple[str, ...], Hypothesis] = {}
-    for one in in_reach(ranked):
-        found.setdefault(one.names, one)
-    return list(found.values())
+    predicted = [(one, predict_unseen(one)) for one in in_reach(grown)]
+    return rivals_of(posterior(predicted, names, seed))
+
+
+def rivals_of(weighed: Sequence[Weighed]) -> list[Hypothesis]:
+    """Return which sets are grown further, likeliest first: those that carry something.
+
+    An effect has several forms; the likeliest of each choice of names is grown. What came first in
+    another's place is found by exchange.
+    """
+    forms: dict[tuple[str, ...], list[Weighed]] = {}
+    for one in weighed:
+        forms.setdefault(one.hypothesis.names, []).append(one)
+    shares = [sum(one.share for one in each) for each in forms.values()]
+    return [
+        each[0].hypothesis
+        for each, share in zip(forms.values(), shares, strict=True)
+        if share >= min(1.0 - SURE, max(shares))
+    ]

@@ -101,9 +101,12 @@ class Sets:
         return found
 
     def exchanged(self, one: Hypothesis) -> list[Hypothesis]:
-        """Begin to fit another effect in the place of each: what came first may only imitate it."""
+        """Begin to fit another effect in the place of each: what came first may only imitate it.
+
+        That of a single effect is what was added beside it.
+        """
         found: list[Hypothesis] = []
-        for k in range(len(one.effects)):
+        for k in range(len(one.effects) if len(one.effects) > 1 else 0):
             start = start_without(self.material, self.searched, one, [k])
             if start is not None:
                 less = start.fitted(0)
@@ -148,7 +151,16 @@ class Sets:
             before = self.done.get(one.key)
             if before is None or merit(one) < merit(weighed_under(before, self.noises)):
                 self.done[one.key] = one
-        return sorted([*fresh, *known], key=merit)
+        best: dict[Key, Hypothesis] = {}
+        for one in sorted([*fresh, *known], key=merit):
+            best.setdefault(one.key, one)
+        return list(best.values())
+
+    def first_two(self) -> list[Hypothesis]:
+        """Return the calibrated model and the likeliest single effect, under one covariance."""
+        here = [weighed_under(one, self.noises) for one in self.done.values()]
+        single = min((one for one in here if len(one.effects) == 1), key=merit)
+        return [weighed_under(self.base, self.noises), single]
 
     def _move_to(self, ones: Sequence[Hypothesis]) -> bool:
         """Let the covariance be that about the likeliest; return whether it was about another."""
