@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -93,19 +92,3 @@ def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
     monkeypatch.setattr(learn, "_begun", lambda *_: law(-1000.0, 5.0))
     assert learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [law(-1000.0, 5.0)])
     assert not learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [law(-1100.0, 5.0)])
-
-
-@pytest.mark.parametrize(
-    ("cost", "discrepancy", "likelier"),
-    [(-1000.0, 0.5, True), (-1000.0, 5.0, False), (-100.0, 0.5, False)],
-)
-def test_a_law_explains_more_where_it_leaves_little_and_is_likelier(
-    monkeypatch: pytest.MonkeyPatch, cost: float, discrepancy: float, likelier: bool
-) -> None:
-    monkeypatch.setattr(learn, "Screen", lambda _: None)
-    monkeypatch.setattr(learn, "laws_over", lambda _: [])
-    monkeypatch.setattr(learn, "_screened", lambda *_: [])
-    monkeypatch.setattr(learn, "_laws", lambda *_: [law(cost, discrepancy)])
-    material = cast(Material, SimpleNamespace(coarse=()))
-    found = learn.learn(material, MODEL, [law(0.0, 9.0)], [law(-500.0, 9.0)])
-    assert found.likelier is likelier
