@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from bowden.diagnosis import growing
 from bowden.diagnosis import search as searching
+from bowden.diagnosis import sets as setting
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.sets import Sets
 
@@ -28,6 +29,10 @@ class Begun:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(self.name.split())
+
+    @property
+    def key(self) -> frozenset[str]:
+        return frozenset(self.names)
 
 
 @dataclass(frozen=True)
@@ -111,3 +116,50 @@ def test_parts_of_the_likeliest_are_looked_at_whatever_its_rivals_carry(
     """By the sets without it an effect is judged."""
     found = compared(monkeypatch, {"a": 0.1, "b": 0.01, "": 0.0}, {"c": 0.0, "d": 0.3})
     assert found == ["a b", "a", "b", "c", ""]  # the calibrated model: there to compare with
+
+
+@dataclass(frozen=True)
+class Ended(Begun):
+    """A fit that ended at a merit, with some effects that do nothing."""
+
+    merit: float = 0.0
+    idle: tuple[int, ...] = ()
+
+
+@pytest.mark.parametrize(
+    ("merit", "yielded"), [(-10.0, []), (-30.0, [("", -30.0)])], ids=["as known", "likelier"]
+)
+def test_a_set_whose_effect_does_nothing_is_a_fit_of_the_set_without_it(
+    monkeypatch: pytest.MonkeyPatch, merit: float, yielded: list[tuple[str, float]]
+) -> None:
+    """Where that is likelier so than it was, it had ended in a notch and counts as it is now."""
+    monkeypatch.setattr(setting, "idle", lambda one: list(one.idle))
+    monkeypatch.setattr(setting, "merit", lambda one: one.merit)
+    monkeypatch.setattr(setting, "weighed_under", lambda one, _: one)
+    sets = object.__new__(Sets)
+    known = cast("Any", Ended("", -20.0))
+    sets.done, sets.noises = {known.key: known}, []
+    monkeypatch.setattr(Sets, "finished", lambda _, one: one)
+    monkeypatch.setattr(Sets, "_restarted", lambda _s, one, _l: one)
+    monkeypatch.setattr(Sets, "_without", lambda *_: Ended("", merit))
+    found = list(sets._ended([cast("Any", Ended("a", -25.0, (0,)))], known))
+    assert [(one.name, one.merit) for one in cast("list[Ended]", found)] == yielded
+    assert cast("Any", sets.done[known.key]).merit == min(merit, -20.0)
+
+
+def test_a_finalist_that_was_found_likelier_is_compared_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found: list[list[Any]] = []
+
+    def weigh(every: list[Any], *_: Any) -> list[Weighed]:
+        found.append([one for one, _ in every])
+        return [Weighed(one, prediction, 0.5) for one, prediction in every]
+
+    monkeypatch.setattr(searching, "posterior", weigh)
+    monkeypatch.setattr(searching, "predict_unseen", lambda _: np.zeros(1))
+    first, again = Ended("", -20.0), Ended("", -30.0)
+    finalists = Ended("a", -25.0), iter([first]), iter([again])
+    sets = SimpleNamespace(finalists=lambda: finalists, base=first, finished=lambda one: one)
+    searching._compared(cast("Sets", sets), 32, 0)
+    assert found[-1] == [finalists[0], again]

@@ -86,19 +86,19 @@ def _compared(sets: Sets, names: int, seed: int) -> list[Weighed]:
     these each of its effects is judged. The calibrated model is always there to compare with.
     """
     likeliest, parts, rivals = sets.finalists()
-    found = [(likeliest, predict_unseen(likeliest))]
-    weighed = posterior(found, names, seed)
+    found = {likeliest.key: (likeliest, predict_unseen(likeliest))}
+    weighed = posterior(list(found.values()), names, seed)
     for others in (parts, rivals):
         for one in others:
-            found.append((one, predict_unseen(one)))
-            weighed = posterior(found, names, seed)
+            found[one.key] = (one, predict_unseen(one))  # once more where it was found likelier
+            weighed = posterior(list(found.values()), names, seed)
             (mine,) = [each for each in weighed if each.hypothesis is one]
             if mine.share < 1.0 - SURE:
                 break
-    if all(one.effects for one, _ in found):
+    if sets.base.key not in found:
         base = sets.finished(sets.base) or sets.base
-        found.append((base, predict_unseen(base)))
-        weighed = posterior(found, names, seed)
+        found[base.key] = (base, predict_unseen(base))
+        weighed = posterior(list(found.values()), names, seed)
     return weighed
 
 

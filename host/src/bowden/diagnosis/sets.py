@@ -194,15 +194,29 @@ class Sets:
         return next(iter(finish(self.material, [one], self.noises)), None)
 
     def _ended(self, ones: Sequence[Hypothesis], likeliest: Hypothesis) -> Iterator[Hypothesis]:
-        """Fit each to the end, without those of which an effect turns out to do nothing."""
+        """Fit each to the end; where an effect turns out to do nothing it is the set without it.
+
+        That one is yielded once more where it is likelier so: it had ended in a notch.
+        """
         for one in ones:
             ended = self.finished(one)
             if ended is None:
                 continue
             again = self._restarted(ended, likeliest)
             self.done[again.key] = again
-            if matters(again):
-                yield again
+            if gone := idle(again):
+                less = self._without(again, gone)
+                known = None if less is None else self.done.get(less.key)
+                if less is None or (
+                    known and merit(less) >= merit(weighed_under(known, self.noises))
+                ):
+                    continue
+                again = self.done[less.key] = less
+            yield again
+
+    def _without(self, one: Hypothesis, gone: Sequence[int]) -> Hypothesis | None:
+        start = start_without(self.material, self.searched, one, gone)
+        return None if start is None else self.finished(start.fitted())
 
     def _restarted(self, one: Hypothesis, likeliest: Hypothesis) -> Hypothesis:
         again = refitted_from(self.material, self.searched, one, likeliest)
