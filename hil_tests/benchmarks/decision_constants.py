@@ -1,8 +1,7 @@
 """List the numeric constants that decide a diagnosis, and change one for a while.
 
-They are found in the source of `bowden.diagnosis`: every module that `search`, `learn` and
-`verdict` import, but for those of `OUTSIDE`, is in the decision path, and so is each number at its
-module level.
+They are found in the source of `bowden.diagnosis`: every module that `search` and `verdict` import,
+but for those of `OUTSIDE`, is in the decision path, and so is each number at its module level.
 """
 
 from __future__ import annotations
@@ -91,8 +90,8 @@ def constants() -> list[Constant]:
 
 
 def modules() -> set[str]:
-    """Return the modules of `bowden.diagnosis` that `search`, `learn` and `verdict` reach."""
-    return reached_from("search") | reached_from("learn") | reached_from("verdict")
+    """Return the modules of `bowden.diagnosis` that `search` and `verdict` reach by imports."""
+    return reached_from("search") | reached_from("verdict")
 
 
 def reached_from(module: str) -> set[str]:

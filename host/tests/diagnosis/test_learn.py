@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 from typing import cast
 
@@ -10,15 +9,11 @@ import numpy as np
 import pytest
 from bowden.diagnosis import learn
 from bowden.diagnosis import reach as reaching
-from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.fitting import parameters_with
-from bowden.diagnosis.found import Found
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.law_candidates import LAWS, LawCandidate
+from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material
-from bowden.diagnosis.odds import PRIOR_UNLISTED, Weighed, penalty
 from bowden.diagnosis.screening import ScreenedCandidate
-from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
 from bowden.model.effects import LawTable
@@ -26,7 +21,6 @@ from bowden.workers import workers
 
 from .lab import MODEL
 
-GAIN = candidates(("load_cell_gain",))[0].effect
 UNUSED = cast(Material, None)  # the steps that would need it are replaced
 
 
@@ -101,50 +95,17 @@ def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
     assert not learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [law(-1100.0, 5.0)])
 
 
-def _found(*names: str, weight: float = 1.0, beyond: float = 0.0) -> Found:
-    one = cast(Hypothesis, SimpleNamespace(effects=names))
-    nothing = np.zeros(2)
-    unseen = UnseenPrediction(nothing, nothing, (), (), (), ())
-    return Found((Weighed(one, unseen, weight, beyond),), one, one, (), parents=(one,))
-
-
-@pytest.fixture
-def followed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Have laws as `_laws` of the test returns them; say where surfaces follow."""
-    found: list[str] = []
-    monkeypatch.setattr(learn, "as_searched", lambda model: model)
+@pytest.mark.parametrize(
+    ("cost", "discrepancy", "likelier"),
+    [(-1000.0, 0.5, True), (-1000.0, 5.0, False), (-100.0, 0.5, False)],
+)
+def test_a_law_explains_more_where_it_leaves_little_and_is_likelier(
+    monkeypatch: pytest.MonkeyPatch, cost: float, discrepancy: float, likelier: bool
+) -> None:
     monkeypatch.setattr(learn, "Screen", lambda _: None)
     monkeypatch.setattr(learn, "laws_over", lambda _: [])
     monkeypatch.setattr(learn, "_screened", lambda *_: [])
-    monkeypatch.setattr(learn, "_surfaces", lambda *_: found.append("surfaces") or [])
-    return found
-
-
-def test_where_no_law_could_be_the_likeliest_the_sets_stand_as_they_are(
-    followed: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(learn, "_laws", lambda *_: [])
-    before = _found("a", "b", "c")
+    monkeypatch.setattr(learn, "_laws", lambda *_: [law(cost, discrepancy)])
     material = cast(Material, SimpleNamespace(coarse=()))
-    assert learn.with_laws(material, MODEL, before, 0) is before
-    assert followed == []
-
-
-@pytest.mark.parametrize(("beyond", "surfaces"), [(0.6, ["surfaces"]), (0.4, [])])
-def test_laws_of_two_arguments_follow_where_something_unlisted_is_left(
-    followed: list[str], monkeypatch: pytest.MonkeyPatch, beyond: float, surfaces: list[str]
-) -> None:
-    one = law(-100.0, 5.0)
-    monkeypatch.setattr(learn, "_laws", lambda *_: [] if followed else [one])
-    after = _found("law", weight=1.0 - beyond, beyond=beyond).weighed
-    monkeypatch.setattr(learn, "_weighed", lambda *_: list(after))
-    material = cast(Material, SimpleNamespace(coarse=()))
-    assert learn.with_laws(material, MODEL, _found(), 0).weighed == after
-    assert followed == surfaces
-
-
-@pytest.mark.parametrize(("names", "many"), [("", False), ("ab", False), ("abc", True)])
-def test_three_effects_are_many(names: str, many: bool) -> None:
-    """Beforehand a law is likelier than three effects."""
-    assert _found(*names).has_many is many
-    assert -math.log(PRIOR_UNLISTED / LAWS) < 3 * penalty(GAIN)
+    found = learn.learn(material, MODEL, [law(0.0, 9.0)], [law(-500.0, 9.0)])
+    assert found.likelier is likelier

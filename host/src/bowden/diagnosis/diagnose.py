@@ -92,7 +92,7 @@ def diagnose(
             progress=tell,
         )
         decision = decide(found)
-        if found.in_time and (decision.verdict == "unlisted" or found.has_many):
+        if found.in_time and (decision.verdict == "unlisted" or found.explained_by_laws):
             found = with_laws(material, model, found, seed, tell)
             decision = decide(found)
         tell("computing the verdict", 0.95)

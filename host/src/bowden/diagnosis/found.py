@@ -10,6 +10,30 @@ from bowden.diagnosis.screening import ScreenedCandidate
 
 
 @dataclass(frozen=True)
+class Laws:
+    """Learned laws of one argument that were fitted on top of some sets.
+
+    Parameters
+    ----------
+    parents : tuple of Hypothesis
+        The calibrated model and the likeliest single effect, under one covariance. A set with more
+        effects than the rig has imitates the missing law with their numbers: no law is looked for
+        on top of it.
+    screened : tuple of ScreenedCandidate
+        Every law on top of the calibrated model.
+    fitted : tuple of Hypothesis
+        Those that could be as likely as any set of effects.
+    likelier : bool
+        Whether one leaves little and is likelier than the likeliest set.
+    """
+
+    parents: tuple[Hypothesis, ...]
+    screened: tuple[ScreenedCandidate, ...]
+    fitted: tuple[Hypothesis, ...]
+    likelier: bool
+
+
+@dataclass(frozen=True)
 class Found:
     """What the search ends with.
 
@@ -25,10 +49,8 @@ class Found:
         Every candidate from the calibrated model, best shape of each place.
     in_time : bool
         Whether the search ended by itself, not by its time limit.
-    parents : tuple of Hypothesis
-        The calibrated model and the likeliest single effect, under the covariance of the others: on
-        top of these laws are learned. A set with more effects than the rig has imitates a missing
-        law with their numbers.
+    laws : Laws, optional
+        Where no two effects hold.
     """
 
     weighed: tuple[Weighed, ...]
@@ -36,9 +58,9 @@ class Found:
     filed: Hypothesis
     screened: tuple[ScreenedCandidate, ...]
     in_time: bool = True
-    parents: tuple[Hypothesis, ...] = ()
+    laws: Laws | None = None
 
     @property
-    def has_many(self) -> bool:
-        """Whether the likeliest set has three effects or more: beforehand a law is likelier."""
-        return len(self.weighed[0].hypothesis.effects) > 2
+    def explained_by_laws(self) -> bool:
+        """Whether a learned law leaves little and is likelier than every set."""
+        return self.laws is not None and self.laws.likelier

@@ -1,12 +1,12 @@
 """Learn a law where no name fits: a smooth function of one argument or two, at one place.
 
-Where something unlisted is there, or three effects or more are named, which a law is likelier than
-beforehand, every place and argument is screened on top of the calibrated model. The most promising
-laws are fitted with the simulator inside, alone and beside the likeliest effect, as long as they
-could still be the likeliest, and are compared with the sets of effects. The law is the one that
-predicts unseen stretches best; the evidence sets its smoothness. Where one could, and leaves what
-is unlisted, laws of two arguments follow. `law_candidates` lists what is tried, `diagnose` asks for
-it, `verdict` words it.
+Where no two effects explain the data, every place and argument is screened on top of the calibrated
+model, and the most promising laws are fitted with the simulator inside, alone and beside the
+likeliest effect, as long as they could still be the likeliest. Where such a law is likelier
+than every set of effects, or something unlisted is there, laws are compared with the sets. The law
+is the one that predicts unseen stretches best; the evidence sets its smoothness. Where it, too,
+leaves what is unlisted, laws of two arguments follow. `law_candidates` lists what is tried,
+`search` asks for it, `verdict` words it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from bowden.diagnosis.fitting import (
     start_of,
     weighed_under,
 )
-from bowden.diagnosis.found import Found
+from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.growing import without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import (
@@ -53,6 +53,32 @@ _Floats = NDArray[np.float64]
 BENDS = np.geomspace(0.01, 3.0, 12)  # of the law's own spread: second differences, by evidence
 
 
+def learn(
+    material: Material,
+    searched: Model,
+    parents: Sequence[Hypothesis],
+    rivals: Sequence[Hypothesis],
+) -> Laws:
+    """Fit the laws of one argument that could be the likeliest, on top of some sets.
+
+    Parameters
+    ----------
+    material : Material
+    searched : Model
+        As it is searched, with the file's values.
+    parents : sequence of Hypothesis
+        The calibrated model first.
+    rivals : sequence of Hypothesis
+        Sets of effects, under the same covariance.
+    """
+    recordings = [data.estimates.recording for data in material.coarse]
+    screened = _screened(material, Screen(parents[0]), laws_over(recordings))
+    fitted = _laws(material, searched, parents, screened, rivals)
+    least = min(map(merit, rivals))
+    likelier = any(merit(one) < least for one in fitted if holds(one))
+    return Laws(tuple(parents), tuple(screened), tuple(fitted), likelier)
+
+
 def with_laws(
     material: Material, model: Model, found: Found, seed: int, progress: Progress | None = None
 ) -> Found:
@@ -73,19 +99,17 @@ def with_laws(
     tell("learning a law that no name fits", 0.9)
     searched = as_searched(model)
     sets = [one.hypothesis for one in found.weighed]
-    recordings = [data.estimates.recording for data in material.coarse]
-    screen = Screen(found.parents[0])
-    screened = _screened(material, screen, laws_over(recordings))
-    laws = _laws(material, searched, found.parents, screened, sets)
-    if not laws:
-        return found
+    learned = found.laws or learn(material, searched, _parents(sets), sets)
+    laws = list(learned.fitted)
     tell("predicting by learned laws", 0.93)
     weighed = _weighed(material, found, laws, seed)
-    likeliest = (weighed or found.weighed)[0]
-    if likeliest.beyond > likeliest.weight:
+    best = next((one for one in weighed if learned_among(one.hypothesis.effects)), None)
+    if best is None or best.beyond > best.weight:
         tell("learning a law of two arguments", 0.94)
-        surfaces = _screened(material, screen, _surfaces(material, screen, screened))
-        of_two = _laws(material, searched, found.parents, surfaces, [*laws, *sets])
+        screen = Screen(learned.parents[0])
+        surfaces = _screened(material, screen, _surfaces(material, screen, learned.screened))
+        rivals = [weighed_under(one, learned.parents[0].best.noises) for one in sets]
+        of_two = _laws(material, searched, learned.parents, surfaces, [*laws, *rivals])
         if of_two:
             weighed = _weighed(material, found, [*laws, *of_two], seed)
     return replace(found, weighed=tuple(weighed)) if weighed else found
@@ -101,7 +125,7 @@ def _laws(
     """Return the likeliest of some laws, on top of each parent and alone."""
     laws: list[Hypothesis] = []
     for parent in parents:
-        if not any(map(holds, laws)):  # one that holds needs no effect beside it
+        if not any(map(holds, laws)):  # as in `search`: beside a set that holds none is grown
             others = [*rivals, *laws]
             laws += _laws_on(material, searched, parent, screened, others)
     done = {one.key: one for one in [*rivals, *laws]}
@@ -113,6 +137,8 @@ def _weighed(
     material: Material, found: Found, laws: Sequence[Hypothesis], seed: int
 ) -> list[Weighed]:
     """Weigh laws against what the search found; nothing where there is no law to run."""
+    if not laws:
+        return []
     try:
         _, noises = about_first(material, sorted(laws, key=merit))
     except ModelError:  # so steep that they describe no rig
@@ -128,6 +154,13 @@ def _weighed(
     compared = [one for one in compared if not one.effects or matters(one)]
     names = len({one.candidate.name for one in found.screened})
     return posterior([(one, predict_unseen(one)) for one in compared], names, seed)
+
+
+def _parents(sets: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the calibrated model and the likeliest single effect, under one covariance."""
+    base = next(one for one in sets if not one.effects)
+    singles = [one for one in sets if len(one.effects) == 1]
+    return [base, *(weighed_under(one, base.best.noises) for one in singles[:1])]
 
 
 def _screened(

@@ -4,7 +4,9 @@ Every candidate is screened from the calibrated model, the most promising ones a
 sets that could be the likeliest by what they predict are grown. What a candidate does to a rig
 depends on what else the rig has: candidates are screened again from each set that leaves much.
 Where no addition helps the likeliest set, each of its effects is exchanged for others: it is named
-only where none does as well in its place.
+only where none does as well in its place. Where no two effects explain the data a law that no name
+fits is learned: it is likelier beforehand than three effects, and where it explains more than two
+do, no larger sets are grown.
 """
 
 from __future__ import annotations
@@ -13,9 +15,11 @@ import math
 from collections.abc import Sequence
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.found import Found
+from bowden.diagnosis.contribution import holds
+from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.learn import learn
 from bowden.diagnosis.material import Material, as_searched
 from bowden.diagnosis.odds import SURE, Weighed, posterior
 from bowden.diagnosis.predict import predict_unseen
@@ -53,8 +57,9 @@ def search(
     tell("screening every effect", 0.15)
     sets.screen(every)
     names = len({one.name for one in every})
+    laws: Laws | None = None
     likely, added, exchanged = [sets.base], set[Key](), set[Key]()
-    while sets.has_time():
+    while sets.has_time() and not (laws and laws.likelier):
         best = likely[0]
         size = max(len(one.effects) for one in likely)
         if parents := [one for one in likely if one.key not in added]:
@@ -67,7 +72,11 @@ def search(
             exchanged.add(best.key)
         else:
             break
-        likely = likely_of(sets.weighed(likely, children), names, seed)
+        grown = sets.weighed(likely, children)
+        likely = likely_of(grown, names, seed)
+        if laws is None and len(likely[0].effects) == 2 and not holds(grown[0]):
+            tell("learning a law that no name fits", 0.5)
+            laws = learn(material, sets.searched, sets.first_two(), [grown[0]])
     tell("predicting what was held out", 0.85)
     return Found(
         tuple(_compared(sets, names, seed)),
@@ -75,7 +84,7 @@ def search(
         sets.filed,
         tuple(sets.first.here),
         not sets.cut,
-        tuple(sets.first_two()),
+        laws,
     )
 
 

@@ -159,8 +159,8 @@ class Sets:
     def first_two(self) -> list[Hypothesis]:
         """Return the calibrated model and the likeliest single effect, under one covariance."""
         here = [weighed_under(one, self.noises) for one in self.done.values()]
-        singles = sorted((one for one in here if len(one.effects) == 1), key=merit)
-        return [weighed_under(self.base, self.noises), *singles[:1]]
+        single = min((one for one in here if len(one.effects) == 1), key=merit)
+        return [weighed_under(self.base, self.noises), single]
 
     def _move_to(self, ones: Sequence[Hypothesis]) -> bool:
         """Let the covariance be that about the likeliest; return whether it was about another."""
