@@ -196,7 +196,7 @@ def _finished(
         here = _reweighed(here, _with_laws_doubted(here, here.best.noises))
     if slopes is not None:
         return replace(here, slopes=tuple(slopes))
-    return with_slopes(one.effects, here.problem, replace(here.best, settled=False))
+    return with_slopes(one.effects, here.problem, here.best)
 
 
 def _lowered(
