@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
-from bowden.diagnosis import fitting, growing, proposals, search, sets
+from bowden.diagnosis import fitting, growing, proposals, search, sets, weighing
 from bowden.diagnosis.fitting import Start
 from bowden.diagnosis.screening import Screen
 
@@ -36,6 +36,7 @@ STEPS: Final[tuple[tuple[Any, str, str], ...]] = (
     (Screen, "peaks", "screening"),
     (Screen, "annealed", "screening"),
     (search, "predict_unseen", "predict"),
+    (weighing, "predict_unseen", "predict"),
 )
 
 

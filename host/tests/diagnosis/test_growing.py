@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from bowden.diagnosis import growing
+from bowden.diagnosis import growing, weighing
 from bowden.diagnosis import search as searching
 from bowden.diagnosis import sets as setting
 from bowden.diagnosis.odds import Weighed
@@ -95,8 +95,8 @@ def compared(
         looked_at.append(one.name)
         return np.zeros(1)
 
-    monkeypatch.setattr(searching, "posterior", weigh)
-    monkeypatch.setattr(searching, "predict_unseen", predict)
+    monkeypatch.setattr(weighing, "posterior", weigh)
+    monkeypatch.setattr(weighing, "predict_unseen", predict)
     finalists = Begun("a b"), each(parts), each(rivals)
     sets = SimpleNamespace(finalists=lambda: finalists, base=Begun(""), finished=lambda one: one)
     searching._compared(cast("Sets", sets), 32, 0)
@@ -156,8 +156,8 @@ def test_a_finalist_that_was_found_likelier_is_compared_once(
         found.append([one for one, _ in every])
         return [Weighed(one, prediction, 0.5) for one, prediction in every]
 
-    monkeypatch.setattr(searching, "posterior", weigh)
-    monkeypatch.setattr(searching, "predict_unseen", lambda _: np.zeros(1))
+    monkeypatch.setattr(weighing, "posterior", weigh)
+    monkeypatch.setattr(weighing, "predict_unseen", lambda _: np.zeros(1))
     first, again = Ended("", -20.0), Ended("", -30.0)
     finalists = Ended("a", -25.0), iter([first]), iter([again])
     sets = SimpleNamespace(finalists=lambda: finalists, base=first, finished=lambda one: one)

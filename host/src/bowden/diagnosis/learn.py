@@ -39,11 +39,11 @@ from bowden.diagnosis.law_candidates import (
     surface_of,
 )
 from bowden.diagnosis.material import Material, as_searched
-from bowden.diagnosis.odds import SURE, Weighed, merit, posterior
-from bowden.diagnosis.predict import predict_unseen
+from bowden.diagnosis.odds import SURE, Weighed, merit
 from bowden.diagnosis.proposals import BEGUN
 from bowden.diagnosis.reach import in_reach
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
+from bowden.diagnosis.weighing import weighed_in_turn, weighed_with
 from bowden.estimation.problem import WIDEST
 from bowden.estimation.search import Progress
 from bowden.model import Model, ModelError
@@ -100,9 +100,9 @@ def with_laws(
     searched = as_searched(model)
     sets = [one.hypothesis for one in found.weighed]
     learned = found.laws or learn(material, searched, _parents(sets), sets)
-    laws = list(learned.fitted)
+    laws, names = learned.fitted, len({one.candidate.name for one in found.screened})
     tell("predicting by learned laws", 0.93)
-    weighed = _weighed(material, found, laws, seed)
+    weighed = _weighed(material, found.weighed, laws, names, seed)
     best = next((one for one in weighed if learned_among(one.hypothesis.effects)), None)
     if best is None or best.beyond > best.weight:
         tell("learning a law of two arguments", 0.94)
@@ -110,9 +110,8 @@ def with_laws(
         surfaces = _screened(material, screen, _surfaces(material, screen, learned.screened))
         rivals = [weighed_under(one, learned.parents[0].best.noises) for one in sets]
         of_two = _laws(material, searched, learned.parents, surfaces, [*laws, *rivals])
-        if of_two:
-            weighed = _weighed(material, found, [*laws, *of_two], seed)
-    return replace(found, weighed=tuple(weighed)) if weighed else found
+        weighed = _weighed(material, weighed, of_two, names, seed)
+    return replace(found, weighed=tuple(weighed))
 
 
 def _laws(
@@ -134,26 +133,29 @@ def _laws(
 
 
 def _weighed(
-    material: Material, found: Found, laws: Sequence[Hypothesis], seed: int
+    material: Material,
+    before: Sequence[Weighed],
+    laws: Sequence[Hypothesis],
+    names: int,
+    seed: int,
 ) -> list[Weighed]:
-    """Weigh laws against what the search found; nothing where there is no law to run."""
+    """Weigh laws against what carried something before them; as it was where no law can run."""
     if not laws:
-        return []
+        return list(before)
     try:
         _, noises = about_first(material, sorted(laws, key=merit))
     except ModelError:  # so steep that they describe no rig
-        return []
+        return list(before)
     known = [
-        one.hypothesis
-        for one in found.weighed
-        if one.share > 1.0 - SURE or not one.hypothesis.effects
+        one.hypothesis for one in before if one.share > 1.0 - SURE or not one.hypothesis.effects
     ]
-    here = [weighed_under(one, noises) for one in [*laws, *known]]
-    near = in_reach(here)
-    compared = finish(material, [one for one in here if one in near or not one.effects], noises)
-    compared = [one for one in compared if not one.effects or matters(one)]
-    names = len({one.candidate.name for one in found.screened})
-    return posterior([(one, predict_unseen(one)) for one in compared], names, seed)
+    weighed: list[Weighed] = []
+    for one in finish(material, [weighed_under(one, noises) for one in known], noises):
+        if not one.effects or matters(one):
+            weighed = weighed_with(weighed, one, names, seed)
+    here = sorted((weighed_under(one, noises) for one in laws), key=merit)
+    ended = (law for one in here for law in finish(material, [one], noises) if matters(law))
+    return weighed_in_turn(weighed, ended, names, seed)
 
 
 def _parents(sets: Sequence[Hypothesis]) -> list[Hypothesis]:

@@ -25,6 +25,7 @@ from bowden.diagnosis.odds import SURE, Weighed, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.reach import in_reach
 from bowden.diagnosis.sets import MOST, Sets
+from bowden.diagnosis.weighing import weighed_in_turn, weighed_with
 from bowden.estimation.search import Progress
 from bowden.model import Model
 
@@ -91,23 +92,16 @@ def search(
 def _compared(sets: Sets, names: int, seed: int) -> list[Weighed]:
     """Weigh sets by what they predict of unseen data, until one cannot change what is sure.
 
-    Those behind it carry less. What the likeliest is made of is looked at first, and for itself: by
-    these each of its effects is judged. The calibrated model is always there to compare with.
+    What the likeliest is made of is looked at first, and for itself: by these each of its effects
+    is judged. The calibrated model is always there to compare with.
     """
     likeliest, parts, rivals = sets.finalists()
-    found = {likeliest.key: (likeliest, predict_unseen(likeliest))}
-    weighed = posterior(list(found.values()), names, seed)
+    weighed = weighed_with([], likeliest, names, seed)
     for others in (parts, rivals):
-        for one in others:
-            found[one.key] = (one, predict_unseen(one))  # once more where it was found likelier
-            weighed = posterior(list(found.values()), names, seed)
-            (mine,) = [each for each in weighed if each.hypothesis is one]
-            if mine.share < 1.0 - SURE:
-                break
-    if sets.base.key not in found:
+        weighed = weighed_in_turn(weighed, others, names, seed)
+    if all(one.hypothesis.effects for one in weighed):
         base = sets.finished(sets.base) or sets.base
-        found[base.key] = (base, predict_unseen(base))
-        weighed = posterior(list(found.values()), names, seed)
+        weighed = weighed_with(weighed, base, names, seed)
     return weighed
 
 
