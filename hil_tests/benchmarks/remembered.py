@@ -26,7 +26,7 @@ STEPS: Final[tuple[tuple[Any, str, str], ...]] = (
     (fitting, "_noises_about", "fitting"),
     (proposals, "start_of", "fitting"),
     (growing, "start_of", "fitting"),
-    (Start, "fitted", "fitting"),
+    (Start, "unmoved", "fitting"),
     (Start, "begun", "fitting"),
     (sets, "finish", "fitting"),
     (sets, "Screen", "screening"),

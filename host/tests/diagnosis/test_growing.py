@@ -125,26 +125,41 @@ class Ended(Begun):
     merit: float = 0.0
     idle: tuple[int, ...] = ()
 
+    @property
+    def best(self) -> SimpleNamespace:
+        return SimpleNamespace(noises=())
+
 
 @pytest.mark.parametrize(
-    ("merit", "yielded"), [(-10.0, []), (-30.0, [("", -30.0)])], ids=["as known", "likelier"]
+    ("fit", "known", "yielded"),
+    [
+        (Ended("a", -25.0), -20.0, [("a", -25.0)]),
+        (Ended("a", -15.0, (0,)), -20.0, []),
+        (Ended("a", -25.0, (0,)), -20.0, [("", -30.0)]),
+    ],
+    ids=["does something", "known likelier", "known less likely"],
 )
 def test_a_set_whose_effect_does_nothing_is_a_fit_of_the_set_without_it(
-    monkeypatch: pytest.MonkeyPatch, merit: float, yielded: list[tuple[str, float]]
+    monkeypatch: pytest.MonkeyPatch, fit: Ended, known: float, yielded: list[tuple[str, float]]
 ) -> None:
     """Where that is likelier so than it was, it had ended in a notch and counts as it is now."""
-    monkeypatch.setattr(setting, "idle", lambda one: list(one.idle))
-    monkeypatch.setattr(setting, "merit", lambda one: one.merit)
-    monkeypatch.setattr(setting, "weighed_under", lambda one, _: one)
+    less = cast("Any", Ended("", -30.0))
+    monkeypatch.setattr(growing, "idle", lambda one: list(one.idle))
+    monkeypatch.setattr(growing, "merit", lambda one: one.merit)
+    monkeypatch.setattr(growing, "weighed_under", lambda one, _: one)
+    monkeypatch.setattr(growing, "start_without", lambda *_: SimpleNamespace(begun=lambda _: less))
+    monkeypatch.setattr(setting, "matters", lambda one: not one.idle)
     sets = object.__new__(Sets)
-    known = cast("Any", Ended("", -20.0))
-    sets.done, sets.noises = {known.key: known}, []
+    before = cast("Any", Ended("", known))
+    sets.done, sets.noises = {before.key: before}, []
+    sets.material = sets.searched = cast("Any", None)
     monkeypatch.setattr(Sets, "finished", lambda _, one: one)
     monkeypatch.setattr(Sets, "_restarted", lambda _s, one, _l: one)
-    monkeypatch.setattr(Sets, "_without", lambda *_: Ended("", merit))
-    found = list(sets._ended([cast("Any", Ended("a", -25.0, (0,)))], known))
+    found = list(sets._ended([cast("Any", fit)], before))
     assert [(one.name, one.merit) for one in cast("list[Ended]", found)] == yielded
-    assert cast("Any", sets.done[known.key]).merit == min(merit, -20.0)
+    assert cast("Any", sets.done[before.key]).merit == min(
+        [known, *(m for n, m in yielded if not n)]
+    )
 
 
 def test_a_finalist_that_was_found_likelier_is_compared_once(

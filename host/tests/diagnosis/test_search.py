@@ -53,7 +53,7 @@ def _fitted(sets: Sets, *effects: Candidate) -> Hypothesis:
     values = [(one, HIDDEN.get(one, {"offset_nm": 0.01})) for one in effects]
     start = start_of(sets.material, sets.searched, values, {}, sets.base.best)
     assert start is not None
-    (found,) = finish(sets.material, [start.fitted()], sets.noises)
+    (found,) = finish(sets.material, [start.begun(sets.material)], sets.noises)
     return found
 
 
@@ -217,7 +217,7 @@ def test_a_set_that_ended_in_a_notch_starts_again_from_the_likeliest(
     numbers = base.coordinates() | {"friction.mu_d": base.coordinates()["friction.mu_d"] + 0.2}
     start = start_of(sets.material, sets.searched, [], numbers, base.best)
     assert start is not None
-    stuck = start.fitted(0)
+    stuck = start.unmoved()
     assert stuck.best.cost > base.best.cost + 100.0
     monkeypatch.setattr(sets, "done", {stuck.key: stuck, right.key: right})
     # No fit of its own leads out of a notch.

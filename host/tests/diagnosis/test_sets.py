@@ -54,7 +54,7 @@ def fitted(
 ) -> Hypothesis:
     start = start_of(material, as_searched(MODEL), effects, {}, base.best)
     assert start is not None
-    (found,) = finish(material, [start.fitted()], base.best.noises)
+    (found,) = finish(material, [start.begun(material)], base.best.noises)
     return found
 
 
@@ -79,7 +79,7 @@ def test_a_law_is_doubted_no_more_than_the_data_leave_it(
     effects = [bristle, (OFFSET, {"offset_nm": HIDDEN_NM})]
     start = start_of(material, as_searched(MODEL), effects, {}, base.best)
     assert start is not None
-    both = start.fitted(0)
+    both = start.unmoved()
 
     def doubted(law: float) -> Hypothesis:
         return replace(both, best=replace(both.best, scales=replace(both.best.scales, law=law)))
@@ -103,7 +103,7 @@ def test_a_set_without_an_effect_starts_with_the_numbers_of_the_others(
     )
     start = start_without(material, as_searched(MODEL), three, [0])
     assert start is not None
-    less = start.fitted(0)
+    less = start.unmoved()
     assert less.values(0) == pytest.approx(three.values(1))
     assert less.values(1) == pytest.approx(three.values(2))
     assert less.coordinates() == pytest.approx(three.coordinates())

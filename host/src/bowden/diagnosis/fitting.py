@@ -77,30 +77,25 @@ class Start:
     problem: Problem
     here: Optimum
 
-    def fitted(self, rounds: int = ROUNDS, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
-        """Return the hypothesis after so many rounds of Gauss-Newton.
+    def unmoved(self, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
+        """Return the hypothesis where the fit starts, with the derivatives there.
 
-        `slopes`: the derivatives at the start, where they are known already.
+        `slopes`: those, where they are known already.
         """
-        best, here = self.here, self.here
-        if rounds:
-            best = _descend(self.problem, here, here.noises, rounds, slopes=slopes) or here
+        best = replace(self.here, slopes=slopes, settled=slopes is not None)
         return with_slopes(self.effects, self.problem, best)
 
     def begun(self, material: Material) -> Hypothesis:
         """Return the hypothesis after one round, with the derivatives that it ended with."""
         here = Hypothesis(self.effects, self.problem, self.here, ())
-        there = _lowered(material, here, 1) or here
-        if there.best.slopes is None:
-            return with_slopes(self.effects, there.problem, there.best)
-        return replace(there, slopes=tuple(there.best.slopes))
+        there = _round(material, here, None)
+        return self.unmoved() if there is None else there
 
 
 def continued(one: Hypothesis) -> Hypothesis:
-    """Go on with a fit to its end, under the covariance and the correction that it began with."""
-    axes = principal_axes(one.problem, one.best.hessian)
-    best = _descend(one.problem, one.best, one.best.noises, axes=axes) or one.best
-    return with_slopes(one.effects, one.problem, best)
+    """Go on with a fit as far as the coarse model leads, with the correction that it began with."""
+    best = _descend(one, ROUNDS, principal_axes(one.problem, one.best.hessian))
+    return one if best is None else with_slopes(one.effects, one.problem, best)
 
 
 def start_of(
@@ -176,57 +171,73 @@ def finish(
 def _finished(
     material: Material, one: Hypothesis, noises: Sequence[Covariance]
 ) -> Hypothesis | None:
-    """Go down with the corrections of where each descent has come to, as long as it moves."""
+    """Fit to the end with the laws doubted where the fit starts, then with those doubted there.
+
+    What a law is doubted by follows the fit and the fit follows the doubt: no function falls from
+    pass to pass, and further ones go round (Carroll and Ruppert 1988, 2.3).
+    """
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
     problem = material.problem(one.problem.parameters, effects, one.problem.data)
     doubted = _with_laws_doubted(one, noises)
     here = _at(material, replace(one, problem=problem), problem.data, doubted)
     if here is None:
         return None
-    slopes: Sequence[_Floats] | None = one.slopes
+    there = descended(material, here)
+    if is_settled(here, there):
+        return there
+    return descended(material, _reweighed(there, _with_laws_doubted(there, there.best.noises)))
+
+
+def descended(material: Material, one: Hypothesis) -> Hypothesis:
+    """Go down, round by round, as far as the fine model becomes likelier."""
+    here = one
     for _ in range(ROUNDS):
-        axes = principal_axes(here.problem, here.best.hessian)
-        there = _lowered(material, here, axes=axes, slopes=slopes)
+        there = _round(material, here, principal_axes(here.problem, here.best.hessian))
         if there is None:
             break
-        has_settled = _apart(problem, here.best.x, there.best.x) < SETTLED
-        here, slopes = there, there.best.slopes if there.best.settled else None
-        if has_settled:
+        here = there
+        if here.best.settled:
             break
-        here = _reweighed(here, _with_laws_doubted(here, here.best.noises))
-    if slopes is not None:
-        return replace(here, slopes=tuple(slopes))
-    return with_slopes(one.effects, here.problem, here.best)
+    return with_slopes(here.effects, here.problem, here.best)
 
 
-def _lowered(
-    material: Material,
-    here: Hypothesis,
-    rounds: int = ROUNDS,
-    *,
-    axes: _Floats | None = None,
-    slopes: Sequence[_Floats] | None = None,
-) -> Hypothesis | None:
-    """Return a hypothesis that the fine model makes likelier than one; None where none is found.
+def _round(material: Material, here: Hypothesis, axes: _Floats | None) -> Hypothesis | None:
+    """Go down one round, corrected where it ends; None where the fine model becomes no likelier.
 
     With a correction the coarse model is exact where that was made, and a guide about there. Where
     it has led up, shorter steps lead (Alexandrov and Lewis 2001, Optimization and Engineering 2).
     """
     now: Hypothesis | None = here
     while now is not None:
-        best = _descend(now.problem, now.best, now.best.noises, rounds, axes=axes, slopes=slopes)
-        there = None if best is None else _recorrected(material, replace(now, best=best))
+        best = _descend(now, 1, axes)
+        if best is None:
+            return None
+        there = _recorrected(material, replace(now, best=best, slopes=tuple(best.slopes or ())))
         if there is not None and there.best.cost < now.best.cost:
             return there
+        if best.settled:
+            known = replace(now.best, hessian=best.hessian, slopes=best.slopes, settled=True)
+            return with_slopes(now.effects, now.problem, known)
         data = material.shorter(now.problem.data)
-        if (
-            data is None
-            or there is None
-            or _apart(now.problem, here.best.x, there.best.x) < SETTLED
-        ):
+        if data is None or there is None or is_settled(now, there):
             return None
-        now, slopes = _at(material, now, data, now.best.noises), None
+        now = _at(material, now, data, now.best.noises)
     return None
+
+
+def _descend(one: Hypothesis, rounds: int, axes: _Floats | None) -> Optimum | None:
+    best = one.best
+    return descend(
+        one.problem,
+        best.x,
+        best.noises,
+        best.scales,
+        rounds=rounds,
+        secants=SECANTS,
+        axes=axes,
+        slopes=best.slopes if best.settled else None,
+        damping=best.damping,
+    )
 
 
 def _at(
@@ -238,7 +249,8 @@ def _at(
     residuals = None if own is None else problem.residuals(one.best.x, own)
     if own is None or residuals is None:
         return None
-    best = replace(one.best, residuals=residuals, noises=own)
+    settled = one.best.settled and data is one.problem.data  # derivatives are of these steps
+    best = replace(one.best, residuals=residuals, noises=own, settled=settled)
     return _reweighed(replace(one, problem=problem, best=best), own)
 
 
@@ -294,27 +306,6 @@ def _reweighed(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
     return replace(one, best=replace(best, noises=list(noises), scales=scales, cost=cost))
 
 
-def _descend(
-    problem: Problem,
-    start: Optimum,
-    noises: Sequence[Covariance],
-    rounds: int = ROUNDS,
-    *,
-    axes: _Floats | None = None,
-    slopes: Sequence[_Floats] | None = None,
-) -> Optimum | None:
-    return descend(
-        problem,
-        start.x,
-        noises,
-        start.scales,
-        rounds=rounds,
-        secants=SECANTS,
-        axes=axes,
-        slopes=slopes,
-    )
-
-
 def corrected(
     material: Material, problem: Problem, x: _Floats, noises: Sequence[Covariance]
 ) -> list[Covariance] | None:
@@ -333,4 +324,5 @@ def with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum)
     if slopes is None or not best.settled:
         axes = principal_axes(problem, best.hessian)
         slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
+        best = replace(best, slopes=slopes, settled=True)
     return Hypothesis(effects, problem, best, tuple(slopes))

@@ -9,9 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from bowden.diagnosis.contribution import coordinates_without, idle
-from bowden.diagnosis.fitting import Start, start_of
+from bowden.diagnosis.fitting import Start, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
+from bowden.diagnosis.odds import merit
 from bowden.diagnosis.screening import ScreenedCandidate
 from bowden.model import Model
 
@@ -67,12 +68,19 @@ def without_idle(
     one: Hypothesis,
     done: Done,
 ) -> Hypothesis | None:
-    """Fit a set without its effects that do nothing beside the others; None where it is known."""
+    """Begin to fit a set without its effects that do nothing beside the others.
+
+    None where all do something, and where the smaller set is known as likely as that: else it had
+    ended in a notch, and this fit got out.
+    """
     gone = idle(one)
-    if not gone or frozenset(e.key for i, e in enumerate(one.effects) if i not in gone) in done:
+    if not gone:
+        return None
+    known = done.get(frozenset(e.key for i, e in enumerate(one.effects) if i not in gone))
+    if known is not None and merit(weighed_under(known, one.best.noises)) <= merit(one):
         return None
     start = start_without(material, searched, one, gone)
-    return None if start is None else start.fitted()
+    return None if start is None else start.begun(material)
 
 
 def start_without(
@@ -95,4 +103,4 @@ def refitted_from(
     effects = [(effect, there.get(effect, one.values(i))) for i, effect in enumerate(one.effects)]
     gone = [i for i, effect in enumerate(other.effects) if effect.key not in one.key]
     start = start_of(material, searched, effects, coordinates_without(other, gone), one.best)
-    return one if start is None else start.fitted()
+    return one if start is None else start.begun(material)

@@ -257,7 +257,7 @@ def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothe
         (law, first.values(len(known))),
     ]
     start = start_of(material, searched, effects, first.coordinates(), first.best)
-    return None if start is None else start.fitted(slopes=first.slopes)
+    return None if start is None else continued(start.unmoved(first.slopes))
 
 
 def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:

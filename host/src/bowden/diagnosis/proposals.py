@@ -118,7 +118,7 @@ def as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis
     """Return a set with the file's own values of the calibrated numbers, weighed as it is."""
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
     found = start_of(material, searched, effects, {}, one.best)
-    return one if found is None else found.fitted(0)
+    return one if found is None else found.unmoved()
 
 
 def proposed(material: Material, screening: Screening) -> list[ScreenedCandidate]:

@@ -109,7 +109,7 @@ class Sets:
         for k in range(len(one.effects) if len(one.effects) > 1 else 0):
             start = start_without(self.material, self.searched, one, [k])
             if start is not None:
-                less = start.fitted(0)
+                less = start.unmoved()
                 found += self._begun(less, Screening(Screen(less), self.first.here, []))
         return found
 
@@ -130,7 +130,8 @@ class Sets:
         """Fit parents and the children that could be the likeliest to the end; best first.
 
         Under the covariance about the likeliest, and without effects that do nothing. A child whose
-        last effect does nothing is its parent once more.
+        last effect does nothing is its parent once more: where it is likelier, the parent had ended
+        in a notch.
         """
         known, begun = list(parents), dict[Key, Hypothesis]()
         for one in in_reach(children, parents):
@@ -143,10 +144,10 @@ class Sets:
         others = [weighed_under(one, self.noises) for one in ranked[1:]]
         near = in_reach(others, [*known, *first])
         fresh = [*first, *finish(self.material, near, self.noises)]
-        fresh = [one for one in fresh if len(one.effects) - 1 not in idle(one)]
-        less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
-        fresh += finish(self.material, [one for one in less if one is not None], self.noises)
         self.done.update((one.key, one) for one in known)
+        less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
+        fresh = [one for one in fresh if len(one.effects) - 1 not in idle(one)]
+        fresh += finish(self.material, [one for one in less if one is not None], self.noises)
         for one in fresh:
             before = self.done.get(one.key)
             if before is None or merit(one) < merit(weighed_under(before, self.noises)):
@@ -204,19 +205,13 @@ class Sets:
                 continue
             again = self._restarted(ended, likeliest)
             self.done[again.key] = again
-            if gone := idle(again):
-                less = self._without(again, gone)
-                known = None if less is None else self.done.get(less.key)
-                if less is None or (
-                    known and merit(less) >= merit(weighed_under(known, self.noises))
-                ):
+            if not matters(again):
+                less = without_idle(self.material, self.searched, again, self.done)
+                ended = None if less is None else self.finished(less)
+                if ended is None:
                     continue
-                again = self.done[less.key] = less
+                again = self.done[ended.key] = ended
             yield again
-
-    def _without(self, one: Hypothesis, gone: Sequence[int]) -> Hypothesis | None:
-        start = start_without(self.material, self.searched, one, gone)
-        return None if start is None else self.finished(start.fitted())
 
     def _restarted(self, one: Hypothesis, likeliest: Hypothesis) -> Hypothesis:
         again = refitted_from(self.material, self.searched, one, likeliest)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales, best_scales, block_weight, whiten
-from bowden.estimation.problem import Optimum, Problem, fitted_parts, objective
+from bowden.estimation.problem import DAMPING, Optimum, Problem, fitted_parts, objective
 from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
@@ -41,6 +41,7 @@ def descend(
     secants: int = 0,
     axes: _Floats | None = None,
     slopes: Sequence[_Floats] | None = None,
+    damping: float = DAMPING,
 ) -> Optimum | None:
     """Search from one point; None where the model has no answer there.
 
@@ -50,6 +51,7 @@ def descend(
     `slopes`: the derivatives at the point over such axes, where they are known already.
     `secants`: steps after each on derivatives that the last step has corrected. Each costs one
     simulation; where the cost is jagged such a search may end in another notch.
+    `damping`: of the first step, that which an earlier search of the same numbers ended with.
     """
     x = problem.feasible(x)
     residuals = problem.residuals(x, noises)
@@ -57,7 +59,7 @@ def descend(
         return None
     here = _settled(problem, x, residuals, noises, scales)
     hessian = np.diag(problem.unit**-2.0)
-    damping, known, settled = 1e-4, axes is not None or slopes is not None, False
+    known, settled = axes is not None or slopes is not None, False
     over = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
     for number in range(rounds):
         if number or slopes is None:
@@ -68,7 +70,9 @@ def descend(
                 problem, here.x, here.residuals, slopes, (noises, here.scales)
             )
             over = principal_axes(problem, hessian) if step == 0 else over
-            there, damping = lower(problem, here, noises, (hessian, gradient), damping)
+            there, other = lower(problem, here, noises, (hessian, gradient), damping)
+            if step == 0:  # where a secant fails it is the derivative, not the step, that is off
+                damping = other
             gained, move = here.cost - there.cost, there.x - here.x
             promised = -float(gradient @ move + 0.5 * move @ hessian @ move)
             if gained >= ENOUGH:  # over less, what is jagged hides the derivative
@@ -89,6 +93,7 @@ def descend(
         here.scales,
         slopes=slopes,
         settled=settled,
+        damping=damping,
     )
 
 
