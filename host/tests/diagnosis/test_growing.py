@@ -162,6 +162,27 @@ def test_a_set_whose_effect_does_nothing_is_a_fit_of_the_set_without_it(
     )
 
 
+def test_fits_are_finished_until_one_ends_out_of_reach(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where each began tells their order only: b, in a notch, ends beside the likeliest."""
+    ends = {"a": -50.0, "b": -49.0, "c": None, "d": -10.0, "e": -49.0}
+    begun = [Ended(name, -30.0 + k) for k, name in enumerate(ends)]
+
+    def finish(_material: object, ones: list[Ended], _noises: object) -> list[Ended]:
+        return [Ended(one.name, end) for one in ones if (end := ends[one.name]) is not None]
+
+    def in_reach(tried: list[Ended], rivals: list[Ended]) -> list[Ended]:
+        return [one for one in tried if one.merit <= min(each.merit for each in rivals) + 3.0]
+
+    monkeypatch.setattr(setting, "merit", lambda one: one.merit)
+    monkeypatch.setattr(setting, "finish", finish)
+    monkeypatch.setattr(setting, "in_reach", in_reach)
+    sets = object.__new__(Sets)
+    sets.material, sets.noises = cast("Any", None), []
+    found = sets._finished_in_turn(cast("Any", begun[::-1]), [cast("Any", Ended("f", -48.0))])
+    # The fine model cannot run c, which tells nothing of those behind it; e is never fitted.
+    assert [one.name for one in cast("list[Ended]", found)] == ["a", "b", "d"]
+
+
 def test_a_finalist_that_was_found_likelier_is_compared_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

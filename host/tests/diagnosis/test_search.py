@@ -66,6 +66,14 @@ def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
     assert abs(found[0].values(found[0].effects.index(GAIN))["g"] - 0.02) < 0.002
 
 
+def test_a_single_effect_is_exchanged_from_the_calibrated_numbers_beside_it(sets: Sets) -> None:
+    """What does as well in its place may have begun in another valley of them."""
+    one = _fitted(sets, OFFSET)
+    begun = sets.exchanged(one)
+    assert {each.names for each in begun} >= {(GAIN.name,), (CELL.name,)}
+    assert not sets.exchanged(sets.base)
+
+
 def _weighed(one: Hypothesis, share: float) -> Weighed:
     nothing = np.zeros(4)
     return Weighed(one, UnseenPrediction(nothing, nothing, (), (), (), ()), share)
@@ -153,6 +161,25 @@ def test_a_fit_that_no_steps_lead_down_from_stays_where_it_is(
     _misled(monkeypatch, [sets.material.coarse, sets.material.dear])
     (found,) = finish(sets.material, [right], sets.noises)
     np.testing.assert_array_equal(found.best.x, right.best.x)
+
+
+def test_what_laws_are_doubted_by_does_not_keep_a_fit_going(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Doubt follows the fit and the fit follows the doubt: two that alternate would never end."""
+    right = _fitted(sets, GAIN, OFFSET)
+    away = replace(right, best=replace(right.best, x=right.best.x + 0.2 * right.problem.unit))
+    doubts: list[float] = []
+
+    def alternating(_one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
+        doubts.append(0.3 if len(doubts) % 2 else 3.0)
+        return [replace(noise, law=doubts[-1] * np.sqrt(noise.own)) for noise in noises]
+
+    monkeypatch.setattr(fitting, "_with_laws_doubted", alternating)
+    (found,) = finish(sets.material, [away], sets.noises)
+    assert doubts == [3.0, 0.3]
+    (noise,) = found.best.noises
+    np.testing.assert_allclose(noise.law, 0.3 * np.sqrt(noise.own))
 
 
 def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest() -> None:

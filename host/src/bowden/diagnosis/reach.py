@@ -1,7 +1,7 @@
-"""Which fits could still be the likeliest: a fit is begun, and gone on with as long as it could be.
+"""Which fits could be the likeliest: those that carry something beside it, by the blocks.
 
-One round of a fit tells how far it could come down. Effects and learned laws are begun alike;
-`sets` and `learn` go on with those that `in_reach` returns.
+`sets` finishes what was begun until one ends out of reach. `learn` goes on with the laws that one
+round leaves in reach, with all that their derivatives say they could come down by.
 """
 
 from __future__ import annotations

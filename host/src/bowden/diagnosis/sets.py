@@ -103,10 +103,11 @@ class Sets:
     def exchanged(self, one: Hypothesis) -> list[Hypothesis]:
         """Begin to fit another effect in the place of each: what came first may only imitate it.
 
-        That of a single effect is what was added beside it.
+        From the calibrated numbers of that set: an effect that does as well may have begun in
+        another valley of them.
         """
         found: list[Hypothesis] = []
-        for k in range(len(one.effects) if len(one.effects) > 1 else 0):
+        for k in range(len(one.effects)):
             start = start_without(self.material, self.searched, one, [k])
             if start is not None:
                 less = start.unmoved()
@@ -134,7 +135,7 @@ class Sets:
         in a notch.
         """
         known, begun = list(parents), dict[Key, Hypothesis]()
-        for one in in_reach(children, parents):
+        for one in sorted(children, key=merit):
             begun.setdefault(one.key, one)  # several starts of a set: the likeliest
         ranked = list(begun.values())
         first = finish(self.material, ranked[:1], self.noises)
@@ -142,8 +143,7 @@ class Sets:
             known = finish(self.material, known, self.noises) or known
             first = finish(self.material, first, self.noises)
         others = [weighed_under(one, self.noises) for one in ranked[1:]]
-        near = in_reach(others, [*known, *first])
-        fresh = [*first, *finish(self.material, near, self.noises)]
+        fresh = [*first, *self._finished_in_turn(others, [*known, *first])]
         self.done.update((one.key, one) for one in known)
         less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
         fresh = [one for one in fresh if len(one.effects) - 1 not in idle(one)]
@@ -156,6 +156,21 @@ class Sets:
         for one in sorted([*fresh, *known], key=merit):
             best.setdefault(one.key, one)
         return list(best.values())
+
+    def _finished_in_turn(
+        self, begun: Sequence[Hypothesis], rivals: Sequence[Hypothesis]
+    ) -> list[Hypothesis]:
+        """Fit to the end, likeliest first, until one ends where it cannot be the likeliest.
+
+        Where a fit has begun tells which could be, but not how far it comes down.
+        """
+        ended: list[Hypothesis] = []
+        for one in sorted(begun, key=merit):
+            found = finish(self.material, [one], self.noises)
+            ended += found
+            if found and not in_reach(found, [*rivals, *ended]):
+                break
+        return ended
 
     def first_two(self) -> list[Hypothesis]:
         """Return the calibrated model and the likeliest single effect, under one covariance."""
