@@ -10,10 +10,13 @@ import pytest
 from bowden.diagnosis import learn
 from bowden.diagnosis import reach as reaching
 from bowden.diagnosis.fitting import parameters_with
+from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material
+from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.screening import ScreenedCandidate
+from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
 from bowden.model.effects import LawTable
@@ -109,3 +112,40 @@ def test_a_law_explains_more_where_it_leaves_little_and_is_likelier(
     material = cast(Material, SimpleNamespace(coarse=()))
     found = learn.learn(material, MODEL, [law(0.0, 9.0)], [law(-500.0, 9.0)])
     assert found.likelier is likelier
+
+
+def weighed(one: Hypothesis, beyond: float) -> Weighed:
+    nothing = np.zeros(2)
+    unseen = UnseenPrediction(nothing, nothing, (), (), (), ())
+    return Weighed(one, unseen, 1.0 - beyond, beyond)
+
+
+@pytest.mark.parametrize(
+    ("laws", "beyond", "surfaces"),
+    [(1, 0.6, 1), (1, 0.4, 0), (0, 0.4, 1)],
+    ids=["the law leaves something", "the law is all there is", "no law could be likeliest"],
+)
+def test_laws_of_two_arguments_follow_where_laws_of_one_leave_something_unlisted(
+    monkeypatch: pytest.MonkeyPatch, laws: int, beyond: float, surfaces: int
+) -> None:
+    one, base = (
+        law(-100.0, 5.0),
+        cast(Hypothesis, SimpleNamespace(effects=(), best=SimpleNamespace(noises=[]))),
+    )
+    followed: list[str] = []
+    monkeypatch.setattr(learn, "as_searched", lambda model: model)
+    monkeypatch.setattr(learn, "Screen", lambda _: None)
+    monkeypatch.setattr(learn, "_screened", lambda *_: [])
+    monkeypatch.setattr(learn, "_surfaces", lambda *_: followed.append("surfaces") or [])
+    monkeypatch.setattr(learn, "weighed_under", lambda each, _: each)
+    monkeypatch.setattr(learn, "_laws", lambda *_: [])
+
+    def weigh(_material: object, before: tuple[Weighed, ...], each: object, *_: object) -> object:
+        return [weighed(one, beyond)] if each else list(before)
+
+    monkeypatch.setattr(learn, "_weighed", weigh)
+    before = (weighed(base, beyond),)
+    learned = Laws((base,), (), (one,) * laws, likelier=False)
+    found = learn.with_laws(UNUSED, MODEL, Found(before, base, base, (), laws=learned), 0)
+    assert len(followed) == surfaces
+    assert [each.hypothesis for each in found.weighed] == [one if laws else base]
