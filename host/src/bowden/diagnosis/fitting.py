@@ -182,13 +182,13 @@ def _finished(
     here = _at(material, replace(one, problem=problem), problem.data, doubted)
     if here is None:
         return None
-    there = descended(material, here)
+    there = _descended(material, here)
     if is_settled(here, there):
         return there
-    return descended(material, _reweighed(there, _with_laws_doubted(there, there.best.noises)))
+    return _descended(material, _reweighed(there, _with_laws_doubted(there, there.best.noises)))
 
 
-def descended(material: Material, one: Hypothesis) -> Hypothesis:
+def _descended(material: Material, one: Hypothesis) -> Hypothesis:
     """Go down, round by round, as far as the fine model becomes likelier."""
     here = one
     for _ in range(ROUNDS):

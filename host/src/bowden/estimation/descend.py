@@ -70,9 +70,9 @@ def descend(
                 problem, here.x, here.residuals, slopes, (noises, here.scales)
             )
             over = principal_axes(problem, hessian) if step == 0 else over
-            there, other = lower(problem, here, noises, (hessian, gradient), damping)
+            there, next_damping = lower(problem, here, noises, (hessian, gradient), damping)
             if step == 0:  # where a secant fails it is the derivative, not the step, that is off
-                damping = other
+                damping = next_damping
             gained, move = here.cost - there.cost, there.x - here.x
             promised = -float(gradient @ move + 0.5 * move @ hessian @ move)
             if gained >= ENOUGH:  # over less, what is jagged hides the derivative

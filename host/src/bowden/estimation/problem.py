@@ -22,7 +22,7 @@ from bowden.workers import Workers
 
 _Floats = NDArray[np.float64]
 
-DAMPING = 1e-4  # of a first step
+DAMPING = 1e-4  # of a first step, as a share of the Hessian's diagonal
 WIDEST = 10.0  # unit steps: a number is within its range, however little the data say of it
 
 
