@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from threading import Barrier
 
 import numpy as np
 import pytest
@@ -31,6 +32,17 @@ def test_a_task_that_asks_the_workers_gets_its_answer() -> None:
     with workers(1) as pool:
         assert list(pool.map(rows, range(2))) == [[0, 1, 2], [10, 11, 12]]
         assert rows(2) == [20, 21, 22]
+
+
+def test_what_a_single_item_asks_for_is_done_side_by_side() -> None:
+    """It is done where it is asked for: in a thread its tasks would wait for one another."""
+    both = Barrier(2, timeout=20.0)  # s: neither gets through before the other has come
+
+    def halves(_: int) -> list[int]:
+        return list(pool.map(lambda _half: both.wait(), range(2)))
+
+    with workers(2) as pool:
+        assert [sorted(one) for one in pool.map(halves, [0])] == [[0, 1]]
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity on this system")

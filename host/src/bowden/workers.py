@@ -29,7 +29,8 @@ def cores() -> int:
 class Workers:
     """Threads that work side by side; what a task asks of them it does itself, one by one.
 
-    Waiting for the others it would hold a thread that they may wait for.
+    Waiting for the others it would hold a thread that they may wait for. A single item is no task:
+    whoever asks for it does it, and the threads are free for what that asks of them.
 
     Parameters
     ----------
@@ -41,7 +42,8 @@ class Workers:
 
     def map(self, what: Callable[[_Item], _Result], items: Iterable[_Item]) -> Iterator[_Result]:
         """Return the results in the order of the items."""
-        if getattr(self._here, "works", False):
+        items = list(items)
+        if len(items) == 1 or getattr(self._here, "works", False):
             return map(what, items)
 
         def one(item: _Item) -> _Result:
