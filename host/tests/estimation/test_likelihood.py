@@ -23,7 +23,6 @@ from bowden.estimation.observations import USUAL_BLOCK_S, _block_edges
 from bowden.estimation.paths import DRAWS
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
-from scipy.linalg.lapack import dpotrf
 from scipy.stats import multivariate_normal, multivariate_t
 
 from ..rigs import TABLE_1, experiment_2
@@ -211,6 +210,54 @@ def test_a_root_whitens_its_block_by_a_product() -> None:
         np.testing.assert_allclose(root.rows @ column[rows], expected.rows, atol=1e-9 * size)
 
 
+def counted_factors(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return the sizes of the Cholesky factors that are made from now on, as they are made."""
+    made: list[int] = []
+    cholesky = np.linalg.cholesky
+
+    def counted(matrix: np.ndarray) -> np.ndarray:
+        made.append(matrix.shape[0])
+        return np.asarray(cholesky(matrix))
+
+    monkeypatch.setattr(np.linalg, "cholesky", counted)
+    return made
+
+
+def test_covariances_that_differ_in_what_factors_do_not_hold_share_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, read = run()
+    data = Data.of(read, 0, MODEL, MODE)
+    noise, count = covariance(data, MODEL), len(data.observations.blocks)
+    made = counted_factors(monkeypatch)
+    law = 0.3 * noise.sigma
+    others = [replace(noise, offset=noise.offset + 1.0), replace(noise, law=law)]
+    for one in (noise, *others):
+        whitening_roots(data, one, RIGHT)
+    assert len(made) == count
+    doubted = Scales((0.0, 0.0), law=1.0)
+    with_law = [whitening_roots(data, replace(noise, law=one), doubted) for one in (law, 2.0 * law)]
+    assert len(made) == 3 * count
+    for small, large in zip(*with_law, strict=True):
+        assert large.half_log_det > small.half_log_det
+
+
+def test_no_covariance_is_taken_for_one_that_is_gone() -> None:
+    """Factors are found by where their parts lie in memory, which the next ones might take."""
+    _, read = run()
+    data = Data.of(read, 0, MODEL, MODE)
+    noise = covariance(data, MODEL)
+    for k in range(1, 12):
+        other = replace(noise, inputs=tuple(k * one for one in noise.inputs))
+        for block, white in enumerate(whitening_roots(data, other, RIGHT)):
+            rows = data.observations.blocks[block]
+            matrix = k * noise.inputs[block] + np.diag(noise.own[rows])
+            expected = 0.5 * np.linalg.slogdet(matrix)[1]
+            # Rounding of a sum of logarithms of some hundred variances.
+            assert white.half_log_det == pytest.approx(expected, rel=1e-9, abs=1e-6)
+        del other
+
+
 def test_factors_are_made_once_however_long_a_recording_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """With room for fewer blocks than a recording has, each would displace the one wanted next."""
     _, read = run(seconds=6.0)
@@ -218,13 +265,7 @@ def test_factors_are_made_once_however_long_a_recording_is(monkeypatch: pytest.M
     noise, scales = covariance(data, MODEL), Scales((0.3, 0.1))
     count, size = len(data.observations.blocks), data.observations.time_s.size
     residuals = list(np.random.default_rng(0).normal(size=(5, size)))
-    made: list[int] = []
-
-    def counted(matrix: np.ndarray, **options: bool) -> object:
-        made.append(matrix.shape[0])
-        return dpotrf(matrix, **options)
-
-    monkeypatch.setattr("bowden.estimation.likelihood.dpotrf", counted)
+    made = counted_factors(monkeypatch)
     monkeypatch.setattr("bowden.estimation.covariance.MOST_FACTORS_BYTES", 0)
     for residual in residuals:
         whiten(data, noise, scales, residual[:, None])

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,17 @@ DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
 FINEST_S = 1e-3  # shortest step between simulated samples
 MOST_FACTORS_BYTES = 48_000_000  # a recording: 16 scales over 20 s; one where it takes more
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
+
+
+class Factor(NamedTuple):
+    """Cholesky factor of a block's covariance, half its log-determinant, and what it was made of.
+
+    That is kept with it so that no other can take its place in memory, by which it is found.
+    """
+
+    lower: _Floats
+    half_log_det: float
+    parts: tuple[object, ...]
 
 
 @dataclass(frozen=True)
@@ -115,7 +127,7 @@ class Data:
         return (_selected(one, self.kept) for one in self.drawn)
 
     @cached_property
-    def factors(self) -> Kept[tuple[_Floats, float]]:
+    def factors(self) -> Kept[Factor]:
         """Factors of covariances that were used last; `likelihood` keeps them here.
 
         Those of one covariance in any case: blocks are gone through in turn, and with less room
@@ -199,11 +211,6 @@ class Covariance:
     floor: _Floats
     sigma: _Floats
     law: _Floats | None = None
-
-    @cached_property
-    def identity(self) -> object:
-        """What tells this covariance from all others: its factors are kept under it."""
-        return object()
 
     @property
     def single(self) -> _Floats:

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dtrtrs
+from scipy.linalg.lapack import dtrtrs
 
-from bowden.estimation.covariance import Covariance, Data
+from bowden.estimation.covariance import Covariance, Data, Factor
 from bowden.estimation.paths import DRAWS
 
 _Floats = NDArray[np.float64]
@@ -77,9 +77,9 @@ def whiten(
     every = data.observations.blocks
     found = []
     for k in range(len(every)) if only is None else only:
-        factor, half_log_det = _factor(data, noise, scales, k)
+        factor, half_log_det, _ = _factor(data, noise, scales, k)
         # By LAPACK itself: a fit whitens ten thousand small blocks.
-        white, _ = dtrtrs(factor, columns[every[k]], lower=True)
+        white, _ = dtrtrs(factor.T, columns[every[k]], trans=1)
         found.append(Whitened(white, half_log_det))
     return found
 
@@ -104,9 +104,9 @@ def recording_costs(
     every = data.observations.blocks
     found = [0.0] * len(residuals)
     for k in range(len(every)) if only is None else only:
-        factor, half_log_det = _factor(data, noise, scales, k)
+        factor, half_log_det, _ = _factor(data, noise, scales, k)
         for i, residual in enumerate(residuals):
-            white, _ = dtrtrs(factor, residual[every[k]][:, None], lower=True)
+            white, _ = dtrtrs(factor.T, residual[every[k]][:, None], trans=1)
             found[i] += block_cost(Whitened(white, half_log_det))
     return found
 
@@ -115,33 +115,36 @@ def whitening_roots(data: Data, noise: Covariance, scales: Scales) -> list[White
     """Return what whitens each block of a recording by a product; `rows` of shape (m, m)."""
     found = []
     for k, rows in enumerate(data.observations.blocks):
-        factor, half_log_det = _factor(data, noise, scales, k)
-        root, _ = dtrtrs(factor, np.eye(rows.size), lower=True)
+        factor, half_log_det, _ = _factor(data, noise, scales, k)
+        root, _ = dtrtrs(factor.T, np.eye(rows.size), trans=1)
         found.append(Whitened(root, half_log_det))
     return found
 
 
-def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> tuple[_Floats, float]:
-    """Return the Cholesky factor of a block's covariance and half its log-determinant; keep both.
+def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> Factor:
+    """Return the Cholesky factor of a block's covariance; keep it.
 
-    A fit whitens many residuals under few scales.
+    A fit whitens many residuals under few scales, and fits that are compared share a covariance
+    but for their corrections, which it does not depend on.
     """
-    known = data.factors.get((noise.identity, scales, block))
+    law = noise.law if scales.law > 0.0 else None
+    parts = noise.inputs, noise.own, law
+    key = (*map(id, parts), scales, block)
+    known = data.factors.get(key)
     if known is not None:
         return known
     rows = data.observations.blocks[block]
     matrix = noise.inputs[block].copy()
     if max(scales.discrepancy) > 0.0:
         matrix += _unknown(data, noise, scales, block)
-    if noise.law is not None and scales.law > 0.0:
-        law = scales.law * noise.law[rows]
-        matrix += data.observations.correlations[block] * (law[:, None] * law)
+    if law is not None:
+        size = scales.law * law[rows]
+        matrix += data.observations.correlations[block] * (size[:, None] * size)
     matrix.ravel()[:: rows.size + 1] += noise.own[rows]
-    factor, wrong = dpotrf(matrix, lower=True)
-    if wrong:
-        raise np.linalg.LinAlgError(f"block {block}: its covariance is not positive definite")
-    found = factor, float(np.log(factor.diagonal()).sum())
-    data.factors.keep((noise.identity, scales, block), found, factor.nbytes)
+    # NumPy's, not SciPy's: it lets other threads work meanwhile.
+    lower: _Floats = np.linalg.cholesky(matrix).astype(np.float64, copy=False)
+    found = Factor(lower, float(np.log(lower.diagonal()).sum()), parts)
+    data.factors.keep(key, found, lower.nbytes)
     return found
 
 
