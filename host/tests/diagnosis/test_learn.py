@@ -128,10 +128,8 @@ def weighed(one: Hypothesis, beyond: float) -> Weighed:
 def test_laws_of_two_arguments_follow_where_laws_of_one_leave_something_unlisted(
     monkeypatch: pytest.MonkeyPatch, laws: int, beyond: float, surfaces: int
 ) -> None:
-    one, base = (
-        law(-100.0, 5.0),
-        cast(Hypothesis, SimpleNamespace(effects=(), best=SimpleNamespace(noises=[]))),
-    )
+    one = law(-100.0, 5.0)
+    base = cast(Hypothesis, SimpleNamespace(effects=(), best=SimpleNamespace(noises=[])))
     followed: list[str] = []
     monkeypatch.setattr(learn, "as_searched", lambda model: model)
     monkeypatch.setattr(learn, "Screen", lambda _: None)

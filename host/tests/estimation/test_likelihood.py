@@ -258,6 +258,15 @@ def test_no_covariance_is_taken_for_one_that_is_gone() -> None:
         del other
 
 
+def test_a_covariance_that_is_none_is_refused_by_its_block() -> None:
+    _, read = run()
+    data = Data.of(read, 0, MODEL, MODE)
+    noise = covariance(data, MODEL)
+    wrong = [-np.eye(one.shape[0]) if k == 1 else one for k, one in enumerate(noise.inputs)]
+    with pytest.raises(np.linalg.LinAlgError, match="block 1: its covariance is not positive"):
+        whitening_roots(data, replace(noise, inputs=tuple(wrong)), RIGHT)
+
+
 def test_factors_are_made_once_however_long_a_recording_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """With room for fewer blocks than a recording has, each would displace the one wanted next."""
     _, read = run(seconds=6.0)

@@ -77,10 +77,7 @@ def whiten(
     every = data.observations.blocks
     found = []
     for k in range(len(every)) if only is None else only:
-        factor, half_log_det, _ = _factor(data, noise, scales, k)
-        # By LAPACK itself: a fit whitens ten thousand small blocks.
-        white, _ = dtrtrs(factor.T, columns[every[k]], trans=1)
-        found.append(Whitened(white, half_log_det))
+        found.append(_whitened(_factor(data, noise, scales, k), columns[every[k]]))
     return found
 
 
@@ -104,21 +101,24 @@ def recording_costs(
     every = data.observations.blocks
     found = [0.0] * len(residuals)
     for k in range(len(every)) if only is None else only:
-        factor, half_log_det, _ = _factor(data, noise, scales, k)
+        factor = _factor(data, noise, scales, k)
         for i, residual in enumerate(residuals):
-            white, _ = dtrtrs(factor.T, residual[every[k]][:, None], trans=1)
-            found[i] += block_cost(Whitened(white, half_log_det))
+            found[i] += block_cost(_whitened(factor, residual[every[k]][:, None]))
     return found
 
 
 def whitening_roots(data: Data, noise: Covariance, scales: Scales) -> list[Whitened]:
     """Return what whitens each block of a recording by a product; `rows` of shape (m, m)."""
-    found = []
-    for k, rows in enumerate(data.observations.blocks):
-        factor, half_log_det, _ = _factor(data, noise, scales, k)
-        root, _ = dtrtrs(factor.T, np.eye(rows.size), trans=1)
-        found.append(Whitened(root, half_log_det))
-    return found
+    return [
+        _whitened(_factor(data, noise, scales, k), np.eye(rows.size))
+        for k, rows in enumerate(data.observations.blocks)
+    ]
+
+
+def _whitened(factor: Factor, columns: _Floats) -> Whitened:
+    """Whiten a block's columns, by LAPACK itself: a fit whitens ten thousand small blocks."""
+    white, _ = dtrtrs(factor.lower.T, columns, trans=1)
+    return Whitened(white, factor.half_log_det)
 
 
 def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> Factor:
@@ -141,8 +141,11 @@ def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> Factor
         size = scales.law * law[rows]
         matrix += data.observations.correlations[block] * (size[:, None] * size)
     matrix.ravel()[:: rows.size + 1] += noise.own[rows]
-    # NumPy's, not SciPy's: it lets other threads work meanwhile.
-    lower: _Floats = np.linalg.cholesky(matrix).astype(np.float64, copy=False)
+    try:  # NumPy's, not SciPy's: it lets other threads work meanwhile
+        lower: _Floats = np.linalg.cholesky(matrix).astype(np.float64, copy=False)
+    except np.linalg.LinAlgError as error:
+        message = f"block {block}: its covariance is not positive definite"
+        raise np.linalg.LinAlgError(message) from error
     found = Factor(lower, float(np.log(lower.diagonal()).sum()), parts)
     data.factors.keep(key, found, lower.nbytes)
     return found
