@@ -183,6 +183,47 @@ def test_fits_are_finished_until_one_ends_out_of_reach(monkeypatch: pytest.Monke
     assert [one.name for one in cast("list[Ended]", found)] == ["a", "b", "d"]
 
 
+@pytest.mark.parametrize(
+    ("starts", "finished", "yielded"),
+    [
+        ([-25.0, -24.0], [-25.0, -24.0], -35.0),  # both could still carry something
+        ([-5.0, -24.0], [-24.0], -34.0),  # the way out of a notch
+        ([-5.0, -4.0], [], -5.0),  # neither could
+        ([-25.0, None], [-25.0], -35.0),  # no rig answers where the likeliest ended
+    ],
+)
+def test_a_finalist_is_fitted_to_the_end_where_it_could_carry_something(
+    monkeypatch: pytest.MonkeyPatch,
+    starts: list[float | None],
+    finished: list[float],
+    yielded: float,
+) -> None:
+    """Else the fit to the end, the dearest step of all, would change nothing that is said."""
+    here, there = starts
+    asked: list[float] = []
+
+    def finish(_material: object, ones: list[Ended], _noises: object) -> list[Ended]:
+        asked.extend(one.merit for one in ones)
+        return [Ended(one.name, one.merit - 10.0) for one in ones]
+
+    def refitted(_material: object, _searched: object, one: Ended, _other: object) -> Ended:
+        return one if there is None else Ended("a", there)
+
+    monkeypatch.setattr(setting, "merit", lambda one: one.merit)
+    monkeypatch.setattr(setting, "weighed_under", lambda one, _: one)
+    monkeypatch.setattr(setting, "refitted_from", refitted)
+    monkeypatch.setattr(setting, "in_reach", lambda tried, _: [o for o in tried if o.merit < -20.0])
+    monkeypatch.setattr(setting, "finish", finish)
+    monkeypatch.setattr(setting, "matters", lambda _: True)
+    sets = object.__new__(Sets)
+    sets.material = sets.searched = cast("Any", None)
+    sets.done, sets.noises = {}, []
+    (found,) = sets._ended([cast("Any", Ended("a", here or 0.0))], cast("Any", Ended("b", -50.0)))
+    assert asked == finished
+    assert cast("Any", found).merit == yielded
+    assert sets.done == {found.key: found}
+
+
 def test_a_finalist_that_was_found_likelier_is_compared_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

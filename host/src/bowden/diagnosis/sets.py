@@ -189,9 +189,10 @@ class Sets:
     def finalists(self) -> tuple[Hypothesis, Iterator[Hypothesis], Iterator[Hypothesis]]:
         """Return the likeliest set, what it is made of, and the others; likeliest first.
 
-        Each is fitted to the end when it is asked for, under one covariance. A jagged likelihood
-        may hold a fit in a notch, and a further effect may seem to gain what is only the way out of
-        it: each set starts once more from where the likeliest ended.
+        Each is fitted to the end when it is asked for, under one covariance, if it could carry
+        something. A jagged likelihood may hold a fit in a notch, and a further effect may seem to
+        gain what is only the way out of it: each set starts once more from where the likeliest
+        ended.
         """
         ranked = sorted(
             (weighed_under(one, self.noises) for one in self.done.values() if matters(one)),
@@ -215,22 +216,26 @@ class Sets:
         That one is yielded once more where it is likelier so: it had ended in a notch.
         """
         for one in ones:
-            ended = self.finished(one)
-            if ended is None:
-                continue
-            again = self._restarted(ended, likeliest)
-            self.done[again.key] = again
-            if not matters(again):
-                less = without_idle(self.material, self.searched, again, self.done)
+            ended = self._restarted(one, likeliest)
+            if ended is not None and not matters(ended):
+                less = without_idle(self.material, self.searched, ended, self.done)
                 ended = None if less is None else self.finished(less)
-                if ended is None:
-                    continue
-                again = self.done[ended.key] = ended
-            yield again
+            if ended is not None:
+                self.done[ended.key] = ended
+                yield ended
 
-    def _restarted(self, one: Hypothesis, likeliest: Hypothesis) -> Hypothesis:
-        again = refitted_from(self.material, self.searched, one, likeliest)
-        return min([one, *finish(self.material, [again], self.noises)], key=merit)
+    def _restarted(self, one: Hypothesis, likeliest: Hypothesis) -> Hypothesis | None:
+        """Fit a set to the end, from where its fit ended and from where the likeliest did.
+
+        Where neither could carry something it stays as it is; None where no rig is it.
+        """
+        here = weighed_under(one, self.noises)
+        again = refitted_from(self.material, self.searched, here, likeliest)
+        starts = [here] if again is here else [here, again]
+        able = in_reach(starts, [likeliest])
+        return min(
+            finish(self.material, able, self.noises) if able else starts, key=merit, default=None
+        )
 
 
 def _base(material: Material, searched: Model) -> Hypothesis:
