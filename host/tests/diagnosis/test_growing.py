@@ -162,6 +162,23 @@ def test_a_set_whose_effect_does_nothing_is_a_fit_of_the_set_without_it(
     )
 
 
+@pytest.mark.parametrize("leaves", [False, True])
+@pytest.mark.parametrize("strains", [False, True])
+def test_a_set_is_screened_anew_where_it_leaves_something_or_strains_its_tolerances(
+    monkeypatch: pytest.MonkeyPatch, leaves: bool, strains: bool
+) -> None:
+    """A stiffness far from its tolerance leaves nothing, and may be the conduits' compliance."""
+    monkeypatch.setattr(setting, "leaves_something", lambda _: leaves)
+    monkeypatch.setattr(setting, "is_strained", lambda _one, _screened: strains)
+    monkeypatch.setattr(setting, "screened_from", lambda *_: "anew")
+    monkeypatch.setattr(setting, "Screen", lambda _: "screen")
+    sets = object.__new__(Sets)
+    sets.material = sets.searched = cast("Any", None)
+    sets.first = cast("Any", SimpleNamespace(here=[], filed=[]))
+    found = cast("Any", sets._screened(cast("Any", Begun("a"))))
+    assert (found == "anew") is (leaves or strains)
+
+
 def test_fits_are_finished_until_one_ends_out_of_reach(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where each began tells their order only: b, in a notch, ends beside the likeliest."""
     ends = {"a": -50.0, "b": -49.0, "c": None, "d": -10.0, "e": -49.0}

@@ -57,13 +57,13 @@ def screened_from(
     """
     screen = Screen(parent)
     here = screening(screen)
-    if not _is_strained(parent, here):
+    if not is_strained(parent, here):
         return Screening(screen, here, [])
     filed = Screen(as_filed(material, searched, parent))
     return Screening(screen, here, _annealed(material, filed, from_file(filed)))
 
 
-def _is_strained(parent: Hypothesis, screened: Sequence[ScreenedCandidate]) -> bool:
+def is_strained(parent: Hypothesis, screened: Sequence[ScreenedCandidate]) -> bool:
     """Whether calibration strains its tolerances by more than an effect costs.
 
     It may stand in for an effect then, along a valley that starts at the file's values.

@@ -37,6 +37,7 @@ from bowden.diagnosis.proposals import (
     anew,
     as_filed,
     every_shape,
+    is_strained,
     proposed,
     screened_from,
     unchanged,
@@ -84,9 +85,13 @@ class Sets:
         self.first = screened_from(self.material, self.searched, self.base, shapes, shapes)
 
     def _screened(self, parent: Hypothesis) -> Screening:
+        """Screen every effect from a set, where something is left or calibration may be an effect.
+
+        What was screened from the calibrated model tells what would gain elsewhere.
+        """
         if not parent.effects:
             return self.first
-        if not leaves_something(parent):
+        if not leaves_something(parent) and not is_strained(parent, self.first.here):
             return Screening(Screen(parent), self.first.here, [])
         again = partial(anew, self.material, self.first.here)
         as_before = partial(unchanged, self.first.filed or self.first.here)
