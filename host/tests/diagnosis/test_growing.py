@@ -201,22 +201,22 @@ def test_fits_are_finished_until_one_ends_out_of_reach(monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize(
-    ("starts", "finished", "yielded"),
+    ("here", "there", "finished", "yielded"),
     [
-        ([-25.0, -24.0], [-25.0, -24.0], -35.0),  # both could still carry something
-        ([-5.0, -24.0], [-24.0], -34.0),  # the way out of a notch
-        ([-5.0, -4.0], [], -5.0),  # neither could
-        ([-25.0, None], [-25.0], -35.0),  # no rig answers where the likeliest ended
+        (-25.0, -24.0, [-25.0, -24.0], -35.0),  # both could still carry something
+        (-5.0, -24.0, [-24.0], -34.0),  # the way out of a notch
+        (-5.0, -4.0, [], -5.0),  # neither could
+        (-25.0, None, [-25.0], -35.0),  # no rig answers where the likeliest ended
     ],
 )
 def test_a_finalist_is_fitted_to_the_end_where_it_could_carry_something(
     monkeypatch: pytest.MonkeyPatch,
-    starts: list[float | None],
+    here: float,
+    there: float | None,
     finished: list[float],
     yielded: float,
 ) -> None:
     """Else the fit to the end, the dearest step of all, would change nothing that is said."""
-    here, there = starts
     asked: list[float] = []
 
     def finish(_material: object, ones: list[Ended], _noises: object) -> list[Ended]:
@@ -235,7 +235,7 @@ def test_a_finalist_is_fitted_to_the_end_where_it_could_carry_something(
     sets = object.__new__(Sets)
     sets.material = sets.searched = cast("Any", None)
     sets.done, sets.noises = {}, []
-    (found,) = sets._ended([cast("Any", Ended("a", here or 0.0))], cast("Any", Ended("b", -50.0)))
+    (found,) = sets._ended([cast("Any", Ended("a", here))], cast("Any", Ended("b", -50.0)))
     assert asked == finished
     assert cast("Any", found).merit == yielded
     assert sets.done == {found.key: found}

@@ -2,7 +2,8 @@
 
 Every candidate is screened from the calibrated model, the most promising ones are fitted, and the
 sets that could be the likeliest by what they predict are grown. What a candidate does to a rig
-depends on what else the rig has: candidates are screened again from each set that leaves something.
+depends on what else the rig has: candidates are screened again from each set that leaves something
+or strains its tolerances.
 Where no addition helps the likeliest set, each of its effects is exchanged for others: it is named
 only where none does as well in its place. Where no two effects explain the data a law that no name
 fits is learned: it is likelier beforehand than three effects, and where it explains more than two

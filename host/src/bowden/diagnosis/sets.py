@@ -216,7 +216,7 @@ class Sets:
         return next(iter(finish(self.material, [one], self.noises)), None)
 
     def _ended(self, ones: Sequence[Hypothesis], likeliest: Hypothesis) -> Iterator[Hypothesis]:
-        """Fit each to the end; where an effect turns out to do nothing it is the set without it.
+        """Yield each where it ended; where an effect does nothing it is the set without it.
 
         That one is yielded once more where it is likelier so: it had ended in a notch.
         """
@@ -230,17 +230,17 @@ class Sets:
                 yield ended
 
     def _restarted(self, one: Hypothesis, likeliest: Hypothesis) -> Hypothesis | None:
-        """Fit a set to the end, from where its fit ended and from where the likeliest did.
+        """Fit a set to the end from where its fit ended and from where the likeliest did.
 
-        Where neither could carry something it stays as it is; None where no rig is it.
+        Only a start that could still carry something is gone on from; where neither could, the
+        better one is returned. None where no rig is it.
         """
         here = weighed_under(one, self.noises)
         again = refitted_from(self.material, self.searched, here, likeliest)
         starts = [here] if again is here else [here, again]
         able = in_reach(starts, [likeliest])
-        return min(
-            finish(self.material, able, self.noises) if able else starts, key=merit, default=None
-        )
+        ended = finish(self.material, able, self.noises) if able else starts
+        return min(ended, key=merit, default=None)
 
 
 def _base(material: Material, searched: Model) -> Hypothesis:
