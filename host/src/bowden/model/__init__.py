@@ -7,7 +7,7 @@ become `Inputs`, and `simulate` returns the `Trajectory` that `diagnosis` and `c
 from bowden.model.description import Model, format_model, parse_model, table_1
 from bowden.model.errors import ModelError
 from bowden.model.prepared import Prepared, prepare, simulate_many
-from bowden.model.simulation import simulate, simulate_batch
+from bowden.model.simulation import looks_ahead, simulate, simulate_batch
 from bowden.model.trajectory import Inputs, Mode, Trajectory
 from bowden.model.transmission import FrictionLaw, Transmission
 
@@ -21,6 +21,7 @@ __all__ = [
     "Trajectory",
     "Transmission",
     "format_model",
+    "looks_ahead",
     "parse_model",
     "prepare",
     "simulate",

@@ -1,7 +1,8 @@
-"""What changes in the pair from sample to sample, beside its motion: friction level, cable length.
+"""What a solver takes beside the two series of a mode.
 
-Imports nothing of this package but the types. Effects make `Histories` from what acts on the
-cables; `simulate_mesh` takes them.
+Imports nothing of this package but the types. `Histories` change in the pair from sample to sample,
+friction level and cable length; effects make them from what acts on the cables. A `TorqueSlope`
+says how a torque changes with an angle that is yet to be found. `simulate_mesh` takes both.
 """
 
 from __future__ import annotations
@@ -58,6 +59,21 @@ class Histories:
         factors = [one for one in (self.friction_factor, self.back) if one is not None]
         same = all(bool(np.all(one == 1.0)) for one in factors)
         return same and (length is None or not np.any(length))
+
+
+@dataclass(frozen=True)
+class TorqueSlope:
+    """How the torque that a mode gives changes with the angle of its own pulley: straight.
+
+    Parameters
+    ----------
+    nm_per_rad : ndarray of shape (n,)
+    about_rad : ndarray of shape (n,)
+        The angles at which the torque is as given.
+    """
+
+    nm_per_rad: FloatArray
+    about_rad: FloatArray
 
 
 def _product(one: FloatArray | None, other: FloatArray | None) -> FloatArray | None:

@@ -28,7 +28,9 @@ AGREED = 1e-5  # of a series' largest value: then passes end, a tenth of NEARLY
 NEARLY = 1e-4  # at the end of all passes: half of what 100 segments get wrong
 
 
-def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
+def simulate(
+    model: Model, mode: Mode, inputs: Inputs, near: Trajectory | None = None
+) -> Trajectory:
     """Simulate a virgin rig: at the first sample both cables have their initial tension.
 
     Parameters
@@ -38,6 +40,8 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
         Which two series are given.
     inputs : Inputs
         Holds at least those two, as a recording has them.
+    near : Trajectory, optional
+        Of almost the same model or inputs: with it passes begin, and few are needed.
 
     Returns
     -------
@@ -56,15 +60,16 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
     An effect that depends on a predicted series (a motor's inertia in torque-position needs the
     motor's acceleration) is solved by repeated passes: the first takes the ratio of the pulleys for
     the prediction, the next ones what came out before (`Passes`), until what is asked of the solver
-    changes by no more than 1e-5 of its largest value. The measured series of that name is never
-    looked at.
+    changes by no more than 1e-5 of its largest value. A torque that depends on the angle of its own
+    pulley is asked with its slope, as Newton's method does. The measured series of that name is
+    never looked at.
     """
     time_s, motor, load = inputs.for_mode(mode)
-    layers = Layers(model.effects, mode)
+    layers = Layers(model.effects, mode, takes_slopes=model.solver == "mesh")
     if layers.is_empty:
         return _solve(model, mode, time_s, Asked(motor, load, Histories()))
     pair = model.transmission
-    times = layers.begin(inputs, pair)
+    times = layers.begin(inputs, pair, near)
     asked, passes = layers.felt(pair), Passes()
     for _ in range(MOST_PASSES):
         trajectory = _solve(model, mode, times, asked)
@@ -72,6 +77,7 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
         if not layers.looks_ahead:
             break
         wanted = layers.felt(pair)
+        asked = layers.at_answer(asked)
         if asked.agrees_with(wanted, AGREED):
             break
         last, asked = asked, wanted.with_series(passes.propose(asked.series, wanted.series))
@@ -87,10 +93,15 @@ def simulate(model: Model, mode: Mode, inputs: Inputs) -> Trajectory:
     return Trajectory(**found)
 
 
+def looks_ahead(model: Model, mode: Mode) -> bool:
+    """Return whether the model takes several passes: one `near` another begins with that."""
+    return Layers(model.effects, mode, takes_slopes=False).looks_ahead
+
+
 def _solve(model: Model, mode: Mode, time_s: FloatArray, asked: Asked) -> Trajectory:
     pair, motor, load = model.transmission, asked.motor, asked.load
     if model.solver == "mesh":
-        return simulate_mesh(pair, mode, time_s, motor, load, asked.histories)
+        return simulate_mesh(pair, mode, time_s, motor, load, asked.histories, asked.slope)
     if model.solver == "lumped":
         return simulate_lumped(pair, model.lumped, mode, time_s, motor, load)
     return simulate_mesh_free(pair, mode, time_s, motor, load)

@@ -292,6 +292,17 @@ class Transmission:
         """Angle by which the conduit turns, integral of ds/R."""
         return float(self.piece_length_m @ self.piece_curvature_per_m)
 
+    @property
+    def softest_n_per_m(self) -> float:
+        """Stiffness of one cable that slides whole, at its end of less tension.
+
+        There T(s) = T e^(phi s / L), phi = mu_d times the wrap angle, so that a change of T
+        stretches it by L / EA (e^phi - 1) / phi as much.
+        """
+        phi = self.friction.mu_d * self.wrap_rad
+        softer = float(np.expm1(phi)) / phi if phi > 0.0 else 1.0
+        return self.axial_stiffness_n / self.length_m / softer
+
 
 def _positive(value: float) -> bool:
     return 0 < value < np.inf

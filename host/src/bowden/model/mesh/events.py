@@ -23,6 +23,7 @@ from bowden.model.mesh.motor_mass import (
     pull_of_mass,
     steps_left,
 )
+from bowden.model.mesh.restoring import Restoring, force_at
 from bowden.model.mesh.state import State, Tables
 from bowden.model.mesh.varying import FrictionLevel, change_to, set_friction
 from bowden.model.mesh.zones import (
@@ -136,7 +137,7 @@ def step(
             other = 0.0 if balancing else given * left
             if abs(force) <= BALANCED * scale:
                 force = 0.0
-            if s.gap_m[0] >= 0 and s.gap_m[1] >= 0 and force != 0 and spring == 0:
+            if s.gap_m[0] >= 0 and s.gap_m[1] >= 0 and force != 0 and spring <= 0:
                 moved += reach_for(t, s, free, force)
                 flags = NOT_CARRIED
                 continue
@@ -248,6 +249,7 @@ def run(
     dead_band: float,
     rest_s: float,
     factor: FloatArray,
+    restoring: Restoring,
     out: FloatArray,
 ) -> int:
     """Run all samples.
@@ -259,7 +261,7 @@ def run(
     `damping_s` with it. Such a mass takes steps that are not off by more than `close_m_per_s`, but
     none shorter than `shortest_s` (`mesh.motor_mass`); `kept` is room for the state before a step.
     `factor` on the friction coefficient, out and back, is that of `Histories`, of one sample where
-    nothing changes.
+    nothing changes. The free pulley's force is as given where it is at `restoring.about_m`.
     """
     torque = motor if free == 0 else load
     failed, place, speed, acceleration, longest_s = 0, 0.0, 0.0, 0.0, shortest_s
@@ -277,15 +279,16 @@ def run(
             dt = left_s / parts
             done = 1.0 if parts == 1 else (whole_s - left_s + dt) / whole_s
             part = dt / whole_s if has_mass else 1.0
-            x, y, force, spring = given_x * part, given_y * part, 0.0, 0.0
+            x, y, force, fall = given_x * part, given_y * part, 0.0, 0.0
             if free >= 0:
-                force = between(torque, i, done)
+                force, fall = force_at(torque, restoring, i, done, place)
+            spring = fall
             before = force_before if i > 0 else force
             if has_mass:
                 copy(s, kept)
                 before = s.end_n[0, 0] - s.end_n[1, 0]
-                pull, spring = pull_of_mass(mass_kg, damping_s, dt, speed, acceleration)
-                force += pull
+                pull, of_mass = pull_of_mass(mass_kg, damping_s, dt, speed, acceleration)
+                force, spring = force + pull, fall + of_mass
             out_now, back_now = between(factor[:, 0], i, done), between(factor[:, 1], i, done)
             changes = out_now != out_before or back_now != back_before
             if changes:
@@ -304,7 +307,7 @@ def run(
             x, y = moved if free == 0 else x, moved if free == 1 else y
             if t.sticks:
                 stick_at_rest(t, s, x, y, dt, dead_band, rest_s)
-            force_before, out_before, back_before = force, out_now, back_now
+            force_before, out_before, back_before = force - fall * moved, out_now, back_now
             place, flags, left_s = place + moved, flags | more, left_s - dt
             if parts == 1:
                 break

@@ -40,6 +40,7 @@ from bowden.model.mesh.pulleys import (
     move_pulleys,
     revise_pulleys,
 )
+from bowden.model.mesh.restoring import Restoring, force_at
 from bowden.model.mesh.sliders import (
     ChainState,
     ChainTables,
@@ -301,6 +302,7 @@ def run(
     close_m_per_s: float,
     factor: FloatArray,
     longer: FloatArray,
+    restoring: Restoring,
     out: FloatArray,
 ) -> int:
     """Run all samples; arguments and rows of `out` as in `mesh.events.run`.
@@ -331,12 +333,13 @@ def run(
             goes_on = mean_speed * min(dt, MOST_AHEAD * dt_before)
             x = goes_on if free == 0 else given_x * part
             y = goes_on if free == 1 else given_y * part
-            force, spring = 0.0, 0.0
+            force, fall = 0.0, 0.0
             if free >= 0:
-                force = between(torque, i, done)
+                force, fall = force_at(torque, restoring, i, done, place)
+            spring = fall
             if free >= 0 and i > 0:
-                pull, spring = resistance(p, mass_now_kg, damping_s, dt, speed, acceleration)
-                force += pull
+                pull, more_fall = resistance(p, mass_now_kg, damping_s, dt, speed, acceleration)
+                force, spring = force + pull, fall + more_fall
                 if mass_now_kg > 0.0:
                     force_before = s.tension[0, 0] - s.tension[1, 0]
                 else:
@@ -356,7 +359,7 @@ def run(
                     continue
                 held = p.bearing_n > 0.0 and p.rolls[0] == 0
                 speed, acceleration = (0.0, 0.0) if held else went
-            mean_speed, dt_before, force_before = moved / dt, dt, force
+            mean_speed, dt_before, force_before = moved / dt, dt, force - fall * moved
             place += moved
             flags |= more
             left_s -= dt

@@ -11,9 +11,10 @@ import numpy as np
 
 from bowden.model.errors import ModelError
 from bowden.model.friction.coulomb import slide_exponent
-from bowden.model.histories import Histories
+from bowden.model.histories import Histories, TorqueSlope
 from bowden.model.mesh import events, implicit, motor_mass
 from bowden.model.mesh.pulleys import Pulleys
+from bowden.model.mesh.restoring import NOTHING_RESTORES, Restoring
 from bowden.model.mesh.sliders import ChainState, ChainTables
 from bowden.model.mesh.state import (
     Mesh,
@@ -39,6 +40,7 @@ def simulate_mesh(  # noqa: PLR0917
     motor: FloatArray,
     load: FloatArray,
     histories: Histories | None = None,
+    torque_slope: TorqueSlope | None = None,
 ) -> Trajectory:
     """Simulate a virgin pair: at the first sample both cables have their initial tension.
 
@@ -50,6 +52,8 @@ def simulate_mesh(  # noqa: PLR0917
         Time and the mode's two series, motor's first; checked by `Inputs.for_mode`.
     histories : Histories or None
         What else changes from sample to sample.
+    torque_slope : TorqueSlope or None
+        How the torque that is given changes with its pulley's angle.
 
     Returns
     -------
@@ -74,6 +78,7 @@ def simulate_mesh(  # noqa: PLR0917
     changing = bool(np.any(factor != 1.0)) and transmission.friction.has_stiction
     shortest_s = motor_mass.shortest_step_s(transmission) if free == 0 else np.inf
     close_m_per_s = motor_mass.close_m_per_s(transmission)
+    restoring = _restoring(transmission, free, motor, load, torque_slope)
     out = np.zeros((time_s.size, 6))
     if needs_implicit_steps(transmission, mode) or changing or np.any(longer != 0.0):
         failed = implicit.run(
@@ -90,6 +95,7 @@ def simulate_mesh(  # noqa: PLR0917
             close_m_per_s,
             factor,
             longer,
+            restoring,
             out,
         )
     else:
@@ -110,6 +116,7 @@ def simulate_mesh(  # noqa: PLR0917
             transmission.velocity_dead_band_m_per_s,
             transmission.rest_time_s,
             factor,
+            restoring,
             out,
         )
     if failed or not np.all(np.isfinite(out)):
@@ -145,6 +152,26 @@ def _series(histories: Histories, samples: int) -> tuple[FloatArray, FloatArray]
     if least < 0:
         raise ModelError(f"friction_factor: found {least:g}, accepted: 0 or more")
     return np.ascontiguousarray(np.broadcast_arrays(*found[:2])).T.copy(), found[2]
+
+
+def _restoring(
+    transmission: Transmission,
+    free: int,
+    motor: FloatArray,
+    load: FloatArray,
+    slope: TorqueSlope | None,
+) -> Restoring:
+    """Return how the free pulley's force falls with its displacement."""
+    if slope is None:
+        return NOTHING_RESTORES
+    r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
+    rim_m, start_rad = (  # cable a's end moves outward as the motor turns, inward as the load does
+        (r_motor, load[0] * r_load / r_motor)
+        if free == 0
+        else (-r_load, motor[0] * r_motor / r_load)
+    )
+    fall = -np.sign(rim_m) * slope.nm_per_rad / rim_m**2
+    return Restoring(fall, rim_m * (slope.about_rad - start_rad))
 
 
 def chain_tables(transmission: Transmission) -> ChainTables:
