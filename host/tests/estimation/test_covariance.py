@@ -117,10 +117,12 @@ def test_a_path_that_the_model_cannot_run_leaves_the_others(
     lost = list(data.paths())[::4]
     predict = Data.predict
 
-    def some(self: Data, model: Model, numbers: Any = (), given: Recording | None = None) -> Any:
+    def some(
+        self: Data, model: Model, numbers: Any, given: Recording | None = None, near: Any = None
+    ) -> Any:
         if any(given is one for one in lost):
             raise ModelError("found no agreement", model.source)
-        return predict(self, model, numbers, given)
+        return predict(self, model, numbers, given, near)
 
     monkeypatch.setattr(Data, "predict", some)
     fewer = covariance(data, MODEL)

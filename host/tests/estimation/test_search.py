@@ -17,7 +17,7 @@ from bowden.estimation.likelihood import Scales
 from bowden.estimation.parameters import parameters_of
 from bowden.estimation.problem import Problem
 from bowden.estimation.search import solve
-from bowden.model import Mode, parse_model
+from bowden.model import Mode, Trajectory, parse_model
 from bowden.workers import Workers
 from numpy.typing import NDArray
 
@@ -45,9 +45,10 @@ class Landscape(Problem):
         points: Sequence[_Floats],
         noises: Sequence[Covariance],
         known: Sequence[Mapping[int, _Floats]] | None = None,
+        begun: Sequence[Trajectory | None] | None = None,
     ) -> list[list[_Floats] | None]:
         """Noise of the size that it has, and the heights in two directions that are random."""
-        del noises, known
+        del noises, known, begun
         sigma = np.sqrt(self.noise.own)
         drawn = np.random.default_rng(0).normal(size=(sigma.size, 3))
         usual, *patterns = np.linalg.qr(drawn)[0].T * sigma
@@ -148,3 +149,26 @@ def test_a_fit_that_goes_on_from_an_optimum_uses_the_derivatives_found_there(
     assert max(abs(u - least) for u in asked) > 0.09
     assert again.x == pytest.approx(anew.x, abs=1e-3 * problem.unit[0])
     assert again.hessian == pytest.approx(anew.hessian, rel=1e-6)
+
+
+def test_a_fit_ends_only_where_the_model_answers_by_itself(
+    draw: Callable[..., Landscape], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a known answer more is found than from none, and a file of that would not run."""
+    problem = draw(lambda u: ((u - 0.9) / 0.2, 0.0))
+    first, unit = problem.start()[0], problem.unit[0]
+
+    def ends(start: float) -> float | None:
+        x = problem.start() + start * problem.unit
+        best = descend(problem, x, [problem.noise], Scales((0.0, 0.0)))
+        return None if best is None else float((best.x[0] - first) / unit)
+
+    def begun(self: Landscape, x: _Floats) -> list[Trajectory | None] | None:
+        return None if (x[0] - first) / unit > 0.5 else [None for _ in self.data]
+
+    assert ends(0.0) == pytest.approx(0.9, abs=0.1)  # the prior, and what a last step may gain
+    monkeypatch.setattr(Landscape, "begun", begun)
+    end = ends(0.0)
+    assert end is not None
+    assert 0.0 < end <= 0.5
+    assert ends(0.7) is None

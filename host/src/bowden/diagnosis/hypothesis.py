@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate, off_value, strength_of
+from bowden.estimation.covariance import Data
+from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.problem import Optimum, Problem
-from bowden.model import Model, ModelError
+from bowden.model import Model, ModelError, Trajectory
 
 _Floats = NDArray[np.float64]
 
@@ -122,13 +125,14 @@ class Hypothesis:
     @cached_property
     def contributions(self) -> tuple[Contribution | None, ...]:
         """What each effect does; None where the model cannot run without it."""
-        with_it = self.predictions(self.model)
+        near = self.simulated()
+        with_it = self.read(near)
         found: list[Contribution | None] = []
         for index, effect in enumerate(self.effects):
             place = f"effects[{self.own + index}]"
             off = {f"{place}.{p.name}": off_value(p) for p in effect.strengths}
             try:
-                without = self.predictions(self.model.with_values(off))
+                without = self.predictions(self.model.with_values(off), near)
             except ModelError:
                 found.append(None)
                 continue
@@ -182,9 +186,22 @@ class Hypothesis:
         )
         return np.asarray(step)
 
-    def predictions(self, model: Model) -> list[_Floats]:
-        """Return what another model predicts of each recording, the nuisances as they are."""
-        return [
-            data.predict(model, self.problem.numbers(self.best.x, data.number))
-            for data in self.problem.data
-        ]
+    def simulated(self) -> list[Trajectory]:
+        """Return what the model answers to each recording."""
+        return [data.simulated(self.model, self._numbers(data)) for data in self.problem.data]
+
+    def read(self, answers: Sequence[Trajectory]) -> list[_Floats]:
+        """Return what answers predict of each recording's observations."""
+        pairs = zip(self.problem.data, answers, strict=True)
+        return [data.read(one, self._numbers(data)) for data, one in pairs]
+
+    def predictions(self, model: Model, near: Sequence[Trajectory]) -> list[_Floats]:
+        """Return what another model predicts of each recording, the nuisances as they are.
+
+        `near`: the answers that its passes begin with, of a model like it.
+        """
+        pairs = zip(self.problem.data, near, strict=True)
+        return [data.predict(model, self._numbers(data), near=one) for data, one in pairs]
+
+    def _numbers(self, data: Data) -> list[tuple[Nuisance, float]]:
+        return self.problem.numbers(self.best.x, data.number)

@@ -101,7 +101,8 @@ class Screen:
         prior, slope = self.problem.prior(best.x)
         rows = np.concatenate([*white, np.column_stack([prior, slope])])
         self._residual, self._slopes = rows[:, 0], rows[:, 1:]
-        self._before = parent.predictions(parent.model)
+        self._near = parent.simulated()
+        self._before = parent.read(self._near)
         self._q, self._r = np.linalg.qr(self._slopes)
         self._aim = -(self._q.T @ self._residual)
         self._low = np.concatenate(
@@ -317,7 +318,8 @@ class Screen:
     def _change(self, candidate: Candidate, values: Mapping[str, float]) -> list[_Floats] | None:
         """Return what a candidate does to each residual; None where no rig answers."""
         try:
-            on = self.parent.predictions(candidate.added_to(self.parent.model, values))
+            other = candidate.added_to(self.parent.model, values)
+            on = self.parent.predictions(other, self._near)
         except ModelError:
             return None
         if not all(bool(np.all(np.isfinite(one))) for one in on):

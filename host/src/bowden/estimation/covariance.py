@@ -22,7 +22,7 @@ from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import Observations, observe
 from bowden.estimation.paths import DRAWS, Paths
 from bowden.estimation.samples import cut, simulated_samples
-from bowden.model import Mode, Model, ModelError
+from bowden.model import Mode, Model, ModelError, Trajectory
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
@@ -137,11 +137,40 @@ class Data:
         one_bytes = sum(rows.size**2 for rows in self.observations.blocks) * size_bytes
         return Kept(max(MOST_FACTORS_BYTES, one_bytes))
 
+    def simulated(
+        self,
+        model: Model,
+        numbers: Sequence[tuple[Nuisance, float]] = (),
+        given: Recording | None = None,
+        near: Trajectory | None = None,
+    ) -> Trajectory:
+        """Simulate the recording; arguments and errors as those of `predict`."""
+        recording = self.given if given is None else given
+        named = [pair for pair in numbers if pair[0].channel in self.mode.columns]
+        return simulate_recording(model, self.mode, as_given(recording, named), near=near)
+
+    def read(
+        self, trajectory: Trajectory, numbers: Sequence[tuple[Nuisance, float]] = ()
+    ) -> _Floats:
+        """Return what each observation should read of a simulation, shape (n,)."""
+        seen, time_s = self.observations, trajectory.time_s
+        found = np.empty(seen.time_s.size)
+        for k, name in enumerate(PREDICTED[self.mode]):
+            rows = seen.channel == k
+            mine = [pair for pair in numbers if pair[0].channel == name]
+            values = as_read(time_s, getattr(trajectory, name), mine)
+            found[rows] = np.interp(seen.time_s[rows], time_s, values)
+            found[rows] += seen.direction[rows] * sum(
+                value for one, value in mine if one.kind == "hysteresis"
+            )
+        return found
+
     def predict(
         self,
         model: Model,
         numbers: Sequence[tuple[Nuisance, float]] = (),
         given: Recording | None = None,
+        near: Trajectory | None = None,
     ) -> _Floats:
         """Simulate and return what each observation should read, shape (n,).
 
@@ -152,26 +181,15 @@ class Data:
             Of this recording.
         given : Recording, optional
             In place of the best estimates.
+        near : Trajectory, optional
+            Of almost the same model, numbers or estimates (`simulate`).
 
         Raises
         ------
         ModelError
             The model cannot run this recording.
         """
-        recording = self.given if given is None else given
-        named = [pair for pair in numbers if pair[0].channel in self.mode.columns]
-        trajectory = simulate_recording(model, self.mode, as_given(recording, named))
-        seen = self.observations
-        found = np.empty(seen.time_s.size)
-        for k, name in enumerate(PREDICTED[self.mode]):
-            rows = seen.channel == k
-            mine = [pair for pair in numbers if pair[0].channel == name]
-            values = as_read(recording.time_s, getattr(trajectory, name), mine)
-            found[rows] = np.interp(seen.time_s[rows], recording.time_s, values)
-            found[rows] += seen.direction[rows] * sum(
-                value for one, value in mine if one.kind == "hysteresis"
-            )
-        return found
+        return self.read(self.simulated(model, numbers, given, near), numbers)
 
 
 def _selected(recording: Recording, kept: _Index) -> Recording:
@@ -251,11 +269,12 @@ def covariance(
         The model cannot run the best estimate, or none of the paths.
     """
     seen = data.observations
-    best = data.predict(model, numbers)
+    near = data.simulated(model, numbers)
+    best = data.read(near, numbers)
 
     def change(other: Model, path: Recording | None = None) -> _Floats | None:
         try:
-            return data.predict(other, numbers, path) - best
+            return data.predict(other, numbers, path, near) - best
         except ModelError:  # passes that don't come to agree, on one path in many
             return None
 
@@ -278,10 +297,12 @@ def covariance(
         offset, columns = correction, [*columns, DOUBTED * correction[None]]
     elif model.solver == "mesh" and segments:
         # Whether a rig behaves as so many segments or as the continuum is not known.
-        finer = MESH_FACTOR * (data.predict(with_segments(model, 2 * segments), numbers) - best)
+        finer = MESH_FACTOR * (
+            data.predict(with_segments(model, 2 * segments), numbers, near=near) - best
+        )
         columns.append(finer[None])
     if data.is_thinned and correction is None:
-        steps = data.predict(model, numbers, data.estimates.recording) - best
+        steps = data.predict(model, numbers, data.estimates.recording, near) - best
         offset, columns = offset + steps, [*columns, DOUBTED * steps[None]]
     spread = np.concatenate(columns)
     variance = np.sum(spread**2, axis=0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales, best_scales, block_weight, whiten
 from bowden.estimation.problem import DAMPING, Optimum, Problem, fitted_parts, objective
+from bowden.model import Trajectory
 from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
@@ -54,16 +55,17 @@ def descend(
     `damping`: of the first step, that which an earlier search of the same numbers ended with.
     """
     x = problem.feasible(x)
-    residuals = problem.residuals(x, noises)
-    if residuals is None:
+    begun = problem.begun(x)
+    residuals = problem.residuals(x, noises, begun)
+    if begun is None or residuals is None:
         return None
-    here = _settled(problem, x, residuals, noises, scales)
+    here = _settled(problem, FittedPoint(x, residuals, scales, math.inf, begun), noises)
     hessian = np.diag(problem.unit**-2.0)
     known, settled = axes is not None or slopes is not None, False
     over = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
     for number in range(rounds):
         if number or slopes is None:
-            slopes = jacobians(problem, here.x, here.residuals, noises, over)
+            slopes = jacobians(problem, here.x, here.residuals, noises, over, begun=here.begun)
         gained = math.inf
         for step in range(1 + secants):
             hessian, gradient = normal_equations(
@@ -77,7 +79,7 @@ def descend(
             promised = -float(gradient @ move + 0.5 * move @ hessian @ move)
             if gained >= ENOUGH:  # over less, what is jagged hides the derivative
                 slopes = _secant(slopes, here.residuals, there.residuals, move, problem.unit)
-            here = _settled(problem, there.x, there.residuals, noises, there.scales)
+            here = _settled(problem, there, noises)
             if gained <= max(ENOUGH, KEPT * promised):
                 break
         settled = known and step == 0 and gained < ENOUGH
@@ -99,24 +101,23 @@ def descend(
 
 @dataclass(frozen=True)
 class FittedPoint:
-    """A point with its residuals, the scales that suit them, and -log posterior."""
+    """A point with its residuals, the scales that suit them, -log posterior, and its answers.
+
+    `begun` is `Problem.begun` there: a fit ends where the model answers without a neighbour's help.
+    """
 
     x: _Floats
     residuals: list[_Floats]
     scales: Scales
     cost: float
+    begun: list[Trajectory | None] | None = None
 
 
-def _settled(
-    problem: Problem,
-    x: _Floats,
-    residuals: list[_Floats],
-    noises: Sequence[Covariance],
-    scales: Scales,
-) -> FittedPoint:
+def _settled(problem: Problem, here: FittedPoint, noises: Sequence[Covariance]) -> FittedPoint:
     """Return a point with the scales found anew."""
-    scales = best_scales(fitted_parts(problem, residuals, noises), scales)
-    return FittedPoint(x, residuals, scales, objective(problem, x, residuals, noises, scales))
+    scales = best_scales(fitted_parts(problem, here.residuals, noises), here.scales)
+    cost = objective(problem, here.x, here.residuals, noises, scales)
+    return replace(here, scales=scales, cost=cost)
 
 
 def lower(
@@ -129,11 +130,13 @@ def lower(
     """Return a lower place under the same scales and the next damping; `here` where none is."""
     for more in MORE:
         x = problem.feasible(here.x + bounded_step(problem, here.x, *normal, damping))
-        found = problem.residuals(x, noises)
-        if found is not None:
+        begun = problem.begun(x)
+        found = None if begun is None else problem.residuals(x, noises, begun)
+        if begun is not None and found is not None:
             cost = objective(problem, x, found, noises, here.scales)
             if cost < here.cost:
-                return FittedPoint(x, found, here.scales, cost), max(LESS * damping, LEAST)
+                there = FittedPoint(x, found, here.scales, cost, begun)
+                return there, max(LESS * damping, LEAST)
         damping *= more
     return here, damping
 
@@ -162,6 +165,8 @@ def jacobians(
     residuals: Sequence[_Floats],
     noises: Sequence[Covariance],
     axes: _Floats,
+    *,
+    begun: Sequence[Trajectory | None] | None = None,
 ) -> list[_Floats]:
     """Return derivatives of each recording's residual by every number: central differences.
 
@@ -174,6 +179,8 @@ def jacobians(
     noises : sequence of Covariance
     axes : ndarray of shape (k, k)
         Columns: how far to go either way along each axis.
+    begun : sequence of (Trajectory or None), optional
+        What simulations about there begin with, where the caller has it: `Problem.begun`.
     """
     points, moves, known = [], [], []
     for axis in axes.T:
@@ -181,7 +188,8 @@ def jacobians(
         points += pair
         moves.append(pair[0] - pair[1])
         known += [_unmoved(problem, one - x, residuals) for one in pair]
-    found = problem.residuals_at(points, noises, known)
+    begun = problem.begun(x) if begun is None else begun
+    found = problem.residuals_at(points, noises, known, begun)
     for i in range(len(moves)):
         if found[2 * i] is None or found[2 * i + 1] is None:
             moves[i] = np.zeros(x.size)

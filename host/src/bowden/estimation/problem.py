@@ -17,7 +17,7 @@ from bowden.estimation.covariance import Covariance, Data, covariance
 from bowden.estimation.likelihood import Part, Scales, cost, recording_costs
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
-from bowden.model import Model, ModelError
+from bowden.model import Model, ModelError, Trajectory, looks_ahead
 from bowden.workers import Workers
 
 _Floats = NDArray[np.float64]
@@ -72,19 +72,26 @@ class Problem:
             if recording in one.recordings
         ]
 
-    def residuals(self, x: _Floats, noises: Sequence[Covariance]) -> list[_Floats] | None:
+    def residuals(
+        self,
+        x: _Floats,
+        noises: Sequence[Covariance],
+        begun: Sequence[Trajectory | None] | None = None,
+    ) -> list[_Floats] | None:
         """Return measured minus predicted of each recording; None where the model has no answer."""
-        return self.residuals_at([x], noises)[0]
+        return self.residuals_at([x], noises, begun=begun)[0]
 
     def residuals_at(
         self,
         points: Sequence[_Floats],
         noises: Sequence[Covariance],
         known: Sequence[Mapping[int, _Floats]] | None = None,
+        begun: Sequence[Trajectory | None] | None = None,
     ) -> list[list[_Floats] | None]:
         """Return the residuals at several points, simulated side by side.
 
         `known`: for each point, residuals of recordings by their place that need no simulation.
+        `begun`: what each recording's simulations begin with, of a point among them.
         """
         made: dict[bytes, Model | None] = {}  # a nuisance number moves no model
         for x in points:
@@ -103,7 +110,8 @@ class Problem:
             if model is None:
                 return None
             try:
-                predicted = data.predict(model, self.numbers(points[point], data.number))
+                numbers = self.numbers(points[point], data.number)
+                predicted = data.predict(model, numbers, near=begun[k] if begun else None)
             except ModelError:
                 return None
             residual = data.observations.measured - predicted - noises[k].offset
@@ -117,6 +125,22 @@ class Problem:
             [one for one in row if one is not None] if all(r is not None for r in row) else None
             for row in rows
         ]
+
+    def begun(self, x: _Floats) -> list[Trajectory | None] | None:
+        """Return what simulations near a point begin with; None where the model has no answer.
+
+        One a recording; None for a model that needs no passes.
+        """
+
+        def one(data: Data) -> Trajectory | None:
+            needed = looks_ahead(model, data.mode)
+            return data.simulated(model, self.numbers(x, data.number)) if needed else None
+
+        try:
+            model = self.parameters.model_at(x[: self.size])
+            return list(self.pool.map(one, self.data))
+        except ModelError:
+            return None
 
     def noises(self, x: _Floats) -> list[Covariance]:
         """Return each recording's covariance about the model at a point."""

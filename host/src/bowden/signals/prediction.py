@@ -22,7 +22,12 @@ PREDICTED = {mode: mode.predicted for mode in Mode}
 
 
 def simulate_recording(
-    model: Model, mode: Mode, recording: Recording, *, before: Recording | None = None
+    model: Model,
+    mode: Mode,
+    recording: Recording,
+    *,
+    before: Recording | None = None,
+    near: Trajectory | None = None,
 ) -> Trajectory:
     """Run the model on the two series of a recording that the mode takes as given.
 
@@ -36,6 +41,8 @@ def simulate_recording(
         the simulator takes them to agree there, since two encoders seldom share a zero.
     before : Recording, optional
         What the rig did just before, from virgin; the model runs through it first.
+    near : Trajectory, optional
+        Of almost the same model or series: begins passes where nothing was before.
 
     Returns
     -------
@@ -65,7 +72,8 @@ def simulate_recording(
             for name, values in series.items()
             if name in earlier
         }
-    trajectory = simulate(model, mode, Inputs(time_s=time_s, **series))
+        near = None
+    trajectory = simulate(model, mode, Inputs(time_s=time_s, **series), near)
     kept = {name: values[lead:] for name, values in vars(trajectory).items()}
     kept["time_s"] = recording.time_s
     return replace(trajectory, **kept)
