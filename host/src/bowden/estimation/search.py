@@ -89,8 +89,7 @@ def _from_prior(problem: Problem, noises: Sequence[Covariance], scales: Scales) 
     part = replace(problem, data=problem.data[:1], blocks=problem.blocks[:1])
     nuisances = np.zeros(len(problem.nuisances))
     points = [np.concatenate([one, nuisances]) for one in problem.parameters.sigma_points()]
-    ended = [descend(part, one, noises[:1], scales, rounds=ROUGH) for one in points]
-    able = [one for one in ended if one is not None]
+    able = _descended(part, points, noises[:1], scales)
     return [min(able, key=lambda one: one.cost).x] if able else []
 
 
@@ -269,8 +268,7 @@ def _best_of(
     problem: Problem, starts: Sequence[_Floats], noises: Sequence[Covariance], scales: Scales
 ) -> Optimum:
     """Search from the first start and the two most promising and return the best optimum."""
-    rough = [descend(problem, start, noises, scales, rounds=ROUGH) for start in starts]
-    able = [one for one in rough if one is not None]
+    able = _descended(problem, starts, noises, scales)
     if not able:
         raise ModelError("found no start that the model can run, accepted: other values or bounds")
     ended = sorted(able, key=lambda one: one.cost)[:2]
@@ -281,6 +279,17 @@ def _best_of(
         for one in ended
     ]
     return min((one for one in found if one is not None), key=lambda one: one.cost)
+
+
+def _descended(
+    problem: Problem, starts: Sequence[_Floats], noises: Sequence[Covariance], scales: Scales
+) -> list[Optimum]:
+    """Go a few rounds down from each start, side by side; without those where no rig answers."""
+
+    def rough(start: _Floats) -> Optimum | None:
+        return descend(problem, start, noises, scales, rounds=ROUGH)
+
+    return [one for one in problem.pool.map(rough, starts) if one is not None]
 
 
 def _costs(
