@@ -45,10 +45,10 @@ class Landscape(Problem):
         points: Sequence[_Floats],
         noises: Sequence[Covariance],
         known: Sequence[Mapping[int, _Floats]] | None = None,
-        begun: Sequence[Trajectory | None] | None = None,
+        near: Sequence[Trajectory | None] | None = None,
     ) -> list[list[_Floats] | None]:
         """Noise of the size that it has, and the heights in two directions that are random."""
-        del noises, known, begun
+        del noises, known, near
         sigma = np.sqrt(self.noise.own)
         drawn = np.random.default_rng(0).normal(size=(sigma.size, 3))
         usual, *patterns = np.linalg.qr(drawn)[0].T * sigma
@@ -163,11 +163,11 @@ def test_a_fit_ends_only_where_the_model_answers_by_itself(
         best = descend(problem, x, [problem.noise], Scales((0.0, 0.0)))
         return None if best is None else float((best.x[0] - first) / unit)
 
-    def begun(self: Landscape, x: _Floats) -> list[Trajectory | None] | None:
+    def answers(self: Landscape, x: _Floats) -> list[Trajectory | None] | None:
         return None if (x[0] - first) / unit > 0.5 else [None for _ in self.data]
 
     assert ends(0.0) == pytest.approx(0.9, abs=0.1)  # the prior, and what a last step may gain
-    monkeypatch.setattr(Landscape, "begun", begun)
+    monkeypatch.setattr(Landscape, "answers", answers)
     end = ends(0.0)
     assert end is not None
     assert 0.0 < end <= 0.5

@@ -55,17 +55,17 @@ def descend(
     `damping`: of the first step, that which an earlier search of the same numbers ended with.
     """
     x = problem.feasible(x)
-    begun = problem.begun(x)
-    residuals = problem.residuals(x, noises, begun)
-    if begun is None or residuals is None:
+    answers = problem.answers(x)
+    residuals = problem.residuals(x, noises, answers)
+    if answers is None or residuals is None:
         return None
-    here = _settled(problem, FittedPoint(x, residuals, scales, math.inf, begun), noises)
+    here = _settled(problem, FittedPoint(x, residuals, scales, math.inf, answers), noises)
     hessian = np.diag(problem.unit**-2.0)
     known, settled = axes is not None or slopes is not None, False
     over = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
     for number in range(rounds):
         if number or slopes is None:
-            slopes = jacobians(problem, here.x, here.residuals, noises, over, begun=here.begun)
+            slopes = jacobians(problem, here.x, here.residuals, noises, over, near=here.answers)
         gained = math.inf
         for step in range(1 + secants):
             hessian, gradient = normal_equations(
@@ -103,14 +103,14 @@ def descend(
 class FittedPoint:
     """A point with its residuals, the scales that suit them, -log posterior, and its answers.
 
-    `begun` is `Problem.begun` there: a fit ends where the model answers without a neighbour's help.
+    `Problem.answers`: a fit ends where the model answers without a neighbour's help.
     """
 
     x: _Floats
     residuals: list[_Floats]
     scales: Scales
     cost: float
-    begun: list[Trajectory | None] | None = None
+    answers: list[Trajectory | None] | None = None
 
 
 def _settled(problem: Problem, here: FittedPoint, noises: Sequence[Covariance]) -> FittedPoint:
@@ -130,12 +130,12 @@ def lower(
     """Return a lower place under the same scales and the next damping; `here` where none is."""
     for more in MORE:
         x = problem.feasible(here.x + bounded_step(problem, here.x, *normal, damping))
-        begun = problem.begun(x)
-        found = None if begun is None else problem.residuals(x, noises, begun)
-        if begun is not None and found is not None:
+        answers = problem.answers(x)
+        found = None if answers is None else problem.residuals(x, noises, answers)
+        if answers is not None and found is not None:
             cost = objective(problem, x, found, noises, here.scales)
             if cost < here.cost:
-                there = FittedPoint(x, found, here.scales, cost, begun)
+                there = FittedPoint(x, found, here.scales, cost, answers)
                 return there, max(LESS * damping, LEAST)
         damping *= more
     return here, damping
@@ -166,7 +166,7 @@ def jacobians(
     noises: Sequence[Covariance],
     axes: _Floats,
     *,
-    begun: Sequence[Trajectory | None] | None = None,
+    near: Sequence[Trajectory | None] | None = None,
 ) -> list[_Floats]:
     """Return derivatives of each recording's residual by every number: central differences.
 
@@ -179,8 +179,8 @@ def jacobians(
     noises : sequence of Covariance
     axes : ndarray of shape (k, k)
         Columns: how far to go either way along each axis.
-    begun : sequence of (Trajectory or None), optional
-        What simulations about there begin with, where the caller has it: `Problem.begun`.
+    near : sequence of (Trajectory or None), optional
+        What simulations about there begin with, where the caller has it: `Problem.answers`.
     """
     points, moves, known = [], [], []
     for axis in axes.T:
@@ -188,8 +188,8 @@ def jacobians(
         points += pair
         moves.append(pair[0] - pair[1])
         known += [_unmoved(problem, one - x, residuals) for one in pair]
-    begun = problem.begun(x) if begun is None else begun
-    found = problem.residuals_at(points, noises, known, begun)
+    near = problem.answers(x) if near is None else near
+    found = problem.residuals_at(points, noises, known, near)
     for i in range(len(moves)):
         if found[2 * i] is None or found[2 * i + 1] is None:
             moves[i] = np.zeros(x.size)

@@ -76,22 +76,22 @@ class Problem:
         self,
         x: _Floats,
         noises: Sequence[Covariance],
-        begun: Sequence[Trajectory | None] | None = None,
+        near: Sequence[Trajectory | None] | None = None,
     ) -> list[_Floats] | None:
         """Return measured minus predicted of each recording; None where the model has no answer."""
-        return self.residuals_at([x], noises, begun=begun)[0]
+        return self.residuals_at([x], noises, near=near)[0]
 
     def residuals_at(
         self,
         points: Sequence[_Floats],
         noises: Sequence[Covariance],
         known: Sequence[Mapping[int, _Floats]] | None = None,
-        begun: Sequence[Trajectory | None] | None = None,
+        near: Sequence[Trajectory | None] | None = None,
     ) -> list[list[_Floats] | None]:
         """Return the residuals at several points, simulated side by side.
 
         `known`: for each point, residuals of recordings by their place that need no simulation.
-        `begun`: what each recording's simulations begin with, of a point among them.
+        `near`: what each recording's simulations begin with, of a point among them.
         """
         made: dict[bytes, Model | None] = {}  # a nuisance number moves no model
         for x in points:
@@ -111,7 +111,7 @@ class Problem:
                 return None
             try:
                 numbers = self.numbers(points[point], data.number)
-                predicted = data.predict(model, numbers, near=begun[k] if begun else None)
+                predicted = data.predict(model, numbers, near=near[k] if near else None)
             except ModelError:
                 return None
             residual = data.observations.measured - predicted - noises[k].offset
@@ -126,7 +126,7 @@ class Problem:
             for row in rows
         ]
 
-    def begun(self, x: _Floats) -> list[Trajectory | None] | None:
+    def answers(self, x: _Floats) -> list[Trajectory | None] | None:
         """Return what simulations near a point begin with; None where the model has no answer.
 
         One a recording; None for a model that needs no passes.

@@ -66,16 +66,6 @@ class Asked:
         slope = self.slope and replace(self.slope, about_rad=next(parts))
         return Asked(motor, load, Histories(factor, back, length), slope)
 
-    def at(self, turned: str, angle_rad: FloatArray) -> Asked:
-        """Return the same at an angle of the pulley that is `turned` by a given torque."""
-        if self.slope is None:
-            return self
-        more_nm = self.slope.nm_per_rad * (angle_rad - self.slope.about_rad)
-        moved = replace(self, slope=TorqueSlope(self.slope.nm_per_rad, angle_rad))
-        if turned == "motor_torque_nm":
-            return replace(moved, motor=self.motor + more_nm)
-        return replace(moved, load=self.load + more_nm)
-
     def agrees_with(self, other: Asked, share: float) -> bool:
         """Return whether both ask the same, but for a share of each series' largest value."""
         return all(
@@ -193,9 +183,15 @@ class Layers:
 
     def at_answer(self, asked: Asked) -> Asked:
         """Return what the solver was asked, at the angle that it found."""
-        if self._turned is None:
+        slope = asked.slope
+        if self._turned is None or slope is None:
             return asked
-        return asked.at(self._turned, self.sides[-1][_angle_of(self._turned)])
+        angle_rad = self.sides[-1][_angle_of(self._turned)]
+        more_nm = slope.nm_per_rad * (angle_rad - slope.about_rad)
+        moved = replace(asked, slope=TorqueSlope(slope.nm_per_rad, angle_rad))
+        if self._turned == "motor_torque_nm":
+            return replace(moved, motor=asked.motor + more_nm)
+        return replace(moved, load=asked.load + more_nm)
 
     def _slope(self, pair: Transmission) -> TorqueSlope | None:
         """Work out how a given torque changes with its pulley's angle, about the last answer."""

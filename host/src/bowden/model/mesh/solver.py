@@ -165,13 +165,16 @@ def _restoring(
     if slope is None:
         return NOTHING_RESTORES
     r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
-    rim_m, start_rad = (  # cable a's end moves outward as the motor turns, inward as the load does
-        (r_motor, load[0] * r_load / r_motor)
-        if free == 0
-        else (-r_load, motor[0] * r_motor / r_load)
-    )
-    fall = -np.sign(rim_m) * slope.nm_per_rad / rim_m**2
-    return Restoring(fall, rim_m * (slope.about_rad - start_rad))
+    # Cable a's end moves outward as the motor turns, inward as the load does.
+    rim_m = r_motor if free == 0 else -r_load
+    about_m = rim_m * (slope.about_rad - _start_rad(transmission, free, motor, load))
+    return Restoring(-np.sign(rim_m) * slope.nm_per_rad / rim_m**2, about_m)
+
+
+def _start_rad(transmission: Transmission, free: int, motor: FloatArray, load: FloatArray) -> float:
+    """Return the free pulley's first angle: the other one's by the ratio of the pulleys."""
+    r_motor, r_load = transmission.motor_pulley_radius_m, transmission.load_pulley_radius_m
+    return float(load[0] * r_load / r_motor if free == 0 else motor[0] * r_motor / r_load)
 
 
 def chain_tables(transmission: Transmission) -> ChainTables:
@@ -294,9 +297,9 @@ def trajectory_of(  # noqa: PLR0917
     motor_angle = motor if mode is not Mode.TORQUE_POSITION else None
     load_angle = load if mode is not Mode.POSITION_TORQUE else None
     if motor_angle is None:
-        motor_angle = load[0] * r_load / r_motor + out[:, 0] / r_motor
+        motor_angle = _start_rad(transmission, 0, motor, load) + out[:, 0] / r_motor
     if load_angle is None:
-        load_angle = motor[0] * r_motor / r_load - out[:, 0] / r_load
+        load_angle = _start_rad(transmission, 1, motor, load) - out[:, 0] / r_load
     a_1, a_l, b_1, b_l = (np.ascontiguousarray(out[:, i]) for i in range(1, 5))
     return Trajectory(
         time_s=time_s,
