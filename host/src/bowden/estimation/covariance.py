@@ -11,13 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.estimation.kept import Kept
 from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import Observations, observe
 from bowden.estimation.paths import DRAWS, Paths
@@ -39,19 +36,7 @@ ANY_SHAPE = 1.0 / (DRAWS + 1)  # share of their variance: one further draw may h
 ROUGH_S = 1.0  # and lasts so long
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
 FINEST_S = 1e-3  # shortest step between simulated samples
-MOST_FACTORS_BYTES = 48_000_000  # a recording: 16 scales over 20 s; one where it takes more
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
-
-
-class Factor(NamedTuple):
-    """Cholesky factor of a block's covariance, half its log-determinant, and what it was made of.
-
-    That is kept with it so that no other can take its place in memory, by which it is found.
-    """
-
-    lower: _Floats
-    half_log_det: float
-    parts: tuple[object, ...]
 
 
 @dataclass(frozen=True)
@@ -125,17 +110,6 @@ class Data:
     def paths(self) -> Iterator[Recording]:
         """Yield other paths that explain the readings as well, at the simulated samples."""
         return (_selected(one, self.kept) for one in self.drawn)
-
-    @cached_property
-    def factors(self) -> Kept[Factor]:
-        """Factors of covariances that were used last; `likelihood` keeps them here.
-
-        Those of one covariance in any case: blocks are gone through in turn, and with less room
-        each would displace the one that is wanted next.
-        """
-        size_bytes = np.dtype(np.float64).itemsize
-        one_bytes = sum(rows.size**2 for rows in self.observations.blocks) * size_bytes
-        return Kept(max(MOST_FACTORS_BYTES, one_bytes))
 
     def simulated(
         self,

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrtrs
 
-from bowden.estimation.covariance import Covariance, Data, Factor
+from bowden.estimation.covariance import Covariance, Data
+from bowden.estimation.observations import Factor
 from bowden.estimation.paths import DRAWS
 
 _Floats = NDArray[np.float64]
@@ -130,7 +131,7 @@ def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> Factor
     law = noise.law if scales.law > 0.0 else None
     parts = noise.inputs, noise.own, law
     key = (*map(id, parts), scales, block)
-    known = data.factors.get(key)
+    known = data.observations.factors.get(key)
     if known is not None:
         return known
     rows = data.observations.blocks[block]
@@ -147,7 +148,7 @@ def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> Factor
         message = f"block {block}: its covariance is not positive definite"
         raise np.linalg.LinAlgError(message) from error
     found = Factor(lower, float(np.log(lower.diagonal()).sum()), parts)
-    data.factors.keep(key, found, lower.nbytes)
+    data.observations.factors.keep(key, found, lower.nbytes)
     return found
 
 
