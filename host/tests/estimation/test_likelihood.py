@@ -242,6 +242,19 @@ def test_covariances_that_differ_in_what_factors_do_not_hold_share_them(
         assert large.half_log_det > small.half_log_det
 
 
+def test_data_of_other_steps_share_factors_for_they_have_the_same_observations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, read = run()
+    data = Data.of(read, 0, MODEL, MODE)
+    noise, made = covariance(data, MODEL), counted_factors(monkeypatch)
+    whitening_roots(data, noise, RIGHT)
+    count = len(made)
+    whitening_roots(data.sampled(16e-3), noise, RIGHT)
+    whitening_roots(data.cut(), noise, RIGHT)
+    assert len(made) == count == len(data.observations.blocks)
+
+
 def test_no_covariance_is_taken_for_one_that_is_gone() -> None:
     """Factors are found by where their parts lie in memory, which the next ones might take."""
     _, read = run()
@@ -275,7 +288,7 @@ def test_factors_are_made_once_however_long_a_recording_is(monkeypatch: pytest.M
     count, size = len(data.observations.blocks), data.observations.time_s.size
     residuals = list(np.random.default_rng(0).normal(size=(5, size)))
     made = counted_factors(monkeypatch)
-    monkeypatch.setattr("bowden.estimation.covariance.MOST_FACTORS_BYTES", 0)
+    monkeypatch.setattr("bowden.estimation.observations.MOST_FACTORS_BYTES", 0)
     for residual in residuals:
         whiten(data, noise, scales, residual[:, None])
     assert count > 2

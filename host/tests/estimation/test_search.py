@@ -151,6 +151,35 @@ def test_a_fit_that_goes_on_from_an_optimum_uses_the_derivatives_found_there(
     assert again.hessian == pytest.approx(anew.hessian, rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_search_in_parts_ends_where_one_does_though_steps_promise_too_much(
+    draw: Callable[..., Landscape], seed: int
+) -> None:
+    """What an earlier step was not kept for says nothing of the next: here only the first are."""
+    rng = np.random.default_rng(seed)
+    bottom, width = rng.uniform(0.5, 1.0), rng.uniform(0.05, 0.2)
+
+    def high(u: float) -> tuple[float, float]:
+        return 5.0 * float(np.arctan((u - bottom) / width)), 0.0  # levels off: steps overshoot
+
+    problem = draw(high)
+    noises, none = [problem.noise], Scales((0.0, 0.0))
+    first = descend(problem, problem.start(), noises, none, rounds=1)
+    best = first
+    for _ in range(20):
+        assert best is not None
+        axes = principal_axes(problem, best.hessian)
+        best = descend(problem, best.x, noises, none, rounds=1, axes=axes)
+    whole = descend(problem, problem.start(), noises, none, rounds=20)
+    assert first is not None
+    assert best is not None
+    assert whole is not None
+    assert (first.settled, best.settled, whole.settled) == (False, True, True)
+    # A step that gains less than 0.02 ends either; the sigma there is width / 5.
+    at = [float((one.x[0] - problem.start()[0]) / problem.unit[0]) for one in (best, whole)]
+    assert at == pytest.approx([bottom, bottom], abs=0.2 * width)
+
+
 def test_a_fit_ends_only_where_the_model_answers_by_itself(
     draw: Callable[..., Landscape], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -236,7 +236,6 @@ def _descend(one: Hypothesis, rounds: int, axes: _Floats | None) -> Optimum | No
         secants=SECANTS,
         axes=axes,
         slopes=best.slopes if best.settled else None,
-        damping=best.damping,
     )
 
 

@@ -20,7 +20,7 @@ from scipy.special import logsumexp
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.unseen import DISCREPANCIES, ERROR, UnseenPrediction
 from bowden.estimation.covariance import Covariance, Data
-from bowden.estimation.descend import LEAST, FittedPoint, lower, normal_equations
+from bowden.estimation.descend import FittedPoint, lower, normal_equations
 from bowden.estimation.likelihood import LAWS, Scales, best_scales, cost, half_square, whiten
 from bowden.estimation.problem import Problem, fitted_parts, objective
 
@@ -111,7 +111,7 @@ def _refitted(
     root = train.root(hessian)
     cost = objective(train, best.x, best.residuals, best.noises, scales)
     here = FittedPoint(best.x, best.residuals, scales, cost)
-    there, _ = lower(train, here, best.noises, (hessian, gradient), LEAST)
+    there = lower(train, here, best.noises, (hessian, gradient))
     if there is here:
         return here.x, here.residuals, root
     return there.x, there.residuals, root * (there.x != here.x)[:, None]

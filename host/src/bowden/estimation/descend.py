@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales, best_scales, block_weight, whiten
-from bowden.estimation.problem import DAMPING, Optimum, Problem, fitted_parts, objective
+from bowden.estimation.problem import Optimum, Problem, fitted_parts, objective
 from bowden.model import Trajectory
 from bowden.signals.prediction import PREDICTED
 
@@ -26,8 +26,7 @@ ENOUGH = 0.02  # of -log posterior: a step that gains less ends the search
 DERIVATIVE = 0.02  # of a unit step, before anything is known of the posterior
 SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
 LENGTHS = (1e-4, 0.5)  # unit steps: of an axis, at least and at most
-LESS, MORE = 0.2, (4.0, 16.0, 64.0, 256.0, 1024.0)  # damping after a step down, after one up
-LEAST = 1e-6  # damping
+DAMPINGS = (1e-4, 1e-2, 1.0, 10.0, 100.0)  # of the Hessian's diagonal, until a step leads down
 LONGEST = 3.0  # unit steps a round, in any coordinate
 KEPT = 0.5  # of what a step promised: derivatives are as good as that, or are taken anew
 
@@ -42,7 +41,6 @@ def descend(
     secants: int = 0,
     axes: _Floats | None = None,
     slopes: Sequence[_Floats] | None = None,
-    damping: float = DAMPING,
 ) -> Optimum | None:
     """Search from one point; None where the model has no answer there.
 
@@ -52,7 +50,6 @@ def descend(
     `slopes`: the derivatives at the point over such axes, where they are known already.
     `secants`: steps after each on derivatives that the last step has corrected. Each costs one
     simulation; where the cost is jagged such a search may end in another notch.
-    `damping`: of the first step, that which an earlier search of the same numbers ended with.
     """
     x = problem.feasible(x)
     answers = problem.answers(x)
@@ -62,27 +59,18 @@ def descend(
     here = _settled(problem, FittedPoint(x, residuals, scales, math.inf, answers), noises)
     hessian = np.diag(problem.unit**-2.0)
     known, settled = axes is not None or slopes is not None, False
-    over = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
+    axes = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
     for number in range(rounds):
         if number or slopes is None:
-            slopes = jacobians(problem, here.x, here.residuals, noises, over, near=here.answers)
-        gained = math.inf
-        for step in range(1 + secants):
-            hessian, gradient = normal_equations(
-                problem, here.x, here.residuals, slopes, (noises, here.scales)
-            )
-            over = principal_axes(problem, hessian) if step == 0 else over
-            there, next_damping = lower(problem, here, noises, (hessian, gradient), damping)
-            if step == 0:  # where a secant fails it is the derivative, not the step, that is off
-                damping = next_damping
-            gained, move = here.cost - there.cost, there.x - here.x
-            promised = -float(gradient @ move + 0.5 * move @ hessian @ move)
-            if gained >= ENOUGH:  # over less, what is jagged hides the derivative
-                slopes = _secant(slopes, here.residuals, there.residuals, move, problem.unit)
-            here = _settled(problem, there, noises)
-            if gained <= max(ENOUGH, KEPT * promised):
+            slopes = jacobians(problem, here.x, here.residuals, noises, axes, near=here.answers)
+        step = _step(problem, here, noises, slopes)
+        axes, settled = principal_axes(problem, step.hessian), known and step.gained < ENOUGH
+        for left in range(secants, -1, -1):
+            here = _settled(problem, step.there, noises)
+            hessian, slopes = step.hessian, step.corrected
+            if not left or not step.is_kept:
                 break
-        settled = known and step == 0 and gained < ENOUGH
+            step = _step(problem, here, noises, slopes)
         if settled:
             break
         known = True
@@ -95,7 +83,6 @@ def descend(
         here.scales,
         slopes=slopes,
         settled=settled,
-        damping=damping,
     )
 
 
@@ -120,25 +107,63 @@ def _settled(problem: Problem, here: FittedPoint, noises: Sequence[Covariance]) 
     return replace(here, scales=scales, cost=cost)
 
 
+@dataclass(frozen=True)
+class _Step:
+    """A step from one point to another, and the normal equations that it was taken by."""
+
+    problem: Problem
+    here: FittedPoint
+    there: FittedPoint
+    slopes: Sequence[_Floats]
+    hessian: _Floats
+    gradient: _Floats
+
+    @property
+    def gained(self) -> float:
+        return self.here.cost - self.there.cost
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether it gained something, and nearly as much as it promised."""
+        move = self.there.x - self.here.x
+        promised = -float(self.gradient @ move + 0.5 * move @ self.hessian @ move)
+        return self.gained > max(ENOUGH, KEPT * promised)
+
+    @property
+    def corrected(self) -> Sequence[_Floats]:
+        """The derivatives as the step corrects them: over less, what is jagged hides them."""
+        if self.gained < ENOUGH:
+            return self.slopes
+        move, unit = self.there.x - self.here.x, self.problem.unit
+        return _secant(self.slopes, self.here.residuals, self.there.residuals, move, unit)
+
+
+def _step(
+    problem: Problem,
+    here: FittedPoint,
+    noises: Sequence[Covariance],
+    slopes: Sequence[_Floats],
+) -> _Step:
+    normal = normal_equations(problem, here.x, here.residuals, slopes, (noises, here.scales))
+    return _Step(problem, here, lower(problem, here, noises, normal), slopes, *normal)
+
+
 def lower(
     problem: Problem,
     here: FittedPoint,
     noises: Sequence[Covariance],
     normal: tuple[_Floats, _Floats],
-    damping: float,
-) -> tuple[FittedPoint, float]:
-    """Return a lower place under the same scales and the next damping; `here` where none is."""
-    for more in MORE:
+) -> FittedPoint:
+    """Return a lower place under the same scales; `here` where no damped step leads to one."""
+    for damping in DAMPINGS:
         x = problem.feasible(here.x + bounded_step(problem, here.x, *normal, damping))
         answers = problem.answers(x)
         found = None if answers is None else problem.residuals(x, noises, answers)
         if answers is not None and found is not None:
             cost = objective(problem, x, found, noises, here.scales)
             if cost < here.cost:
-                there = FittedPoint(x, found, here.scales, cost, answers)
-                return there, max(LESS * damping, LEAST)
-        damping *= more
-    return here, damping
+                return FittedPoint(x, found, here.scales, cost, answers)
+    return here
 
 
 def _secant(

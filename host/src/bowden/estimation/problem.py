@@ -22,7 +22,6 @@ from bowden.workers import Workers
 
 _Floats = NDArray[np.float64]
 
-DAMPING = 1e-4  # of a first step, as a share of the Hessian's diagonal
 WIDEST = 10.0  # unit steps: a number is within its range, however little the data say of it
 
 
@@ -206,8 +205,6 @@ class Optimum:
         Derivatives of the residuals that a search ended with.
     settled : bool
         Whether those were taken here: else at the start of the last round, corrected by its steps.
-    damping : float
-        That a search ended with: one that goes on from here begins with it.
     """
 
     x: _Floats
@@ -219,7 +216,6 @@ class Optimum:
     as_good: _Floats | None = None
     slopes: Sequence[_Floats] | None = None
     settled: bool = False
-    damping: float = DAMPING
 
 
 def objective(
