@@ -62,7 +62,7 @@ def test_a_step_is_repeated_where_a_constant_that_it_reaches_has_changed(
         assert place.step(thing) == place.step(thing) == 1
         with _named("RESAMPLES").set_to(9):  # of `odds`, which no fit reads
             assert place.step(thing) == 1
-        with _named("SETTLED").set_to(1.0):
+        with _named("ERROR").set_to(2.0):
             assert place.step(thing) == 2
         assert place.step(thing) == 1
         assert place.step(object()) == 3

@@ -26,7 +26,7 @@ OUTSIDE: Final = {
     "material": "steps and meshes, whose error each fit is corrected for; an encoder's half count",
     "law_candidates": "knots and places of learned laws",
 }
-ODDS: Final = ("SURE", "UNLIKE", "AFFECTED")  # shares whose double would be no share
+ODDS: Final = ("SURE",)  # shares whose double would be no share
 
 Numbers = int | float | tuple[float, ...] | NDArray[np.float64]
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.diagnosis.hypothesis import SETTLED, Hypothesis
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
 from bowden.estimation.covariance import Covariance, Data
-from bowden.estimation.descend import ROUNDS, descend, jacobians, principal_axes
+from bowden.estimation.descend import DERIVATIVE, ROUNDS, descend, jacobians, principal_axes
 from bowden.estimation.likelihood import best_scales
 from bowden.estimation.parameters import Parameters, parameters_of
 from bowden.estimation.problem import Optimum, Problem, fitted_parts, objective
@@ -25,7 +25,6 @@ from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
 
-SECANTS = 4  # steps after each with derivatives of its own: a search fits hundreds of sets
 FRICTION = ("friction.mu_d", "friction.mu_s")
 
 
@@ -233,7 +232,7 @@ def _descend(one: Hypothesis, rounds: int, axes: _Floats | None) -> Optimum | No
         best.noises,
         best.scales,
         rounds=rounds,
-        secants=SECANTS,
+        secants=True,
         axes=axes,
         slopes=best.slopes if best.settled else None,
     )
@@ -260,9 +259,13 @@ def _with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Co
 
 
 def is_settled(before: Hypothesis, one: Hypothesis) -> bool:
-    """Whether a fit ended where an earlier one of the same set did: what holds there holds here."""
+    """Whether a fit ended where an earlier one of the same set did: what holds there holds here.
+
+    Within the steps over which derivatives stand for the model its correction and its covariance
+    are the same, too.
+    """
     alike = [e.key for e in before.effects] == [e.key for e in one.effects]
-    return alike and _apart(one.problem, before.best.x, one.best.x) < SETTLED
+    return alike and _apart(one.problem, before.best.x, one.best.x) < DERIVATIVE
 
 
 def _apart(problem: Problem, before: _Floats, x: _Floats) -> float:

@@ -20,8 +20,6 @@ from bowden.model import Model, ModelError, Trajectory
 
 _Floats = NDArray[np.float64]
 
-SETTLED = 0.05  # unit steps: within that a fit is the same, and so are correction and covariance
-
 
 @dataclass(frozen=True)
 class Contribution:

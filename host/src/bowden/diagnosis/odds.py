@@ -24,7 +24,6 @@ _Floats = NDArray[np.float64]
 
 PRIOR_UNLISTED = 0.1  # of rigs miss something that the catalogue hasn't
 MORE = 0.25  # of rigs that miss some effects miss one more
-AFFECTED = (0.1, 0.2, 0.5, 0.9)  # of the blocks, by something unlisted: each as likely
 RESAMPLES = 2000  # draws of the Bayesian bootstrap
 SURE = 0.95  # of the posterior: an effect is named; what carries less than the rest is no rival
 NOTHING, UNLISTED = "nothing", "unlisted"  # explanations that name no effect
@@ -110,19 +109,29 @@ def posterior(
     seed : int
         Of the bootstrap.
     """
+    affected, weights = _shares_affected()
     density = np.stack(
         [one[1].density for one in found]
-        + [one[1].affected(share) for share in AFFECTED for one in found]
+        + [one[1].affected(share) for share in affected for one in found]
     )  # ((1 + shares) h, blocks)
     prior = np.array([log_prior(one[0], candidates) + log_tolerances(one[0]) for one in found])
-    unlisted = prior + math.log(PRIOR_UNLISTED / len(AFFECTED))
-    prior = np.concatenate([prior + math.log1p(-PRIOR_UNLISTED), *[unlisted] * len(AFFECTED)])
-    by_share = shares_of(density, prior, seed).reshape(1 + len(AFFECTED), len(found))
+    unlisted = [prior + math.log(PRIOR_UNLISTED * weight) for weight in weights]
+    prior = np.concatenate([prior + math.log1p(-PRIOR_UNLISTED), *unlisted])
+    by_share = shares_of(density, prior, seed).reshape(-1, len(found))
     weighed = [
         Weighed(*one, weight=float(by_share[0, i]), beyond=float(by_share[1:, i].sum()))
         for i, one in enumerate(found)
     ]
     return sorted(weighed, key=lambda one: -one.share)
+
+
+def _shares_affected() -> tuple[list[float], list[float]]:
+    """Return shares of the blocks that something unlisted may affect, and how likely each is.
+
+    Every share is as likely as any other: Gauss and Legendre's points and weights between 0 and 1.
+    """
+    at, weights = np.polynomial.legendre.leggauss(5)
+    return (0.5 * (1.0 + at)).tolist(), (0.5 * weights).tolist()
 
 
 def is_likelier(share: float) -> bool:

@@ -17,17 +17,16 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from bowden.diagnosis.candidates import Candidate, strength_of, value_of
-from bowden.diagnosis.hypothesis import SETTLED, Hypothesis
+from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.probes import Probe, probes_of, start_values, switched_off
+from bowden.estimation.descend import DERIVATIVE, KEPT
 from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whitening_roots
 from bowden.estimation.problem import fitted_parts, objective
 from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
 
-STRENGTHS = (0.3, 1.0, 3.0)  # of the usual one: tried where an effect has no shape
-UNLIKE = 0.85  # cosine: below it, what two strengths of an effect do differs in kind
-EVERY = np.geomspace(0.1, 10.0, 15)  # of the usual strength, for those
+STRENGTHS = np.geomspace(0.1, 10.0, 13)  # of the usual one; a few where all do the same in kind
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ class Screen:
         """
         shapes = list(candidate.shapes())
         found = []
-        for shape, factor in itertools.product(shapes, STRENGTHS if len(shapes) == 1 else (1.0,)):
+        for shape, factor in itertools.product(shapes, _few() if len(shapes) == 1 else [1.0]):
             nothing = switched_off(candidate, shape)
             probes = probes_of(candidate, nothing, factor)
             found.append(self._screen(candidate, nothing, probes))
@@ -138,7 +137,7 @@ class Screen:
         """
         nothing = switched_off(candidate, next(candidate.shapes()))
         signs = (1.0, -1.0) if candidate.strengths[0].low < 0.0 else (1.0,)
-        logs = np.log(EVERY)
+        logs = np.log(STRENGTHS)
         step = float(logs[1] - logs[0])
         found = []
         for sign in signs:
@@ -162,7 +161,7 @@ class Screen:
         The step is halved until a strength does the same in kind as those next to it.
         """
         unlike = True
-        while unlike and step > SETTLED:
+        while unlike and step > DERIVATIVE:
             step *= 0.5
             sides = [(tried_at(at + way), at + way) for way in (-step, step)]
             unlike = self._are_unlike([sides[0][0].change, best.change, sides[1][0].change])
@@ -177,10 +176,13 @@ class Screen:
         return self._screen(candidate, nothing, probes_of(candidate, nothing, 1.0))
 
     def _are_unlike(self, changes: Sequence[Sequence[_Floats]]) -> bool:
-        """Whether an effect does something else in kind at one strength than at the next."""
+        """Whether an effect does something else in kind at one strength than at the next.
+
+        In proportion to the one not even half of what the other does, in squares, is kept.
+        """
         columns = [self._beyond(self._whiten(one)[:, None])[:, 0] for one in changes]
         seen = [column / max(float(np.linalg.norm(column)), 1e-300) for column in columns]
-        return any(abs(float(a @ b)) < UNLIKE for a, b in itertools.pairwise(seen))
+        return any(float(a @ b) ** 2 < KEPT for a, b in itertools.pairwise(seen))
 
     def _as_it_is(
         self,
@@ -362,7 +364,12 @@ def _share(*, as_it_is: bool) -> tuple[_Floats, float]:
 
     One strength stands for others as far as those that are tried lie apart.
     """
-    return (np.array([1.0 - 1e-6]), 1.0) if as_it_is else (np.zeros(1), STRENGTHS[-1])
+    return (np.array([1.0 - 1e-6]), 1.0) if as_it_is else (np.zeros(1), max(_few()))
+
+
+def _few() -> list[float]:
+    """Return strengths of which the usual one is the middle, each three times the last."""
+    return [float(one) for one in STRENGTHS[3:10:3]]
 
 
 def _lowest(probes: Sequence[Probe]) -> _Floats:

@@ -38,7 +38,7 @@ def descend(
     scales: Scales,
     *,
     rounds: int = ROUNDS,
-    secants: int = 0,
+    secants: bool = False,
     axes: _Floats | None = None,
     slopes: Sequence[_Floats] | None = None,
 ) -> Optimum | None:
@@ -48,8 +48,9 @@ def descend(
     none is known the first round finds them and does not end the search: derivatives over any
     other steps give a wrong Hessian, and wrong intervals.
     `slopes`: the derivatives at the point over such axes, where they are known already.
-    `secants`: steps after each on derivatives that the last step has corrected. Each costs one
-    simulation; where the cost is jagged such a search may end in another notch.
+    `secants`: go on after each step, as long as it keeps what it promised, on derivatives that it
+    has corrected. Each costs one simulation; where the cost is jagged such a search may end in
+    another notch.
     """
     x = problem.feasible(x)
     answers = problem.answers(x)
@@ -65,10 +66,10 @@ def descend(
             slopes = jacobians(problem, here.x, here.residuals, noises, axes, near=here.answers)
         step = _step(problem, here, noises, slopes)
         axes, settled = principal_axes(problem, step.hessian), known and step.gained < ENOUGH
-        for left in range(secants, -1, -1):
+        for _ in range(ROUNDS):
             here = _settled(problem, step.there, noises)
             hessian, slopes = step.hessian, step.corrected
-            if not left or not step.is_kept:
+            if not secants or not step.is_kept:
                 break
             step = _step(problem, here, noises, slopes)
         if settled:
