@@ -22,6 +22,7 @@ from bowden.diagnosis.search import search
 from bowden.diagnosis.sets import Sets
 from bowden.estimation.covariance import Data
 from bowden.estimation.nuisance import Nuisance
+from bowden.estimation.parameters import Parameters
 from bowden.model import Mode, Model, ModelError
 from bowden.workers import workers
 from numpy.typing import NDArray
@@ -133,6 +134,20 @@ def test_calibrated_numbers_take_over_what_an_effect_did(
     refitted = refitted_from(material, as_searched(MODEL), less, both)
     (again,) = finish(material, [refitted], base.best.noises)
     assert again.best.cost < both.best.cost + 1.0
+
+
+def test_nothing_starts_where_no_rig_is(
+    material: Material, base: Hypothesis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a step along the other numbers takes more wrap away than a path has."""
+    effects = [(WRAP, {"extra_wrap_rad": 0.1})]
+    assert start_of(material, as_searched(MODEL), effects, {}, base.best) is not None
+
+    def no_rig(_self: Parameters, _x: np.ndarray) -> Model:
+        raise ModelError("extra_wrap_rad: found -7, accepted: -6.3 or more, the path's")
+
+    monkeypatch.setattr(Parameters, "model_at", no_rig)
+    assert start_of(material, as_searched(MODEL), effects, {}, base.best) is None
 
 
 def test_a_screen_holds_numbers_of_its_blocks_not_of_every_pair_of_observations(

@@ -311,10 +311,10 @@ def _reweighed(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
 def corrected(
     material: Material, problem: Problem, x: _Floats, noises: Sequence[Covariance]
 ) -> list[Covariance] | None:
-    """Return covariances with the correction of a point; None where the fine model fails."""
-    model = problem.parameters.model_at(x[: problem.size])
+    """Return covariances with the correction of a point; None where it is no rig that runs."""
     numbers = [problem.numbers(x, one.number) for one in problem.data]
     try:
+        model = problem.parameters.model_at(x[: problem.size])
         return with_offset(noises, material.correction(model, numbers, problem.data))
     except ModelError:
         return None
