@@ -56,13 +56,13 @@ def test_a_step_is_repeated_where_a_constant_that_it_reaches_has_changed(
 ) -> None:
     calls: list[object] = []
     place = SimpleNamespace(step=lambda what: calls.append(what) or len(calls))  # type: ignore[func-returns-value]
-    monkeypatch.setattr(remembered, "STEPS", ((place, "step", "fitting"),))
+    monkeypatch.setattr(remembered, "STEPS", ((place, "step", "predict"),))
     thing, memory = object(), remembered.Memory()
     with memory.used():
         assert place.step(thing) == place.step(thing) == 1
-        with _named("RESAMPLES").set_to(9):  # of `odds`, which no fit reads
+        with _named("RESAMPLES").set_to(9):  # of `odds`, which no prediction reads
             assert place.step(thing) == 1
-        with _named("ERROR").set_to(2.0):
+        with _named("FOLDS").set_to(8):
             assert place.step(thing) == 2
         assert place.step(thing) == 1
         assert place.step(object()) == 3

@@ -45,7 +45,8 @@ Written by `{command}`; do not edit.
 Version {version}, {date}, seed {seed}: {count} of {asked} cases of {length:g} s at 1 kHz ({kinds}),
 recorded by the independent solver (`hil_tests/hidden_effects`). Each constant in the decision
 path of `bowden.diagnosis` is halved and doubled, all others as they are. Whole numbers round half
-up; {odds} are scaled by their odds. With the constants as they are the verdicts were: {verdicts}.
+up; a share ({odds}) is scaled by its odds. With the constants as they are the verdicts were:
+{verdicts}.
 
 - **changed**: verdicts, or names with them, that differ from those with the constant as it is.
 - **probability**: the largest change of the stated probability of any explanation in any case.
