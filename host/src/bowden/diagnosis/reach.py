@@ -16,7 +16,7 @@ from bowden.diagnosis.law_candidates import FITTED, learned_among
 from bowden.diagnosis.odds import SURE, merit, shares_of
 from bowden.estimation.descend import bounded_step, normal_equations
 from bowden.estimation.likelihood import block_cost, whiten
-from bowden.estimation.problem import WIDEST
+from bowden.estimation.problem import WIDEST, gain
 
 _Floats = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def in_reach(tried: Sequence[Hypothesis], rivals: Sequence[Hypothesis] = ()) -> 
         if one is likeliest:
             return True
         density = np.stack([_densities(one), bar])
-        prior = -np.array([merit(one) - fall(one), merit(likeliest)]) - density.sum(axis=1)
+        prior = -np.array([foreseen(one), merit(likeliest)]) - density.sum(axis=1)
         return bool(shares_of(density, prior, seed=0)[0] >= 1.0 - SURE)
 
     return [one for one in sorted(tried, key=merit) if could_count(one)]
@@ -62,17 +62,23 @@ def _densities(one: Hypothesis) -> _Floats:
     )
 
 
+def foreseen(one: Hypothesis) -> float:
+    """Return -log posterior where a fit may end, as `merit` has it where it is."""
+    return merit(one) - fall(one)
+
+
 def fall(one: Hypothesis) -> float:
     """Return by how much the -log posterior of a fit could still come down.
 
-    Twice as far as its derivatives predict: no fit is quite a parabola. A learned law may gain as
-    much again by another smoothness, up to a nat for each of its knots.
+    Twice as far as its derivatives predict, the scales found anew: no fit is quite a parabola. A
+    learned law may gain as much again by another smoothness, up to a nat for each of its knots.
     """
-    best = one.best
-    hessian, gradient = normal_equations(
-        one.problem, best.x, best.residuals, one.slopes, (best.noises, best.scales)
+    problem, best = one.problem, one.best
+    normal = normal_equations(
+        problem, best.x, best.residuals, one.slopes, (best.noises, best.scales)
     )
     # What the data don't tell at all is known by its range: see `Problem.root`.
-    step = bounded_step(one.problem, best.x, hessian, gradient, WIDEST**-2.0)
-    predicted = -float(gradient @ step + 0.5 * step @ hessian @ step)
+    x = problem.feasible(best.x + bounded_step(problem, best.x, *normal, WIDEST**-2.0))
+    left = [r + j @ (x - best.x) for r, j in zip(best.residuals, one.slopes, strict=True)]
+    predicted = max(gain(problem, best, x, left), 0.0)
     return 2.0 * predicted + (FITTED if learned_among(one.effects) else 0.0)

@@ -20,8 +20,8 @@ from bowden.diagnosis.candidates import Candidate, strength_of, value_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.probes import Probe, probes_of, start_values, switched_off
 from bowden.estimation.descend import DERIVATIVE, KEPT
-from bowden.estimation.likelihood import Whitened, best_scales, block_weight, whitening_roots
-from bowden.estimation.problem import fitted_parts, objective
+from bowden.estimation.likelihood import Whitened, block_weight, whitening_roots
+from bowden.estimation.problem import gain
 from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
@@ -310,12 +310,7 @@ class Screen:
             r + j @ step + amounts[0] * c
             for r, j, c in zip(best.residuals, self.parent.slopes, screened.change, strict=True)
         ]
-        parts = fitted_parts(self.problem, left, best.noises)
-        now = objective(
-            self.problem, best.x + step, left, best.noises, best_scales(parts, best.scales)
-        )
-        here = objective(self.problem, best.x, best.residuals, best.noises, best.scales)
-        return here - now
+        return gain(self.problem, best, best.x + step, left)
 
     def _change(self, candidate: Candidate, values: Mapping[str, float]) -> list[_Floats] | None:
         """Return what a candidate does to each residual; None where no rig answers."""

@@ -42,7 +42,7 @@ from bowden.diagnosis.proposals import (
     screened_from,
     unchanged,
 )
-from bowden.diagnosis.reach import in_reach
+from bowden.diagnosis.reach import foreseen, in_reach
 from bowden.diagnosis.screening import Screen
 from bowden.estimation.search import solve
 from bowden.model import Model
@@ -140,8 +140,8 @@ class Sets:
         in a notch.
         """
         known, begun = list(parents), dict[Key, Hypothesis]()
-        for one in sorted(children, key=merit):
-            begun.setdefault(one.key, one)  # several starts of a set: the likeliest
+        for one in sorted(children, key=foreseen):
+            begun.setdefault(one.key, one)  # several starts of a set: the most promising
         ranked = list(begun.values())
         first = finish(self.material, ranked[:1], self.noises)
         if self._move_to([*known, *first]):
@@ -165,12 +165,12 @@ class Sets:
     def _finished_in_turn(
         self, begun: Sequence[Hypothesis], rivals: Sequence[Hypothesis]
     ) -> list[Hypothesis]:
-        """Fit to the end, likeliest first, until one ends where it cannot be the likeliest.
+        """Fit to the end, most promising first, until one ends where it cannot be the likeliest.
 
-        Where a fit has begun tells which could be, but not how far it comes down.
+        What its derivatives promise tells which could be, but not how far it comes down.
         """
         ended: list[Hypothesis] = []
-        for one in sorted(begun, key=merit):
+        for one in sorted(begun, key=foreseen):
             found = finish(self.material, [one], self.noises)
             ended += found
             if found and not in_reach(found, [*rivals, *ended]):

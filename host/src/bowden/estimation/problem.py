@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance, Data, covariance
-from bowden.estimation.likelihood import Part, Scales, cost, recording_costs
+from bowden.estimation.likelihood import Part, Scales, best_scales, cost, recording_costs
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
 from bowden.model import Model, ModelError, Trajectory, looks_ahead
@@ -246,6 +246,17 @@ def objectives(
         costs = recording_costs(data, noise, scales, mine, problem.blocks[k])
         totals = [total + more for total, more in zip(totals, costs, strict=True)]
     return totals
+
+
+def gain(problem: Problem, best: Optimum, x: _Floats, residuals: Sequence[_Floats]) -> float:
+    """Return by how much -log posterior falls from an optimum to a point with such residuals.
+
+    Under its covariance, the scales found anew: where a wrong model becomes right its discrepancy
+    goes, and with it most of what it costs.
+    """
+    scales = best_scales(fitted_parts(problem, residuals, best.noises), best.scales)
+    there = objective(problem, x, residuals, best.noises, scales)
+    return objective(problem, best.x, best.residuals, best.noises, best.scales) - there
 
 
 def about(problem: Problem, x: _Floats, like: Optimum) -> float:
