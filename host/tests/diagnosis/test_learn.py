@@ -24,7 +24,8 @@ from bowden.workers import workers
 
 from .lab import MODEL
 
-UNUSED = cast(Material, None)  # the steps that would need it are replaced
+# Only its pool is used: the steps that would need more are replaced.
+ONE_BY_ONE = cast(Material, SimpleNamespace(pool=SimpleNamespace(map=map)))
 
 
 def law(cost: float, discrepancy: float) -> Hypothesis:
@@ -60,7 +61,7 @@ def test_further_laws_are_tried_until_one_holds(
         return law(-1000.0, 0.0) if args[-1] == right else law(-10.0, 5.0)
 
     monkeypatch.setattr(learn, "_begun", begin)
-    laws = learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [])
+    laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [])
     assert len(tried) == begun
     assert (min(one.best.cost for one in laws) == -1000.0) is (right < 12)
 
@@ -73,7 +74,7 @@ def test_no_further_laws_are_tried_once_none_could_be_the_likeliest(
         return law(-100.0 if len(tried) <= 5 else -10.0, 5.0)
 
     monkeypatch.setattr(learn, "_begun", begin)
-    laws = learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [])
+    laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [])
     assert len(tried) == 10
     assert [one.best.cost for one in laws] == [-100.0]
 
@@ -86,7 +87,9 @@ def test_of_laws_that_hold_all_that_could_be_the_likeliest_are_fitted(
         return law(-100.0, 0.0 if len(tried) < 4 else 5.0)
 
     monkeypatch.setattr(learn, "_begun", begin)
-    assert len(learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [])) == 4  # and one that does not
+    assert (
+        len(learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [])) == 4
+    )  # and one that does not
 
 
 def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
@@ -94,8 +97,8 @@ def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
 ) -> None:
     del tried
     monkeypatch.setattr(learn, "_begun", lambda *_: law(-1000.0, 5.0))
-    assert learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [law(-1000.0, 5.0)])
-    assert not learn._laws_on(UNUSED, MODEL, law(0.0, 9.0), [], [law(-1100.0, 5.0)])
+    assert learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [law(-1000.0, 5.0)])
+    assert not learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [law(-1100.0, 5.0)])
 
 
 @pytest.mark.parametrize(
@@ -144,6 +147,6 @@ def test_laws_of_two_arguments_follow_where_laws_of_one_leave_something_unlisted
     monkeypatch.setattr(learn, "_weighed", weigh)
     before = (weighed(base, beyond),)
     learned = Laws((base,), (), (one,) * laws, likelier=False)
-    found = learn.with_laws(UNUSED, MODEL, Found(before, base, base, (), laws=learned), 0)
+    found = learn.with_laws(ONE_BY_ONE, MODEL, Found(before, base, base, (), laws=learned), 0)
     assert len(followed) == surfaces
     assert [each.hypothesis for each in found.weighed] == [one if laws else base]

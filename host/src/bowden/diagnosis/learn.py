@@ -14,6 +14,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,7 +210,9 @@ def _laws_on(
     laws: list[Hypothesis] = []
     chosen = _proposed(material, parent, screened)
     for first in range(0, len(chosen), BEGUN):
-        batch = [_begun(material, searched, parent, one) for one in chosen[first : first + BEGUN]]
+        batch = material.pool.map(
+            partial(_begun, material, searched, parent), chosen[first : first + BEGUN]
+        )
         begun = in_reach([one for one in batch if one is not None], [*rivals, *laws])
         for one in begun:
             law = _smoothed(material, searched, continued(one))
