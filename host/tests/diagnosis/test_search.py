@@ -61,7 +61,7 @@ def _fitted(sets: Sets, *effects: Candidate) -> Hypothesis:
 def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
     """Nothing that is added to two effects mends that one of them is the wrong one."""
     wrong = _fitted(sets, OFFSET, CELL)
-    found = sets.weighed([wrong], sets.exchanged(wrong))
+    found = sets.weighed([wrong], sets.exchanged(wrong, [0, 1]))
     assert set(found[0].effects) == {GAIN, OFFSET}
     assert found[0].best.cost < wrong.best.cost - 100.0
     assert abs(found[0].values(found[0].effects.index(GAIN))["g"] - 0.02) < 0.002
@@ -70,9 +70,20 @@ def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
 def test_a_single_effect_is_exchanged_from_the_calibrated_numbers_beside_it(sets: Sets) -> None:
     """What does as well in its place may have begun in another valley of them."""
     one = _fitted(sets, OFFSET)
-    begun = sets.exchanged(one)
+    begun = sets.exchanged(one, [0])
     assert {each.names for each in begun} >= {(GAIN.name,), (CELL.name,)}
-    assert not sets.exchanged(sets.base)
+    assert not sets.not_exchanged(sets.base)
+
+
+def test_no_effect_is_exchanged_twice_beside_the_same_others(sets: Sets) -> None:
+    """What took the place of another did better there than all that were tried."""
+    one, other = _fitted(sets, CELL, OFFSET), _fitted(sets, GAIN, OFFSET)
+    sets._exchanged.clear()
+    assert sets.not_exchanged(one) == [0, 1]
+    sets.exchanged(one, [0])
+    assert sets.not_exchanged(one) == [1]
+    assert sets.not_exchanged(other) == [1]  # an exchange beside the offset has been tried
+    assert sets.not_exchanged(_fitted(sets, GAIN, CELL)) == [0, 1]
 
 
 def test_a_fit_promises_what_the_discrepancy_of_a_wrong_model_costs(sets: Sets) -> None:

@@ -60,7 +60,7 @@ def search(
     sets.screen(every)
     names = len({one.name for one in every})
     laws: Laws | None = None
-    likely, added, exchanged = [sets.base], set[Key](), set[Key]()
+    likely, added = [sets.base], set[Key]()
     while sets.has_time() and not (laws and laws.likelier):
         best = likely[0]
         size = max(len(one.effects) for one in likely)
@@ -68,10 +68,9 @@ def search(
             tell(f"sets of {min(size + 1, MOST)}", 0.2 + 0.12 * min(size + 1, MOST))
             children = sets.added(parents)
             added.update(one.key for one in parents)
-        elif best.key not in exchanged:
+        elif places := sets.not_exchanged(best):
             tell("exchanging effects", 0.8)
-            children = sets.exchanged(best)
-            exchanged.add(best.key)
+            children = sets.exchanged(best, places)
         else:
             break
         grown = sets.weighed(likely, children)

@@ -71,6 +71,7 @@ class Sets:
         self.material, self.searched = material, searched
         base = _base(material, searched)
         self.done: Done = {base.key: base}
+        self._exchanged = set[Key]()  # beside which sets an effect was exchanged
         self.about, self.noises = base, base.best.noises
 
     @property
@@ -105,14 +106,22 @@ class Sets:
                 found += self._begun(one, self._screened(one))
         return found
 
-    def exchanged(self, one: Hypothesis) -> list[Hypothesis]:
-        """Begin to fit another effect in the place of each: what came first may only imitate it.
+    def not_exchanged(self, one: Hypothesis) -> list[int]:
+        """Return which effects of a set have not been exchanged beside the same others yet.
+
+        What came into a set by an exchange did better there than all others.
+        """
+        return [k for k, e in enumerate(one.effects) if one.key - {e.key} not in self._exchanged]
+
+    def exchanged(self, one: Hypothesis, places: Sequence[int]) -> list[Hypothesis]:
+        """Begin to fit another effect in some places: what came first may only imitate it.
 
         From the calibrated numbers of that set: an effect that does as well may have begun in
         another valley of them.
         """
         found: list[Hypothesis] = []
-        for k in range(len(one.effects)):
+        for k in places:
+            self._exchanged.add(one.key - {one.effects[k].key})
             start = start_without(self.material, self.searched, one, [k])
             if start is not None:
                 less = start.unmoved()
