@@ -46,13 +46,13 @@ class Stub:
         return SimpleNamespace(x=None)
 
 
-def weighed(*sets: tuple[str, Any, Any]) -> list[Weighed]:
+def weighed(*sets: tuple[str, Any, Any], rarer: float = 0.0) -> list[Weighed]:
+    """Weigh sets by what each says of the blocks; outliers are so much less likely than `large`."""
     found = []
     for names, small, large in sets:
         stub = Stub(tuple(names.split()))
-        prediction = UnseenPrediction(
-            np.zeros(BLOCKS) + small, np.zeros(BLOCKS) + large, (), (), (), ()
-        )
+        each = [np.zeros(BLOCKS) + one for one in (small, large, large - rarer)]
+        prediction = UnseenPrediction(*each, (), (), (), ())
         found.append((cast("Hypothesis", stub), prediction))
     return posterior(found, candidates=32, seed=0)
 
@@ -160,6 +160,17 @@ def test_one_block_that_fits_badly_is_an_outlier_and_four_are_not(
         small = np.zeros(BLOCKS)
         small[:bad] = -100.0
         assert decided(weighed(("", small, -5.0)), monkeypatch).verdict == verdict
+
+
+@pytest.mark.parametrize(("rarer", "verdict"), [(0.0, "complete"), (3.0, "unlisted")])
+def test_blocks_that_are_off_by_more_than_outliers_are_say_that_something_is_there(
+    monkeypatch: pytest.MonkeyPatch, rarer: float, verdict: str
+) -> None:
+    """Two blocks of twelve: noise is off by a little now and then, by a hundredfold hardly ever."""
+    small = np.zeros(BLOCKS)
+    small[:2] = -400.0
+    found = weighed(("", small, -5.0), rarer=rarer)
+    assert decided(found, monkeypatch).verdict == verdict
 
 
 def test_the_order_of_the_hypotheses_changes_nothing() -> None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
-from bowden.diagnosis.predict import _density, _folds, _mixture
+from bowden.diagnosis import predict
+from bowden.diagnosis.predict import _density, _folds, _kinds, _mixture
+from bowden.estimation.likelihood import Scales
 from bowden.estimation.paths import DRAWS
 from hypothesis import given
 from hypothesis import strategies as st
@@ -43,6 +46,31 @@ def test_each_block_is_held_out_once_and_every_fold_has_something_to_learn_from(
     assert held.max() - held.min() <= 1
 
 
-def test_an_unknown_size_is_the_mean_of_the_sizes() -> None:
-    parts = [np.log([0.1, 0.4]), np.log([0.3, 0.2])]
-    np.testing.assert_allclose(np.exp(_mixture(parts)), [0.2, 0.3])
+def test_an_unknown_size_is_the_weighed_mean_of_the_sizes() -> None:
+    parts = np.log([[0.1, 0.4], [0.3, 0.2]])
+    np.testing.assert_allclose(np.exp(_mixture(parts, np.ones(2))), [0.2, 0.3])
+    np.testing.assert_allclose(np.exp(_mixture(parts, np.array([3.0, 1.0]))), [0.15, 0.35])
+
+
+@pytest.mark.parametrize(
+    ("size", "unlisted", "outlier"),
+    [
+        # Of (0, 2, 8, 32, 128)^2 less (0, 0) 3, 5, 7 and 9 pairs have such a largest one; an
+        # outlier's weights are 3/2 + 5/8 + 7/32 + 9/128 = 2.4140625 together.
+        (2.0, 3 / 24, 1.5 / 2.4140625),
+        (32.0, 7 / 24, 0.21875 / 2.4140625),
+        (128.0, 9 / 24, 0.0703125 / 2.4140625),
+    ],
+)
+def test_an_outlier_is_the_rarer_the_larger_it_is_and_what_is_unlisted_is_of_any_size(
+    monkeypatch: pytest.MonkeyPatch, size: float, unlisted: float, outlier: float
+) -> None:
+    """A block that fits one size only, and that a right model leaves no chance."""
+
+    def densities(_data: object, _noise: object, scales: Scales, *_: object) -> np.ndarray:
+        return np.array([0.0 if max(scales.discrepancy) == size else -800.0])
+
+    monkeypatch.setattr(predict, "_densities", densities)
+    anything = cast("Any", None)
+    found = _kinds(anything, anything, Scales((0.0, 0.0)), np.zeros((1, 1)), [0])
+    np.testing.assert_allclose(np.exp(found[:, 0]), [0.0, unlisted, outlier], atol=1e-12)

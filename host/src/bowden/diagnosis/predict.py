@@ -9,7 +9,6 @@ off as a Student t where a block fits badly, one bad block cannot decide (Vehtar
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -41,8 +40,7 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
     problem, best = one.problem, one.best
     count = [len(data.observations.blocks) for data in problem.data]
     fold = [np.full(n, k) for k, n in enumerate(count)] if by_recording else _folds(count)
-    small = [np.zeros(number) for number in count]
-    large = [np.zeros(number) for number in count]
+    kinds = [np.zeros((3, number)) for number in count]
     residuals = [np.array(r) for r in best.residuals]
 
     def one_fold(k: int) -> tuple[Scales, _Floats]:
@@ -56,18 +54,11 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
             if not unseen[r]:
                 continue
             columns = np.column_stack([found[r], one.slopes[r] @ root])
-            for into, leaving in ((small, _little), (large, _much)):
-                by_law = [
-                    log_weight
-                    + _mixture(
-                        [
-                            _densities(data, best.noises[r], each, columns, unseen[r])
-                            for each in leaving(like)
-                        ]
-                    )
-                    for like, log_weight in laws
-                ]
-                into[r][unseen[r]] = logsumexp(np.stack(by_law), axis=0)
+            by_law = [
+                log_weight + _kinds(data, best.noises[r], like, columns, unseen[r])
+                for like, log_weight in laws
+            ]
+            kinds[r][:, unseen[r]] = logsumexp(np.stack(by_law), axis=0)
             for number in unseen[r]:
                 rows = data.observations.blocks[number]
                 residuals[r][rows] = found[r][rows]
@@ -75,9 +66,11 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
 
     folds = problem.pool.map(one_fold, range(max(f.max() for f in fold) + 1))
     every, points = zip(*folds, strict=True)
+    small, large, outlier = np.concatenate(kinds, axis=1)
     return UnseenPrediction(
-        np.concatenate(small),
-        np.concatenate(large),
+        small,
+        large,
+        outlier,
         tuple(residuals),
         every,
         points,
@@ -126,25 +119,34 @@ def _folds(count: list[int]) -> list[NDArray[np.intp]]:
     return found
 
 
-def _little(scales: Scales) -> list[Scales]:
-    """Return the scales of a block in which a model leaves what one does that is right."""
-    return _with_each(scales, [size for size in DISCREPANCIES if size <= ERROR])
+def _kinds(
+    data: Data, noise: Covariance, scales: Scales, columns: _Floats, blocks: list[int]
+) -> _Floats:
+    """Return the log density of blocks, shape (3, blocks): `small`, `large` and `outlier`.
 
+    What is unlisted does more than a right model leaves, in a channel or in both, each size as
+    likely. Of noise that is off more than some size is as rare as that is large: Cauchy's tail.
+    """
 
-def _much(scales: Scales) -> list[Scales]:
-    """Return the scales of a block in which something else does more, in a channel or in both."""
+    def under(pairs: Sequence[tuple[float, float]]) -> _Floats:
+        every = [replace(scales, discrepancy=pair) for pair in pairs]
+        return np.stack([_densities(data, noise, one, columns, blocks) for one in every])
+
     sizes = [0.0, *(size for size in DISCREPANCIES if size > ERROR)]
-    return _with_each(scales, sizes)[1:]
+    beyond = list(itertools.product(sizes, sizes))[1:]
+    little = [size for size in DISCREPANCIES if size <= ERROR]
+    small, large = under(list(itertools.product(little, little))), under(beyond)
+    alike = np.ones(len(beyond))
+    rarer = 1.0 / np.array([max(pair) for pair in beyond])
+    return np.stack(
+        [_mixture(small, np.ones(len(small))), _mixture(large, alike), _mixture(large, rarer)]
+    )
 
 
-def _with_each(scales: Scales, sizes: Sequence[float]) -> list[Scales]:
-    pairs = itertools.product(sizes, sizes)
-    return [replace(scales, discrepancy=pair) for pair in pairs]
-
-
-def _mixture(densities: Sequence[_Floats]) -> _Floats:
-    """Return the log of the mean density of each block."""
-    return np.asarray(logsumexp(np.stack(densities), axis=0) - math.log(len(densities)))
+def _mixture(densities: _Floats, weights: _Floats) -> _Floats:
+    """Return the log of the weighed mean density of each block."""
+    shares = np.log(weights / weights.sum())
+    return np.asarray(logsumexp(densities + shares[:, None], axis=0))
 
 
 def _densities(

@@ -26,9 +26,10 @@ class UnseenPrediction:
 
     Parameters
     ----------
-    small, large : ndarray of shape (blocks,)
+    small, large, outlier : ndarray of shape (blocks,)
         Log predictive density of each block, up to a constant of the data: where the model leaves
-        no more than one does that is right in practice, and where something unlisted is there.
+        no more than one does that is right in practice, where something unlisted is there, of any
+        size, and where the noise is not what it was taken for, by little more often than by much.
     residuals : tuple of ndarray of shape (n,)
         Measured minus predicted, each observation by a fit that has not seen its block.
     scales : tuple of Scales
@@ -41,6 +42,7 @@ class UnseenPrediction:
 
     small: _Floats
     large: _Floats
+    outlier: _Floats
     residuals: tuple[_Floats, ...]
     scales: tuple[Scales, ...]
     points: tuple[_Floats, ...]
@@ -49,14 +51,20 @@ class UnseenPrediction:
     @property
     def density(self) -> _Floats:
         """Log density of each block if the model is right, but for rare outliers of the noise."""
-        return self.affected(OUTLIER)
+        return self._in_some(self.outlier, OUTLIER)
 
     def affected(self, share: float) -> _Floats:
         """Log density of each block if something unlisted is there in such a share of them."""
-        return np.asarray(
-            np.logaddexp(self.small + math.log1p(-share), self.large + math.log(share))
-        )
+        return self._in_some(self.large, share)
+
+    def _in_some(self, there: _Floats, share: float) -> _Floats:
+        return np.asarray(np.logaddexp(self.small + math.log1p(-share), there + math.log(share)))
 
     def of_blocks(self, chosen: NDArray[np.bool_]) -> UnseenPrediction:
         """Return what is said of some blocks only; `residuals` and `folds` stay whole."""
-        return replace(self, small=self.small[chosen], large=self.large[chosen])
+        return replace(
+            self,
+            small=self.small[chosen],
+            large=self.large[chosen],
+            outlier=self.outlier[chosen],
+        )
