@@ -12,7 +12,6 @@ import pytest
 from bowden.diagnosis import growing, weighing
 from bowden.diagnosis import search as searching
 from bowden.diagnosis import sets as setting
-from bowden.diagnosis.fitting import Hopeful
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.sets import Sets
 
@@ -184,24 +183,14 @@ def test_fits_are_finished_until_one_ends_out_of_reach(monkeypatch: pytest.Monke
     """What each promises tells their order only: b, in a notch, ends beside the likeliest."""
     ends = {"a": -50.0, "b": -49.0, "c": None, "d": -10.0, "e": -49.0}
     begun = [Ended(name, -30.0 - k) for k, name in enumerate(ends)]  # the last began likeliest
-    beside: list[float] = []
 
-    def finish(
-        _material: object, ones: list[Ended], _noises: object, hopeful: Hopeful
-    ) -> list[Ended]:
-        assert hopeful(cast("Any", ones[0]), 0.0)
+    def finish(_material: object, ones: list[Ended], _noises: object) -> list[Ended]:
         return [Ended(one.name, end) for one in ones if (end := ends[one.name]) is not None]
 
     def in_reach(tried: list[Ended], rivals: list[Ended]) -> list[Ended]:
         return [one for one in tried if one.merit <= min(each.merit for each in rivals) + 3.0]
 
-    def could_count(_one: Ended, gained: float, likeliest: Ended) -> bool:
-        beside.append(likeliest.merit)
-        return gained == 0.0
-
-    monkeypatch.setattr(setting, "merit", lambda one: one.merit)
     monkeypatch.setattr(setting, "foreseen", lambda one: ord(one.name))
-    monkeypatch.setattr(setting, "could_count", could_count)
     monkeypatch.setattr(setting, "finish", finish)
     monkeypatch.setattr(setting, "in_reach", in_reach)
     sets = object.__new__(Sets)
@@ -209,7 +198,6 @@ def test_fits_are_finished_until_one_ends_out_of_reach(monkeypatch: pytest.Monke
     found = sets._finished_in_turn(cast("Any", begun[::-1]), [cast("Any", Ended("f", -48.0))])
     # The fine model cannot run c, which tells nothing of those behind it; e is never fitted.
     assert [one.name for one in cast("list[Ended]", found)] == ["a", "b", "d"]
-    assert beside == [-48.0, -50.0, -50.0, -50.0]  # each beside the likeliest until then
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from bowden.diagnosis.fitting import parameters_with
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import FITTED as KNOTS
 from bowden.diagnosis.law_candidates import LawCandidate
-from bowden.diagnosis.reach import could_count, fall, in_reach
+from bowden.diagnosis.reach import fall, in_reach
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
 from bowden.model.effects import LawTable
@@ -94,16 +94,6 @@ def test_what_counts_is_how_far_a_fit_could_come_down(
     assert in_reach([second], [first]) == []
     monkeypatch.setattr(reaching, "fall", lambda one: 40.0 if one is second else 0.0)
     assert in_reach([second], [first]) == [second]
-
-
-def test_a_fit_may_come_down_as_much_again_as_in_its_last_round(blocks: Say) -> None:
-    first, second = fitted(-100.0), fitted(-60.0)
-    for one in (first, second):
-        blocks(one, [-one.best.cost / 8.0] * 8)
-    assert not could_count(second, first)
-    assert not could_count(second, first, gained=30.0)
-    assert could_count(second, first, gained=40.0)
-    assert could_count(first, first)
 
 
 def test_a_law_may_gain_by_another_smoothness() -> None:

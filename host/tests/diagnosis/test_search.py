@@ -14,7 +14,6 @@ from bowden.diagnosis.fitting import finish, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.odds import Weighed, merit
-from bowden.diagnosis.reach import fall, foreseen
 from bowden.diagnosis.search import likely_of, rivals_of, search
 from bowden.diagnosis.sets import Sets
 from bowden.diagnosis.unseen import UnseenPrediction
@@ -84,38 +83,6 @@ def test_no_effect_is_exchanged_twice_beside_the_same_others(sets: Sets) -> None
     assert sets.not_exchanged(one) == [1]
     assert sets.not_exchanged(other) == [1]  # an exchange beside the offset has been tried
     assert sets.not_exchanged(_fitted(sets, GAIN, CELL)) == [0, 1]
-
-
-def test_a_fit_promises_what_the_discrepancy_of_a_wrong_model_costs(sets: Sets) -> None:
-    """A gain acts in proportion, so that derivatives know how far a fit from none comes down."""
-    ended = _fitted(sets, GAIN, OFFSET)
-    values = [(GAIN, {"g": 1e-4}), (OFFSET, HIDDEN[OFFSET])]
-    start = start_of(sets.material, sets.searched, values, ended.coordinates(), ended.best)
-    assert start is not None
-    begun = start.unmoved()
-    assert merit(begun) > merit(ended) + 100.0
-    # Twice what derivatives promise; friction makes no fit quite a parabola: a tenth.
-    assert 0.5 * fall(begun) == pytest.approx(begun.best.cost - ended.best.cost, rel=0.1)
-    assert foreseen(begun) == merit(begun) - fall(begun)
-    assert fall(ended) < 1.0
-
-
-def test_a_fit_that_cannot_count_any_more_is_left_where_it_is(sets: Sets) -> None:
-    right = _fitted(sets, GAIN, OFFSET)
-    away = replace(right, best=replace(right.best, x=right.best.x + 0.2 * right.problem.unit))
-    asked: list[tuple[float, float]] = []
-
-    def hopeful(one: Hypothesis, gained: float) -> bool:
-        asked.append((merit(one), gained))
-        return False
-
-    (found,) = finish(sets.material, [away], sets.noises, hopeful)
-    assert asked == [(merit(found), pytest.approx(asked[0][1]))]  # after its first round
-    assert asked[0][1] > 0.0
-    assert not found.best.settled
-    (ended,) = finish(sets.material, [away], sets.noises, lambda _one, gained: gained > 0.0)
-    assert ended.best.settled
-    assert ended.best.cost == pytest.approx(right.best.cost, abs=1.0)
 
 
 def _weighed(one: Hypothesis, share: float) -> Weighed:

@@ -6,7 +6,7 @@ one comparison are fitted under one covariance, each with its own correction.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -156,27 +156,19 @@ def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
     return material.noise(one.model, numbers)
 
 
-Hopeful = Callable[[Hypothesis, float], bool]
-"""Whether a fit could still count, by where it is and what its last round gained."""
-
-
 def finish(
-    material: Material,
-    ones: Sequence[Hypothesis],
-    noises: Sequence[Covariance],
-    hopeful: Hopeful = lambda _one, _gained: True,
+    material: Material, ones: Sequence[Hypothesis], noises: Sequence[Covariance]
 ) -> list[Hypothesis]:
     """Fit hypotheses to the end, side by side, under a covariance and the corrections there.
 
-    Without those that the fine model cannot run: they describe no rig. One that is not `hopeful`
-    after a round is left where it is.
+    Without those that the fine model cannot run: they describe no rig.
     """
-    found = material.pool.map(lambda one: _finished(material, one, noises, hopeful), ones)
+    found = material.pool.map(lambda one: _finished(material, one, noises), ones)
     return [one for one in found if one is not None]
 
 
 def _finished(
-    material: Material, one: Hypothesis, noises: Sequence[Covariance], hopeful: Hopeful
+    material: Material, one: Hypothesis, noises: Sequence[Covariance]
 ) -> Hypothesis | None:
     """Fit to the end with the laws doubted where the fit starts, then with those doubted there.
 
@@ -189,25 +181,22 @@ def _finished(
     here = _at(material, replace(one, problem=problem), problem.data, doubted)
     if here is None:
         return None
-    there = _descended(material, here, hopeful)
-    if not there.best.settled or is_settled(here, there):
+    there = _descended(material, here)
+    if is_settled(here, there):
         return there
-    doubted = _with_laws_doubted(there, there.best.noises)
-    return _descended(material, _reweighed(there, doubted), hopeful)
+    return _descended(material, _reweighed(there, _with_laws_doubted(there, there.best.noises)))
 
 
-def _descended(material: Material, one: Hypothesis, hopeful: Hopeful) -> Hypothesis:
-    """Go down, round by round, as far as the fine model becomes likelier and may count."""
+def _descended(material: Material, one: Hypothesis) -> Hypothesis:
+    """Go down, round by round, as far as the fine model becomes likelier."""
     here = one
     for _ in range(ROUNDS):
         there = _round(material, here, principal_axes(here.problem, here.best.hessian))
         if there is None:
             break
-        gained, here = here.best.cost - there.best.cost, there
+        here = there
         if here.best.settled:
             break
-        if not hopeful(here, gained):
-            return here
     return with_slopes(here.effects, here.problem, here.best)
 
 

@@ -24,6 +24,9 @@ _Floats = NDArray[np.float64]
 def in_reach(tried: Sequence[Hypothesis], rivals: Sequence[Hypothesis] = ()) -> list[Hypothesis]:
     """Return the fits that could still carry something beside the likeliest, likeliest first.
 
+    With all that they could come down by. The blocks tell how sure a difference is, as they do in
+    the posterior: one that lies in few of them leaves a doubt, one in many leaves none.
+
     Parameters
     ----------
     tried : sequence of Hypothesis
@@ -33,21 +36,16 @@ def in_reach(tried: Sequence[Hypothesis], rivals: Sequence[Hypothesis] = ()) -> 
     if not tried:
         return []
     likeliest = min((*tried, *rivals), key=merit)
-    return [one for one in sorted(tried, key=merit) if could_count(one, likeliest)]
+    bar = _densities(likeliest)
 
+    def could_count(one: Hypothesis) -> bool:
+        if one is likeliest:
+            return True
+        density = np.stack([_densities(one), bar])
+        prior = -np.array([foreseen(one), merit(likeliest)]) - density.sum(axis=1)
+        return bool(shares_of(density, prior, seed=0)[0] >= 1.0 - SURE)
 
-def could_count(one: Hypothesis, likeliest: Hypothesis, gained: float = 0.0) -> bool:
-    """Whether a fit could still carry something beside the likeliest.
-
-    With all that it could come down by: as its derivatives say, or as much as its last round
-    `gained`. The blocks tell how sure a difference is, as they do in the posterior: one that lies
-    in few of them leaves a doubt, one in many leaves none.
-    """
-    if one is likeliest:
-        return True
-    density = np.stack([_densities(one), _densities(likeliest)])
-    merits = np.array([merit(one) - max(fall(one), gained), merit(likeliest)])
-    return bool(shares_of(density, -merits - density.sum(axis=1), seed=0)[0] >= 1.0 - SURE)
+    return [one for one in sorted(tried, key=merit) if could_count(one)]
 
 
 def _densities(one: Hypothesis) -> _Floats:

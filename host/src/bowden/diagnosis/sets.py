@@ -42,7 +42,7 @@ from bowden.diagnosis.proposals import (
     screened_from,
     unchanged,
 )
-from bowden.diagnosis.reach import could_count, foreseen, in_reach
+from bowden.diagnosis.reach import foreseen, in_reach
 from bowden.diagnosis.screening import Screen
 from bowden.estimation.search import solve
 from bowden.model import Model
@@ -152,7 +152,7 @@ class Sets:
         for one in sorted(children, key=foreseen):
             begun.setdefault(one.key, one)  # several starts of a set: the most promising
         ranked = list(begun.values())
-        first = self._finished_beside(ranked[:1], known)
+        first = finish(self.material, ranked[:1], self.noises)
         if self._move_to([*known, *first]):
             known = finish(self.material, known, self.noises) or known
             first = finish(self.material, first, self.noises)
@@ -180,21 +180,11 @@ class Sets:
         """
         ended: list[Hypothesis] = []
         for one in sorted(begun, key=foreseen):
-            found = self._finished_beside([one], [*rivals, *ended])
+            found = finish(self.material, [one], self.noises)
             ended += found
             if found and not in_reach(found, [*rivals, *ended]):
                 break
         return ended
-
-    def _finished_beside(
-        self, ones: Sequence[Hypothesis], rivals: Sequence[Hypothesis]
-    ) -> list[Hypothesis]:
-        """Fit to the end as long as that may count beside the likeliest rival."""
-        likeliest = min(rivals, key=merit)
-        hopeful = partial(could_count, likeliest=likeliest)
-        return finish(
-            self.material, ones, self.noises, lambda one, gained: hopeful(one, gained=gained)
-        )
 
     def first_two(self) -> list[Hypothesis]:
         """Return the calibrated model and the likeliest single effect, under one covariance."""
