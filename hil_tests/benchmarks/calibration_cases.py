@@ -212,5 +212,5 @@ def block_squares(model: Model, recording: Recording) -> tuple[float, ...]:
     noise = covariance(data, model)
     residual = data.observations.measured - data.predict(model) - noise.offset
     scales = best_scales([(data, noise, residual, None)], Scales((0.0, 0.0)))
-    blocks = whiten(data, noise, scales, residual[:, None])
-    return tuple(float(np.mean(one.rows**2)) for one in blocks)
+    white = whiten(data, noise, scales, residual[:, None])
+    return tuple((white.squares[:, 0] / white.sizes).tolist())

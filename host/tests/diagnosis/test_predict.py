@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 from bowden.diagnosis import predict
-from bowden.diagnosis.predict import _density, _folds, _kinds, _mixture
+from bowden.diagnosis.predict import _densities, _folds, _kinds, _mixture, _widened
+from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales
+from bowden.estimation.observations import Observations
 from bowden.estimation.paths import DRAWS
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,7 +31,12 @@ def test_the_density_is_the_likelihood_s_with_the_numbers_integrated_out(
     if square > size:
         t = [-0.5 * (DRAWS + size) * math.log(1.0 + one / DRAWS) for one in (square, size)]
         expected += t[0] - t[1]
-    found = _density(np.column_stack([residual, moves]), 0.0)
+    zero, one = np.zeros(size), np.ones(size)
+    seen = Observations(zero, zero, one, np.zeros(size, dtype=np.intp), zero, (np.arange(size),))
+    data: Any = SimpleNamespace(observations=seen)
+    noise = Covariance(zero, one, np.zeros(size**2), np.ones(2), one)
+    wider = _widened(data, noise, moves)
+    (found,) = _densities(data, wider, Scales((0.0, 0.0)), residual, [0])
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
@@ -72,5 +80,5 @@ def test_an_outlier_is_the_rarer_the_larger_it_is_and_what_is_unlisted_is_of_any
 
     monkeypatch.setattr(predict, "_densities", densities)
     anything = cast("Any", None)
-    found = _kinds(anything, anything, Scales((0.0, 0.0)), np.zeros((1, 1)), [0])
+    found = _kinds(anything, anything, Scales((0.0, 0.0)), np.zeros(1), [0])
     np.testing.assert_allclose(np.exp(found[:, 0]), [0.0, unlisted, outlier], atol=1e-12)

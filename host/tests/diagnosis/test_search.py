@@ -203,13 +203,18 @@ def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest()
         numbers = [best.problem.numbers(best.best.x, k) for k in range(len(material.coarse))]
         (about,) = material.noise(best.model, numbers)
         (before,) = material.noise(found.filed.model, numbers)
-    sizes = [np.trace(one) for one in about.inputs]
+    layout = material.coarse[0].observations.layout
+
+    def traces(noise: Covariance) -> list[float]:
+        return [float(np.trace(one)) for one in layout.matrices(noise.inputs)]
+
+    sizes = traces(about)
     for one in found.weighed:
         (noise,) = one.hypothesis.best.noises
         # The same paths through a fit that moved by less than a twentieth of a unit since.
-        np.testing.assert_allclose([np.trace(each) for each in noise.inputs], sizes, rtol=0.05)
+        np.testing.assert_allclose(traces(noise), sizes, rtol=0.05)
     # The friction of the file, which was not fitted, makes somewhat more or less of them.
-    grown = sum(sizes) / sum(np.trace(one) for one in before.inputs)
+    grown = sum(sizes) / sum(traces(before))
     assert grown == pytest.approx(1.25**2, rel=0.1)
 
 

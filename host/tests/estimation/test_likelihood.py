@@ -6,21 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bowden.estimation.covariance import Data, covariance
+from bowden.estimation.covariance import Covariance, Data, covariance
 from bowden.estimation.likelihood import (
     Scales,
-    Whitened,
     best_scales,
-    block_cost,
-    block_weight,
+    block_costs,
+    block_weights,
     cost,
-    recording_costs,
     whiten,
-    whitening_roots,
+    whiten_once,
 )
 from bowden.estimation.nuisance import Nuisance, as_given, as_read, usual_nuisances
 from bowden.estimation.observations import USUAL_BLOCK_S, _block_edges
 from bowden.estimation.paths import DRAWS
+from bowden.estimation.whitening import Whitened, factorise
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
 from scipy.stats import multivariate_normal, multivariate_t
@@ -127,7 +126,7 @@ def test_the_cost_is_that_of_a_multivariate_t_where_a_block_fits_badly(fit: str)
     size = 1.5 if fit == "worse" else 0.5
     shapes = [
         inputs + np.diag(noise.own[rows])
-        for rows, inputs in zip(data.observations.blocks, noise.inputs, strict=True)
+        for rows, inputs in zip(data.observations.blocks, matrices(data, noise), strict=True)
     ]
 
     def drawn() -> np.ndarray:
@@ -158,9 +157,9 @@ def test_no_block_tells_more_than_its_noise_allows() -> None:
     errors = []
     for _ in range(2000):
         residual = np.concatenate([rng.normal(size=count // 2), np.zeros(count // 2)])
-        block = Whitened(np.column_stack([residual, slope]), 0.0)
-        information = block_weight(block) * slope @ slope
-        errors.append(block_weight(block) * slope @ residual / np.sqrt(information))
+        rows = np.column_stack([residual, slope])
+        weighed = block_weights(Whitened(rows, np.array([count]), np.zeros(1))) * slope
+        errors.append(weighed @ residual / np.sqrt(weighed @ slope))
     # 2000 estimates over their stated standard deviation: known to 1.6 %, thrice that is allowed.
     assert np.std(errors) < 1.05
 
@@ -173,7 +172,8 @@ def test_a_right_model_leaves_what_the_covariance_says() -> None:
     zero -= (data.observations.channel == 1) * np.mean(zero[data.observations.channel == 1])
     scales = best_scales([(data, noise, zero, None)], RIGHT)
     assert max(scales.discrepancy) <= 0.6  # two solvers of one law may differ by so much
-    chi = [np.mean(b.rows[:, 0] ** 2) for b in whiten(data, noise, scales, zero[:, None])]
+    white = whiten(data, noise, scales, zero[:, None])
+    chi = white.squares[:, 0] / white.sizes
     assert np.mean([0.5 < one < 1.2 for one in chi]) > 0.6
     assert np.median(chi) == pytest.approx(0.85, abs=0.3)
 
@@ -188,121 +188,148 @@ def test_a_block_is_whitened_alike_whatever_was_whitened_before() -> None:
     law = replace(noise, law=noise.sigma)
     every = [RIGHT, Scales((0.3, 0.0)), Scales((0.0, 0.3)), Scales((0.0, 0.0), law=0.3)]
     fresh = [
-        [one.rows for one in whiten(data, replace(law), scales, row)] for scales in every
+        whiten(data, replace(law), scales, row).rows for scales in every
     ]  # of a copy, which keeps nothing
     for scales, expected in [*zip(every, fresh, strict=True)] * 2:
-        found = whiten(data, law, scales, row)
-        assert all(np.array_equal(a.rows, b) for a, b in zip(found, expected, strict=True))
-    sums = [float(np.sum(np.square(np.concatenate(rows)))) for rows in fresh]
+        assert np.array_equal(whiten(data, law, scales, row).rows, expected)
+        once = whiten_once(data, law, scales, row, range(len(data.observations.blocks)))
+        assert np.array_equal(once.rows, expected)
+    sums = [float(np.sum(np.square(rows))) for rows in fresh]
     assert len(set(sums)) == len(every)
 
 
-def test_a_root_whitens_its_block_by_a_product() -> None:
+@pytest.mark.parametrize("only", [None, (1, 2)])
+def test_whitened_rows_are_those_of_each_block_by_a_solve(only: tuple[int, ...] | None) -> None:
     _, read = run()
     data = Data.of(read, 0, MODEL, MODE)
-    noise, scales = covariance(data, MODEL), Scales((0.3, 0.1))
-    column = np.random.default_rng(0).normal(size=(data.observations.time_s.size, 1))
-    roots, white = whitening_roots(data, noise, scales), whiten(data, noise, scales, column)
-    for rows, root, expected in zip(data.observations.blocks, roots, white, strict=True):
-        assert root.rows.shape == (rows.size, rows.size)
-        assert root.half_log_det == expected.half_log_det
-        size = float(np.abs(expected.rows).max())
-        np.testing.assert_allclose(root.rows @ column[rows], expected.rows, atol=1e-9 * size)
+    noise = replace(covariance(data, MODEL), law=np.full(data.observations.time_s.size, 2e-3))
+    scales = Scales((0.3, 0.1), law=0.3)
+    columns = np.random.default_rng(0).normal(size=(data.observations.time_s.size, 3))
+    white = whiten(data, noise, scales, columns, only)
+    chosen = range(len(data.observations.blocks)) if only is None else only
+    parts = np.split(white.rows, np.cumsum(white.sizes)[:-1])
+    for number, (block, part) in enumerate(zip(chosen, parts, strict=True)):
+        rows = data.observations.blocks[block]
+        channel, time_s = data.observations.channel[rows], data.observations.time_s[rows]
+        size = np.array(scales.discrepancy)[channel] * noise.floor[channel]
+        # A discrepancy and a law's error are alike for 0.15 s, within a channel.
+        alike = np.exp(-np.abs(time_s[:, None] - time_s) / 0.15) * (channel[:, None] == channel)
+        matrix = matrices(data, noise)[block] + np.diag(noise.own[rows])
+        matrix += alike * (np.outer(size, size) + (0.3 * 2e-3) ** 2)
+        expected = np.linalg.solve(np.linalg.cholesky(matrix), columns[rows])
+        np.testing.assert_allclose(part, expected, atol=1e-9 * float(np.abs(expected).max()))
+        half = 0.5 * float(np.linalg.slogdet(matrix)[1])
+        assert white.half_log_det[number] == pytest.approx(half, rel=1e-9)
+        np.testing.assert_allclose(white.squares[number], np.sum(expected**2, axis=0), rtol=1e-9)
+
+
+def matrices(data: Data, noise: Covariance) -> list[np.ndarray]:
+    """Return what the inputs do, block by block."""
+    return list(data.observations.layout.matrices(noise.inputs))
 
 
 def counted_factors(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return the sizes of the Cholesky factors that are made from now on, as they are made."""
+    """Return the blocks whose Cholesky factors are made from now on, as they are made."""
     made: list[int] = []
-    cholesky = np.linalg.cholesky
 
-    def counted(matrix: np.ndarray) -> np.ndarray:
-        made.append(matrix.shape[0])
-        return np.asarray(cholesky(matrix))
+    def counted(blocks: np.ndarray, *parts: np.ndarray) -> tuple[np.ndarray, ...]:
+        made.extend(blocks.tolist())
+        return factorise(blocks, *parts)
 
-    monkeypatch.setattr(np.linalg, "cholesky", counted)
+    monkeypatch.setattr("bowden.estimation.likelihood.factorise", counted)
     return made
 
 
 def test_covariances_that_differ_in_what_factors_do_not_hold_share_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    _, read = run()
-    data = Data.of(read, 0, MODEL, MODE)
-    noise, count = covariance(data, MODEL), len(data.observations.blocks)
-    made = counted_factors(monkeypatch)
+    data, noise = known()
+    count, made = len(data.observations.blocks), counted_factors(monkeypatch)
     law = 0.3 * noise.sigma
     others = [replace(noise, offset=noise.offset + 1.0), replace(noise, law=law)]
     for one in (noise, *others):
-        whitening_roots(data, one, RIGHT)
+        whitened(data, one)
     assert len(made) == count
-    doubted = Scales((0.0, 0.0), law=1.0)
-    with_law = [whitening_roots(data, replace(noise, law=one), doubted) for one in (law, 2.0 * law)]
+    with_law = [
+        whitened(data, replace(noise, law=one), Scales((0.0, 0.0), law=1.0))
+        for one in (law, 2.0 * law)
+    ]
     assert len(made) == 3 * count
-    for small, large in zip(*with_law, strict=True):
-        assert large.half_log_det > small.half_log_det
+    small, large = with_law
+    assert np.all(large.half_log_det > small.half_log_det)
+
+
+def known() -> tuple[Data, Covariance]:
+    """Return a recording and its covariance about the true model."""
+    data = Data.of(run()[1], 0, MODEL, MODE)
+    return data, covariance(data, MODEL)
+
+
+def whitened(data: Data, noise: Covariance, scales: Scales = RIGHT) -> Whitened:
+    """Whiten a column of ones."""
+    return whiten(data, noise, scales, np.ones((data.observations.time_s.size, 1)))
 
 
 def test_data_of_other_steps_share_factors_for_they_have_the_same_observations(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    _, read = run()
-    data = Data.of(read, 0, MODEL, MODE)
-    noise, made = covariance(data, MODEL), counted_factors(monkeypatch)
-    whitening_roots(data, noise, RIGHT)
-    count = len(made)
-    whitening_roots(data.sampled(16e-3), noise, RIGHT)
-    whitening_roots(data.cut(), noise, RIGHT)
-    assert len(made) == count == len(data.observations.blocks)
+    data, noise = known()
+    made = counted_factors(monkeypatch)
+    for one in (data, data.sampled(16e-3), data.cut()):
+        whitened(one, noise)
+    assert len(made) == len(data.observations.blocks)
+
+
+def test_what_is_whitened_once_keeps_no_factors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would displace those that are wanted again."""
+    data, noise = known()
+    made, row = counted_factors(monkeypatch), np.ones((data.observations.time_s.size, 1))
+    for _ in range(2):
+        whiten_once(data, noise, RIGHT, row, [1])
+    assert made == [1, 1]
+    whitened(data, noise)
+    assert made == [1, 1, *range(len(data.observations.blocks))]
 
 
 def test_no_covariance_is_taken_for_one_that_is_gone() -> None:
     """Factors are found by where their parts lie in memory, which the next ones might take."""
-    _, read = run()
-    data = Data.of(read, 0, MODEL, MODE)
-    noise = covariance(data, MODEL)
+    data, noise = known()
     for k in range(1, 12):
-        other = replace(noise, inputs=tuple(k * one for one in noise.inputs))
-        for block, white in enumerate(whitening_roots(data, other, RIGHT)):
+        other = replace(noise, inputs=k * noise.inputs)
+        for block, half in enumerate(whitened(data, other).half_log_det):
             rows = data.observations.blocks[block]
-            matrix = k * noise.inputs[block] + np.diag(noise.own[rows])
+            matrix = matrices(data, other)[block] + np.diag(noise.own[rows])
             expected = 0.5 * np.linalg.slogdet(matrix)[1]
             # Rounding of a sum of logarithms of some hundred variances.
-            assert white.half_log_det == pytest.approx(expected, rel=1e-9, abs=1e-6)
+            assert half == pytest.approx(expected, rel=1e-9, abs=1e-6)
         del other
 
 
 def test_a_covariance_that_is_none_is_refused_by_its_block() -> None:
-    _, read = run()
-    data = Data.of(read, 0, MODEL, MODE)
-    noise = covariance(data, MODEL)
-    wrong = [-np.eye(one.shape[0]) if k == 1 else one for k, one in enumerate(noise.inputs)]
+    data, noise = known()
+    inputs = noise.inputs.copy()
+    data.observations.layout.matrices(inputs)[1][:] *= -1.0
     with pytest.raises(np.linalg.LinAlgError, match="block 1: its covariance is not positive"):
-        whitening_roots(data, replace(noise, inputs=tuple(wrong)), RIGHT)
+        whitened(data, replace(noise, inputs=inputs))
 
 
 def test_factors_are_made_once_however_long_a_recording_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With room for fewer blocks than a recording has, each would displace the one wanted next."""
-    _, read = run(seconds=6.0)
-    data = Data.of(read, 0, MODEL, MODE)
-    noise, scales = covariance(data, MODEL), Scales((0.3, 0.1))
-    count, size = len(data.observations.blocks), data.observations.time_s.size
-    residuals = list(np.random.default_rng(0).normal(size=(5, size)))
-    made = counted_factors(monkeypatch)
+    """There is room for one covariance in any case, and each serves all residuals."""
     monkeypatch.setattr("bowden.estimation.observations.MOST_FACTORS_BYTES", 0)
-    for residual in residuals:
-        whiten(data, noise, scales, residual[:, None])
-    assert count > 2
-    assert len(made) == count  # there is room for one covariance in any case
+    data, noise = known()
+    count, size = len(data.observations.blocks), data.observations.time_s.size
+    residuals = np.random.default_rng(0).normal(size=(size, 5))
+    made = counted_factors(monkeypatch)
+    for residual in residuals.T:
+        whiten(data, noise, RIGHT, residual[:, None])
+    assert len(made) == count
     other = [Scales((0.1 * k, 0.0)) for k in range(1, 4)]
     for one in other:
-        recording_costs(data, noise, one, residuals)
-    assert len(made) == (1 + len(other)) * count  # each serves all residuals
-    costs = recording_costs(data, noise, scales, residuals, only=(0, 2))
-    alone = [
-        sum(block_cost(one) for one in whiten(data, noise, scales, residual[:, None], (0, 2)))
-        for residual in residuals
-    ]
-    assert costs == alone
+        whiten(data, noise, one, residuals)
+    assert len(made) == (1 + len(other)) * count
+    costs = block_costs(whiten(data, noise, RIGHT, residuals, (0, 2)))
+    alone = [block_costs(whiten(data, noise, RIGHT, r[:, None], (0, 2))) for r in residuals.T]
+    np.testing.assert_array_equal(costs, np.column_stack(alone))
 
 
 def test_paths_are_the_same_each_time_and_hold_what_a_simulation_reads(

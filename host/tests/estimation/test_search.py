@@ -76,7 +76,7 @@ def draw() -> Callable[[Callable[[float], tuple[float, float]]], Landscape]:
     noise = replace(
         whole,
         offset=np.zeros_like(whole.offset),
-        inputs=tuple(np.zeros_like(one) for one in whole.inputs),
+        inputs=np.zeros_like(whole.inputs),
     )
     parameters = parameters_of(MODEL, [NUMBER])
     return lambda heights: Landscape(

@@ -62,7 +62,7 @@ def test_a_stroke_that_begins_behind_a_chattering_edge_is_within_the_covariance(
     white = whiten(data, noise, Scales((0.0, 0.0)), left[:, None])
     # Of 48 draws and some 140 observations a block, 1.3 is two standard deviations above what a
     # right covariance leaves; a start that no draw has left 1180.
-    assert max(float(np.mean(one.rows**2)) for one in white) < 3.0
+    assert float(np.max(white.squares[:, 0] / white.sizes)) < 3.0
 
 
 @given(st.integers(0, 2**32), st.floats(0.03, 0.3))

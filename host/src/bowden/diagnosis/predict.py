@@ -20,7 +20,14 @@ from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.unseen import DISCREPANCIES, ERROR, UnseenPrediction
 from bowden.estimation.covariance import Covariance, Data
 from bowden.estimation.descend import FittedPoint, lower, normal_equations
-from bowden.estimation.likelihood import LAWS, Scales, best_scales, cost, half_square, whiten
+from bowden.estimation.likelihood import (
+    LAWS,
+    Scales,
+    best_scales,
+    block_costs,
+    cost,
+    whiten_once,
+)
 from bowden.estimation.problem import Problem, fitted_parts, objective
 
 _Floats = NDArray[np.float64]
@@ -53,9 +60,9 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
         for r, data in enumerate(problem.data):
             if not unseen[r]:
                 continue
-            columns = np.column_stack([found[r], one.slopes[r] @ root])
+            wider = _widened(data, best.noises[r], one.slopes[r] @ root)
             by_law = [
-                log_weight + _kinds(data, best.noises[r], like, columns, unseen[r])
+                log_weight + _kinds(data, wider, like, found[r], unseen[r])
                 for like, log_weight in laws
             ]
             kinds[r][:, unseen[r]] = logsumexp(np.stack(by_law), axis=0)
@@ -119,8 +126,19 @@ def _folds(count: list[int]) -> list[NDArray[np.intp]]:
     return found
 
 
+def _widened(data: Data, noise: Covariance, moves: _Floats) -> Covariance:
+    """Return a covariance with what a fit does not know of its numbers.
+
+    `moves`: what each independent unknown does to the observations, shape (n, k).
+    """
+    seen, inputs = data.observations, noise.inputs.copy()
+    for matrix, rows in zip(seen.layout.matrices(inputs), seen.blocks, strict=True):
+        np.add(matrix, moves[rows] @ moves[rows].T, out=matrix)
+    return replace(noise, inputs=inputs)
+
+
 def _kinds(
-    data: Data, noise: Covariance, scales: Scales, columns: _Floats, blocks: list[int]
+    data: Data, noise: Covariance, scales: Scales, residual: _Floats, blocks: list[int]
 ) -> _Floats:
     """Return the log density of blocks, shape (3, blocks): `small`, `large` and `outlier`.
 
@@ -130,7 +148,7 @@ def _kinds(
 
     def under(pairs: Sequence[tuple[float, float]]) -> _Floats:
         every = [replace(scales, discrepancy=pair) for pair in pairs]
-        return np.stack([_densities(data, noise, one, columns, blocks) for one in every])
+        return np.stack([_densities(data, noise, one, residual, blocks) for one in every])
 
     sizes = [0.0, *(size for size in DISCREPANCIES if size > ERROR)]
     beyond = list(itertools.product(sizes, sizes))[1:]
@@ -150,17 +168,6 @@ def _mixture(densities: _Floats, weights: _Floats) -> _Floats:
 
 
 def _densities(
-    data: Data, noise: Covariance, scales: Scales, columns: _Floats, blocks: list[int]
+    data: Data, noise: Covariance, scales: Scales, residual: _Floats, blocks: list[int]
 ) -> _Floats:
-    white = whiten(data, noise, scales, columns, blocks)
-    return np.array([_density(one.rows, one.half_log_det) for one in white])
-
-
-def _density(rows: _Floats, half_log_det: float) -> float:
-    """Return the log density of a block: its residual first, then what the numbers do to it."""
-    residual, moves = rows[:, 0], rows[:, 1:]
-    inner = np.eye(moves.shape[1]) + moves.T @ moves
-    across = moves.T @ residual
-    square = float(residual @ residual - across @ np.linalg.solve(inner, across))
-    wider = 0.5 * float(np.linalg.slogdet(inner)[1])
-    return -(half_square(max(square, 0.0), residual.size) + half_log_det + wider)
+    return -block_costs(whiten_once(data, noise, scales, residual[:, None], blocks))[:, 0]

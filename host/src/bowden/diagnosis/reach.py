@@ -15,7 +15,7 @@ from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import FITTED, learned_among
 from bowden.diagnosis.odds import SURE, merit, shares_of
 from bowden.estimation.descend import bounded_step, normal_equations
-from bowden.estimation.likelihood import block_cost, whiten
+from bowden.estimation.likelihood import block_costs, whiten
 from bowden.estimation.problem import WIDEST, gain
 
 _Floats = NDArray[np.float64]
@@ -51,15 +51,11 @@ def in_reach(tried: Sequence[Hypothesis], rivals: Sequence[Hypothesis] = ()) -> 
 def _densities(one: Hypothesis) -> _Floats:
     """Return the log density of each block where a fit ended, up to a constant of the data."""
     best = one.best
-    return np.array(
-        [
-            -block_cost(block)
-            for data, noise, residual in zip(
-                one.problem.data, best.noises, best.residuals, strict=True
-            )
-            for block in whiten(data, noise, best.scales, residual[:, None])
-        ]
-    )
+    costs = [
+        block_costs(whiten(data, noise, best.scales, residual[:, None]))[:, 0]
+        for data, noise, residual in zip(one.problem.data, best.noises, best.residuals, strict=True)
+    ]
+    return -np.concatenate(costs)
 
 
 def foreseen(one: Hypothesis) -> float:

@@ -20,8 +20,9 @@ from bowden.diagnosis.candidates import Candidate, strength_of, value_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.probes import Probe, probes_of, start_values, switched_off
 from bowden.estimation.descend import DERIVATIVE, KEPT
-from bowden.estimation.likelihood import Whitened, block_weight, whitening_roots
+from bowden.estimation.likelihood import block_weights, whiten
 from bowden.estimation.problem import gain
+from bowden.estimation.whitening import Whitened
 from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
@@ -89,16 +90,11 @@ class Screen:
         columns = [
             np.column_stack([r, j]) for r, j in zip(best.residuals, parent.slopes, strict=True)
         ]
-        white, self._roots = [], []
-        for k, data in enumerate(self.problem.data):
-            roots = whitening_roots(data, best.noises[k], best.scales)
-            for rows, block in zip(data.observations.blocks, roots, strict=True):
-                here = Whitened(block.rows @ columns[k][rows], block.half_log_det)
-                weight = np.sqrt(block_weight(here))
-                white.append(weight * here.rows)
-                self._roots.append((k, rows, weight * block.rows))
+        white = self._whitened(columns)
+        self._weights = [np.sqrt(block_weights(one))[:, None] for one in white]
+        weighed = [weights * one.rows for weights, one in zip(self._weights, white, strict=True)]
         prior, slope = self.problem.prior(best.x)
-        rows = np.concatenate([*white, np.column_stack([prior, slope])])
+        rows = np.concatenate([*weighed, np.column_stack([prior, slope])])
         self._residual, self._slopes = rows[:, 0], rows[:, 1:]
         self._near = parent.simulated()
         self._before = parent.read(self._near)
@@ -323,8 +319,17 @@ class Screen:
             return None
         return [without - with_it for without, with_it in zip(self._before, on, strict=True)]
 
+    def _whitened(self, columns: Sequence[_Floats]) -> list[Whitened]:
+        """Whiten columns of each recording, as this hypothesis is."""
+        best = self.parent.best
+        every = zip(self.problem.data, best.noises, columns, strict=True)
+        return [whiten(data, noise, best.scales, one) for data, noise, one in every]
+
     def _whiten(self, change: Sequence[_Floats]) -> _Floats:
-        rows = [root @ change[k][rows] for k, rows, root in self._roots]
+        white = self._whitened([one[:, None] for one in change])
+        rows = [
+            (weights * one.rows)[:, 0] for weights, one in zip(self._weights, white, strict=True)
+        ]
         padding = np.zeros(self._residual.size - sum(one.size for one in rows))
         return np.concatenate([*rows, padding])
 

@@ -178,14 +178,14 @@ def _whitened(chosen: Weighed, number: int) -> tuple[Data, list[tuple[_Index, _F
     data, fold = one.problem.data[number], prediction.folds[number]
     found = []
     for k, rows in enumerate(data.observations.blocks):
-        (block,) = whiten(
+        white = whiten(
             data,
             one.best.noises[number],
             prediction.scales[fold[k]],
             prediction.residuals[number][:, None],
             [k],
         )
-        found.append((rows, block.rows[:, 0]))
+        found.append((rows, white.rows[:, 0]))
     return data, found
 
 

@@ -187,8 +187,8 @@ class Covariance:
         What samples that were left out add to the prediction.
     own : ndarray of shape (n,)
         Variance of each observation's independent error.
-    inputs : tuple of ndarray of shape (m, m)
-        What the inputs and the discretisation do, for each block.
+    inputs : ndarray
+        What the inputs and the discretisation do: a matrix a block (`Observations.layout`).
     floor : ndarray of shape (2,)
         Usual noise of each channel: the unit of the discrepancy.
     sigma : ndarray of shape (n,)
@@ -199,7 +199,7 @@ class Covariance:
 
     offset: _Floats
     own: _Floats
-    inputs: tuple[_Floats, ...]
+    inputs: _Floats
     floor: _Floats
     sigma: _Floats
     law: _Floats | None = None
@@ -291,8 +291,8 @@ def covariance(
         matrix = (1.0 - ANY_SHAPE) * (part.T @ part) * np.exp(-0.5 * (apart / TAPER_S) ** 2)
         size = np.sqrt(variance[rows])
         matrix += ANY_SHAPE * np.outer(size, size) * np.exp(-apart / ROUGH_S) * alike
-        inputs.append(matrix)
-    return Covariance(offset, own, tuple(inputs), floor, sigma)
+        inputs.append(matrix.ravel())
+    return Covariance(offset, own, np.concatenate(inputs), floor, sigma)
 
 
 def _usual(sigma: _Floats) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
-from bowden.estimation.likelihood import Scales, best_scales, block_weight, whiten
+from bowden.estimation.likelihood import Scales, best_scales, block_weights, whiten
 from bowden.estimation.problem import Optimum, Problem, fitted_parts, objective
 from bowden.model import Trajectory
 from bowden.signals.prediction import PREDICTED
@@ -283,10 +283,11 @@ def normal_equations(
     hessian, gradient = slope.T @ slope, slope.T @ prior
     for k, data in enumerate(problem.data):
         columns = np.column_stack([residuals[k], slopes[k]])
-        for block in whiten(data, noises[k], scales, columns, problem.blocks[k]):
-            weight = block_weight(block)
-            hessian += weight * block.rows[:, 1:].T @ block.rows[:, 1:]
-            gradient += weight * block.rows[:, 1:].T @ block.rows[:, 0]
+        white = whiten(data, noises[k], scales, columns, problem.blocks[k])
+        moves = white.rows[:, 1:]
+        weighed = block_weights(white)[:, None] * moves
+        hessian += weighed.T @ moves
+        gradient += weighed.T @ white.rows[:, 0]
     return hessian, gradient
 
 

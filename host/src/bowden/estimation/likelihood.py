@@ -17,11 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dtrtrs
 
 from bowden.estimation.covariance import Covariance, Data
-from bowden.estimation.observations import Factor
 from bowden.estimation.paths import DRAWS
+from bowden.estimation.whitening import Factors, Whitened, factorise, whitened_by
 
 _Floats = NDArray[np.float64]
 
@@ -46,27 +45,13 @@ class Scales:
     law: float = 0.0
 
 
-@dataclass(frozen=True)
-class Whitened:
-    """Rows of one block, independent and of unit variance.
-
-    Parameters
-    ----------
-    rows : ndarray of shape (m, columns)
-    half_log_det : float
-    """
-
-    rows: _Floats
-    half_log_det: float
-
-
 def whiten(
     data: Data,
     noise: Covariance,
     scales: Scales,
     columns: _Floats,
     only: Sequence[int] | None = None,
-) -> list[Whitened]:
+) -> Whitened:
     """Whiten columns over a recording's observations, block by block.
 
     Parameters
@@ -75,107 +60,69 @@ def whiten(
     only : sequence of int, optional
         Which blocks, rising; all when absent.
     """
-    every = data.observations.blocks
-    found = []
-    for k in range(len(every)) if only is None else only:
-        found.append(_whitened(_factor(data, noise, scales, k), columns[every[k]]))
-    return found
+    factors, layout = _kept_factors(data, noise, scales), data.observations.layout
+    blocks = factors.blocks if only is None else np.asarray(only, dtype=np.intp)
+    return whitened_by(factors, layout, columns, blocks)
 
 
-def recording_costs(
-    data: Data,
-    noise: Covariance,
-    scales: Scales,
-    residuals: Sequence[_Floats],
-    only: Sequence[int] | None = None,
-) -> list[float]:
-    """Return -log likelihood of each of several residuals of one recording, up to a constant.
-
-    Block by block: a factor is made once for all of them, however many factors can be kept.
-
-    Parameters
-    ----------
-    residuals : sequence of ndarray of shape (n,)
-    only : sequence of int, optional
-        Which blocks, rising; all when absent.
-    """
-    every = data.observations.blocks
-    found = [0.0] * len(residuals)
-    for k in range(len(every)) if only is None else only:
-        factor = _factor(data, noise, scales, k)
-        for i, residual in enumerate(residuals):
-            found[i] += block_cost(_whitened(factor, residual[every[k]][:, None]))
-    return found
+def whiten_once(
+    data: Data, noise: Covariance, scales: Scales, columns: _Floats, only: Sequence[int]
+) -> Whitened:
+    """Whiten as `whiten` does, by a covariance that is used once: nothing is kept."""
+    factors = _factors(data, noise, scales, np.asarray(only, dtype=np.intp))
+    return whitened_by(factors, data.observations.layout, columns, factors.blocks)
 
 
-def whitening_roots(data: Data, noise: Covariance, scales: Scales) -> list[Whitened]:
-    """Return what whitens each block of a recording by a product; `rows` of shape (m, m)."""
-    return [
-        _whitened(_factor(data, noise, scales, k), np.eye(rows.size))
-        for k, rows in enumerate(data.observations.blocks)
-    ]
-
-
-def _whitened(factor: Factor, columns: _Floats) -> Whitened:
-    """Whiten a block's columns, by LAPACK itself: a fit whitens ten thousand small blocks."""
-    white, _ = dtrtrs(factor.lower.T, columns, trans=1)
-    return Whitened(white, factor.half_log_det)
-
-
-def _factor(data: Data, noise: Covariance, scales: Scales, block: int) -> Factor:
-    """Return the Cholesky factor of a block's covariance; keep it.
+def _kept_factors(data: Data, noise: Covariance, scales: Scales) -> Factors:
+    """Return the factors of all blocks of a recording; keep them.
 
     A fit whitens many residuals under few scales, and fits that are compared share a covariance
     but for their corrections, which it does not depend on.
     """
-    law = noise.law if scales.law > 0.0 else None
-    parts = noise.inputs, noise.own, law
-    key = (*map(id, parts), scales, block)
+    # The arrays are kept with the factors: no other takes their place, by which they are found.
+    parts = noise.inputs, noise.own, noise.law if scales.law > 0.0 else None
+    key = (*map(id, parts), scales)
     known = data.observations.factors.get(key)
-    if known is not None:
-        return known
-    rows = data.observations.blocks[block]
-    matrix = noise.inputs[block].copy()
-    if max(scales.discrepancy) > 0.0:
-        matrix += _unknown(data, noise, scales, block)
-    if law is not None:
-        size = scales.law * law[rows]
-        matrix += data.observations.correlations[block] * (size[:, None] * size)
-    matrix.ravel()[:: rows.size + 1] += noise.own[rows]
-    try:  # NumPy's, not SciPy's: it lets other threads work meanwhile
-        lower: _Floats = np.linalg.cholesky(matrix).astype(np.float64, copy=False)
-    except np.linalg.LinAlgError as error:
-        message = f"block {block}: its covariance is not positive definite"
-        raise np.linalg.LinAlgError(message) from error
-    found = Factor(lower, float(np.log(lower.diagonal()).sum()), parts)
-    data.observations.factors.keep(key, found, lower.nbytes)
-    return found
+    if known is None:
+        made = _factors(data, noise, scales, np.arange(len(data.observations.blocks)))
+        known = made, parts
+        data.observations.factors.keep(key, known, made.lower.nbytes)
+    return known[0]
 
 
-def _unknown(data: Data, noise: Covariance, scales: Scales, block: int) -> _Floats:
-    """Covariance of the unknown discrepancy over the observations of a block."""
+def _factors(data: Data, noise: Covariance, scales: Scales, blocks: NDArray[np.intp]) -> Factors:
     seen = data.observations
-    size = (np.array(scales.discrepancy) * noise.floor)[seen.channel[seen.blocks[block]]]
-    return seen.correlations[block] * (size[:, None] * size)
+    layout = seen.layout
+    rows = layout.rows
+    unknown = (np.array(scales.discrepancy) * noise.floor)[seen.channel[rows]]
+    law = np.zeros(rows.size) if noise.law is None else scales.law * noise.law[rows]
+    parts = noise.inputs, seen.correlations, noise.own[rows], unknown, law
+    try:
+        lower, places, half_log_det = factorise(blocks, layout.starts, layout.places, *parts)
+    except np.linalg.LinAlgError as error:
+        if blocks.size > 1:  # which one it is
+            for block in blocks:
+                _factors(data, noise, scales, block[None])
+        message = f"block {blocks[0]}: its covariance is not positive definite"
+        raise np.linalg.LinAlgError(message) from error
+    return Factors(blocks, lower, places, half_log_det)
 
 
-def block_cost(block: Whitened) -> float:
-    """Return -log density of a block's residual (its first column), up to a constant."""
-    residual = block.rows[:, 0]
-    return half_square(float(residual @ residual), residual.size) + block.half_log_det
+def block_costs(white: Whitened) -> _Floats:
+    """Return -log density of each column in each block, up to a constant, shape (b, c)."""
+    return half_squares(white.squares, white.sizes[:, None]) + white.half_log_det[:, None]
 
 
-def half_square(square: float, size: int) -> float:
+def half_squares(squares: _Floats, sizes: NDArray[np.intp]) -> _Floats:
     """Return what so many independent residuals add to -log density, by their sum of squares."""
-    beyond = (DRAWS + size) * math.log1p(max(square - size, 0.0) / (DRAWS + size))
-    return 0.5 * (min(square, size) + beyond)
+    beyond = (DRAWS + sizes) * np.log1p(np.maximum(squares - sizes, 0.0) / (DRAWS + sizes))
+    return np.asarray(0.5 * (np.minimum(squares, sizes) + beyond))
 
 
-def block_weight(block: Whitened) -> float:
-    """Return what a block's squares count in the normal equations: less where it fits badly."""
-    size = block.rows.shape[0]
-    square = float(block.rows[:, 0] @ block.rows[:, 0])
-    return float((DRAWS + size) / (DRAWS + max(square, size)))
+def block_weights(white: Whitened) -> _Floats:
+    """Return what each row counts in the normal equations: less where its block fits badly."""
+    squares, sizes = white.squares[:, 0], white.sizes
+    return np.repeat((DRAWS + sizes) / (DRAWS + np.maximum(squares, sizes)), sizes)
 
 
 Part = tuple[Data, Covariance, _Floats, tuple[int, ...] | None]
@@ -185,9 +132,8 @@ Part = tuple[Data, Covariance, _Floats, tuple[int, ...] | None]
 def cost(parts: Sequence[Part], scales: Scales) -> float:
     """Return -log likelihood of residuals with the prior of the scales, up to a constant."""
     return _scale_prior(scales) + sum(
-        block_cost(block)
+        float(block_costs(whiten(data, noise, scales, residual[:, None], only)).sum())
         for data, noise, residual, only in parts
-        for block in whiten(data, noise, scales, residual[:, None], only)
     )
 
 

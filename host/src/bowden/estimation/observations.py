@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.errors import BadInput
 from bowden.estimation.kept import Kept
+from bowden.estimation.whitening import BlockLayout, Factors
 from bowden.model import Mode
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimates
@@ -29,17 +29,6 @@ USUAL_BLOCK_S, LEAST_BLOCK_S = 1.25, 0.9  # what a reversal begins stays in its 
 DISCREPANCY_S = 0.15  # how long what a model lacks stays correlated
 MOST_FACTORS_BYTES = 100_000_000  # a recording: 32 scales over 20 s; one where it takes more
 LEAST_SHARE = 1e-5  # of a channel's range: no prediction is more exact
-
-
-class Factor(NamedTuple):
-    """Cholesky factor of a block's covariance, half its log-determinant, and what it was made of.
-
-    That is kept with it so that no other can take its place in memory, by which it is found.
-    """
-
-    lower: _Floats
-    half_log_det: float
-    parts: tuple[object, ...]
 
 
 @dataclass(frozen=True)
@@ -70,24 +59,27 @@ class Observations:
     blocks: tuple[_Index, ...]
 
     @cached_property
-    def correlations(self) -> tuple[_Floats, ...]:
-        """Correlation of an unknown discrepancy over each block's observations, shape (m, m)."""
+    def layout(self) -> BlockLayout:
+        """Where the blocks lie in arrays that hold one behind the other."""
+        return BlockLayout(self.blocks)
+
+    @cached_property
+    def correlations(self) -> _Floats:
+        """Correlation of an unknown discrepancy over each block's observations: see `layout`."""
         found = []
         for rows in self.blocks:
             apart = np.abs(self.time_s[rows][:, None] - self.time_s[rows])
             alike = self.channel[rows][:, None] == self.channel[rows]
-            found.append(np.asarray(np.exp(-apart / DISCREPANCY_S) * alike))
-        return tuple(found)
+            found.append((np.exp(-apart / DISCREPANCY_S) * alike).ravel())
+        return np.concatenate(found)
 
     @cached_property
-    def factors(self) -> Kept[Factor]:
+    def factors(self) -> Kept[tuple[Factors, tuple[object, ...]]]:
         """Factors of covariances that were used last; `likelihood` keeps them here.
 
-        Those of one covariance in any case: blocks are gone through in turn, and with less room
-        each would displace the one that is wanted next.
+        Those of one covariance in any case.
         """
-        size_bytes = np.dtype(np.float64).itemsize
-        one_bytes = sum(rows.size**2 for rows in self.blocks) * size_bytes
+        one_bytes = int(self.layout.places[-1]) * np.dtype(np.float64).itemsize
         return Kept(max(MOST_FACTORS_BYTES, one_bytes))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance, Data, covariance
-from bowden.estimation.likelihood import Part, Scales, best_scales, cost, recording_costs
+from bowden.estimation.likelihood import Part, Scales, best_scales, block_costs, cost, whiten
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
 from bowden.model import Model, ModelError, Trajectory, looks_ahead
@@ -242,9 +242,9 @@ def objectives(
         prior, _ = problem.prior(x)
         totals.append(cost([], scales) + 0.5 * float(prior @ prior))
     for k, (data, noise) in enumerate(zip(problem.data, noises, strict=True)):
-        mine = [one[k] for one in residuals]
-        costs = recording_costs(data, noise, scales, mine, problem.blocks[k])
-        totals = [total + more for total, more in zip(totals, costs, strict=True)]
+        mine = np.column_stack([one[k] for one in residuals])
+        costs = block_costs(whiten(data, noise, scales, mine, problem.blocks[k])).sum(axis=0)
+        totals = [total + float(more) for total, more in zip(totals, costs, strict=True)]
     return totals
 
 

@@ -190,10 +190,10 @@ def _worst(data: Sequence[Data], best: Optimum, recordings: Sequence[Recording])
     alone = replace(best.scales, discrepancy=(0.0, 0.0))
     found = []
     for one, noise, residual in zip(data, best.noises, best.residuals, strict=True):
-        blocks = whiten(one, noise, alone, residual[:, None])
-        for rows, block in zip(one.observations.blocks, blocks, strict=True):
+        white = whiten(one, noise, alone, residual[:, None])
+        for rows, square in zip(one.observations.blocks, white.squares[:, 0], strict=True):
             at = one.observations.time_s[rows]
-            chi = float(np.mean(block.rows[:, 0] ** 2))
+            chi = float(square) / rows.size
             source = recordings[one.number].source
             found.append(WorstStretch(source, float(at.min()), float(at.max()), chi))
     return max(found, key=lambda one: one.chi_squared)

@@ -71,6 +71,11 @@ def compiled_in_place(function: F) -> F:
     return _compile(function, _nrt=False)
 
 
+def compiled_sums(function: F) -> F:
+    """Like `compiled_in_place`, with sums in any order: a processor adds several at a time."""
+    return _compile(function, _nrt=False, fastmath={"reassoc", "contract"})
+
+
 def inlined(function: F) -> F:
     """Compile a function into its callers: handing over its arrays costs more than most do."""
     return _compile(function, _nrt=False, inline="always")
