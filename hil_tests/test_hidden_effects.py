@@ -21,6 +21,7 @@ from hil_tests.hidden_effects.hidden import Signals, Vector
 from hil_tests.hidden_effects.pair_motion import Ends
 from hil_tests.hidden_effects.recordings import COUNTS, KINDS, draw_case
 from hil_tests.hidden_effects.sets import MOTIONS, RATES_HZ, UNEVEN, draw_set
+from hil_tests.hidden_effects.strength import read_out
 
 # Table I with EA = 4000 N and mu_s = mu_d; the figures are the closed forms of docs/physics.md.
 PAIR = Pair(((2.0, 0.28),), 0.21, Law(10.0, 4000.0), Ends(0.020, 0.104))
@@ -142,7 +143,8 @@ def hidden_sweep(name: str, **parameters: float) -> tuple[Signals, Motion, Vecto
         oversample=hidden.oversample,
     )
     motor = hidden.read_motor_angle(answer.motor_angle_rad, signals)
-    return signals, bare, motor, hidden.read_load_torque(answer.load_torque_nm, signals)
+    felt = hidden.felt_torque(answer.load_torque_nm, signals)
+    return signals, bare, motor, hidden.read_load_torque(felt, signals)
 
 
 OUT, BACK = 2900, 1900  # samples at which the whole pair slides out and back
@@ -186,6 +188,22 @@ def test_thermal_friction_follows_the_temperature() -> None:
 def test_a_gain_scales_the_reading() -> None:
     _, bare, _, torque = hidden_sweep("load_cell_gain", g=0.03)
     assert torque == pytest.approx(1.03 * bare.load_torque_nm, rel=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_cell_errs_about_the_torque_that_it_feels_whatever_is_hidden_first(order: int) -> None:
+    """It feels tau - G sin(angle + pi): while the pair slides, that moves it back in its play."""
+    time_s, angle, bare = sweep(torque_nm=0.1)
+    signals = Signals(time_s, np.full(time_s.size, 0.1), angle, np.full(time_s.size, 20.0))
+    play = effects.hide("load_cell_hysteresis", {"width_nm": 0.1})
+    weight = effects.hide("gravity_imbalance", {"amplitude_nm": 0.2, "phase_rad": np.pi})
+    read = read_out(PAIR, signals, [play, weight][::order]).load_torque_nm
+    felt = bare.load_torque_nm + 0.2 * np.sin(angle)
+    expected, at = [], felt[0]
+    for value in felt.tolist():
+        at = value + float(np.clip(at - value, -0.05, 0.05))
+        expected.append(at)
+    np.testing.assert_allclose(read, expected, atol=1e-12)
 
 
 def test_an_eccentric_encoder_changes_the_angle_only() -> None:

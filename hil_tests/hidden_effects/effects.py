@@ -101,12 +101,12 @@ def _bearing(p: Values) -> Hidden:
 
     # Dry friction between cables and load cell, where the load moves: it takes from the cables'
     # torque what opposes the motion, elastically over 1 mrad as a bearing winds up.
-    def read(values: Vector, signals: Signals) -> Vector:
+    def felt(values: Vector, signals: Signals) -> Vector:
         angle = signals.load_angle_rad
         wound = angle - played(angle, 2e-3)
         return np.asarray(values - p["load_torque_nm"] * np.clip(wound / 1e-3, -1.0, 1.0))
 
-    return Hidden("bearing_friction", dict(p), read_load_torque=read)
+    return Hidden("bearing_friction", dict(p), felt_torque=felt)
 
 
 def _thermal(p: Values) -> Hidden:
@@ -227,20 +227,20 @@ def _encoder_offset(p: Values) -> Hidden:
 
 
 def _gravity(p: Values) -> Hidden:
-    def read(values: Vector, signals: Signals) -> Vector:
+    def felt(values: Vector, signals: Signals) -> Vector:
         return np.asarray(
             values - p["amplitude_nm"] * np.sin(signals.load_angle_rad + p["phase_rad"])
         )
 
-    return Hidden("gravity_imbalance", dict(p), read_load_torque=read)
+    return Hidden("gravity_imbalance", dict(p), felt_torque=felt)
 
 
 def _load_inertia(p: Values) -> Hidden:
-    def read(values: Vector, signals: Signals) -> Vector:
+    def felt(values: Vector, signals: Signals) -> Vector:
         speed = np.gradient(signals.load_angle_rad, signals.time_s)
         return np.asarray(values - p["inertia_kg_m2"] * np.gradient(speed, signals.time_s))
 
-    return Hidden("load_inertia", dict(p), read_load_torque=read)
+    return Hidden("load_inertia", dict(p), felt_torque=felt)
 
 
 def _delay(p: Values) -> Hidden:

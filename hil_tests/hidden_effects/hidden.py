@@ -63,8 +63,10 @@ class Hidden:
         What it changes from sample to sample.
     true_torque : callable
         From the recorded motor torque to what the motor's pulley gets.
+    felt_torque : callable
+        From the cables' torque at the load to what the load cell feels.
     read_motor_angle, read_load_angle, read_load_torque : callable
-        From the true quantity to the recorded one.
+        From the true or felt quantity to the recorded one.
     oversample : int
         Steps a sample that the solver needs for it.
     """
@@ -74,6 +76,7 @@ class Hidden:
     pair: Callable[[Pair], Pair] = _same_pair
     histories: Callable[[Signals, Pair], Histories] = _no_history
     true_torque: Change = _same
+    felt_torque: Change = _same
     read_motor_angle: Change = _same
     read_load_angle: Change = _same
     read_load_torque: Change = _same

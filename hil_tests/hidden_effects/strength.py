@@ -54,6 +54,8 @@ def read_out(pair: Pair, signals: Signals, hidden: Sequence[Hidden]) -> Read:
     )
     motor, load, cell = answer.motor_angle_rad, signals.load_angle_rad, answer.load_torque_nm
     for effect in hidden:
+        cell = effect.felt_torque(cell, signals)
+    for effect in hidden:
         motor = effect.read_motor_angle(motor, signals)
         load = effect.read_load_angle(load, signals)
         cell = effect.read_load_torque(cell, signals)
