@@ -56,8 +56,10 @@ def test_a_torque_with_a_slope_is_that_torque_at_the_angle_found(
     """Run again with the torque that the slope gave at each angle: the same angles come out.
 
     Also with slack cables, and where the torque drives the pulley on: by less than half of what one
-    cable alone resists that slides whole, 0.5 * 0.21 of both.
+    cable alone resists that slides whole, 0.5 * 0.21 of both. With friction that rises with the
+    tension, 10^0.2 times at ten times the pretension, that is 0.5 * 0.12: more has no equilibrium.
     """
+    steepness = max(steepness, -0.05 if law else -0.1)
     pair = printed(10, pretension_n=pretension_n, **law)
     held = through(0.0, 0.5, -0.4, 0.2, steps=240)
     torque = through(0.0, 0.15, -0.2, 0.1, steps=240)
