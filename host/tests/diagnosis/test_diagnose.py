@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from bowden.diagnosis import growing, sets
+from bowden.diagnosis import growing, time_limit
 from bowden.diagnosis.diagnose import diagnose
 from bowden.diagnosis.result import Diagnosis
 from bowden.model import format_model, parse_model
@@ -291,7 +291,7 @@ def test_a_time_limit_ends_the_search_within_a_step(monkeypatch: pytest.MonkeyPa
 
     def one_of_many(*given: Any) -> Any:
         fitted.append(given)
-        monkeypatch.setattr(sets, "time", SimpleNamespace(monotonic=lambda: math.inf))
+        monkeypatch.setattr(time_limit, "time", SimpleNamespace(monotonic=lambda: math.inf))
         return before(*given)
 
     monkeypatch.setattr(growing, "_with_effect", one_of_many)

@@ -16,6 +16,7 @@ from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.screening import ScreenedCandidate
+from bowden.diagnosis.time_limit import TimeLimit
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
@@ -61,7 +62,7 @@ def test_further_laws_are_tried_until_one_holds(
         return law(-1000.0, 0.0) if args[-1] == right else law(-10.0, 5.0)
 
     monkeypatch.setattr(learn, "_begun", begin)
-    laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [])
+    laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [], limit=TimeLimit())
     assert len(tried) == begun
     assert (min(one.best.cost for one in laws) == -1000.0) is (right < 12)
 
@@ -74,9 +75,33 @@ def test_no_further_laws_are_tried_once_none_could_be_the_likeliest(
         return law(-100.0 if len(tried) <= 5 else -10.0, 5.0)
 
     monkeypatch.setattr(learn, "_begun", begin)
-    laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [])
+    laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [], limit=TimeLimit())
     assert len(tried) == 10
     assert [one.best.cost for one in laws] == [-100.0]
+
+
+@pytest.mark.parametrize("fitted", [0, 1, 2])
+def test_no_further_law_is_fitted_once_time_is_over(
+    tried: list[str], monkeypatch: pytest.MonkeyPatch, fitted: int
+) -> None:
+    """A law on top of an effect that is dear to simulate takes minutes."""
+    limit, ended = TimeLimit(), list[Hypothesis]()
+
+    def end(_material: object, _searched: object, one: Hypothesis) -> Hypothesis:
+        ended.append(one)
+        limit.cut = len(ended) == fitted
+        return one
+
+    def begin(*args: object) -> Hypothesis:
+        tried.append(str(args[-1]))
+        return law(-100.0, 0.0)
+
+    limit.cut = fitted == 0
+    monkeypatch.setattr(learn, "_begun", begin)
+    monkeypatch.setattr(learn, "_smoothed", end)
+    laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [], limit=limit)
+    assert laws == ended
+    assert len(ended) == fitted
 
 
 def test_of_laws_that_hold_all_that_could_be_the_likeliest_are_fitted(
@@ -88,7 +113,7 @@ def test_of_laws_that_hold_all_that_could_be_the_likeliest_are_fitted(
 
     monkeypatch.setattr(learn, "_begun", begin)
     assert (
-        len(learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [])) == 4
+        len(learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [], limit=TimeLimit())) == 4
     )  # and one that does not
 
 
@@ -97,8 +122,12 @@ def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
 ) -> None:
     del tried
     monkeypatch.setattr(learn, "_begun", lambda *_: law(-1000.0, 5.0))
-    assert learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [law(-1000.0, 5.0)])
-    assert not learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [law(-1100.0, 5.0)])
+    assert learn._laws_on(
+        ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [law(-1000.0, 5.0)], limit=TimeLimit()
+    )
+    assert not learn._laws_on(
+        ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [law(-1100.0, 5.0)], limit=TimeLimit()
+    )
 
 
 @pytest.mark.parametrize(
@@ -111,9 +140,9 @@ def test_a_law_explains_more_where_it_leaves_little_and_is_likelier(
     monkeypatch.setattr(learn, "Screen", lambda _: None)
     monkeypatch.setattr(learn, "laws_over", lambda _: [])
     monkeypatch.setattr(learn, "_screened", lambda *_: [])
-    monkeypatch.setattr(learn, "_laws", lambda *_: [law(cost, discrepancy)])
+    monkeypatch.setattr(learn, "_laws", lambda *_, **__: [law(cost, discrepancy)])
     material = cast(Material, SimpleNamespace(coarse=()))
-    found = learn.learn(material, MODEL, [law(0.0, 9.0)], [law(-500.0, 9.0)])
+    found = learn.learn(material, MODEL, [law(0.0, 9.0)], [law(-500.0, 9.0)], TimeLimit())
     assert found.likelier is likelier
 
 
@@ -124,12 +153,22 @@ def weighed(one: Hypothesis, beyond: float) -> Weighed:
 
 
 @pytest.mark.parametrize(
-    ("laws", "beyond", "surfaces"),
-    [(1, 0.6, 1), (1, 0.4, 0), (0, 0.4, 1)],
-    ids=["the law leaves something", "the law is all there is", "no law could be likeliest"],
+    ("laws", "beyond", "limit", "surfaces"),
+    [
+        (1, 0.6, TimeLimit(), 1),
+        (1, 0.4, TimeLimit(), 0),
+        (0, 0.4, TimeLimit(), 1),
+        (1, 0.6, TimeLimit(0.0), 0),
+    ],
+    ids=[
+        "the law leaves something",
+        "the law is all there is",
+        "no law could be likeliest",
+        "no time is left",
+    ],
 )
 def test_laws_of_two_arguments_follow_where_laws_of_one_leave_something_unlisted(
-    monkeypatch: pytest.MonkeyPatch, laws: int, beyond: float, surfaces: int
+    monkeypatch: pytest.MonkeyPatch, laws: int, beyond: float, limit: TimeLimit, surfaces: int
 ) -> None:
     one = law(-100.0, 5.0)
     base = cast(Hypothesis, SimpleNamespace(effects=(), best=SimpleNamespace(noises=[])))
@@ -139,7 +178,7 @@ def test_laws_of_two_arguments_follow_where_laws_of_one_leave_something_unlisted
     monkeypatch.setattr(learn, "_screened", lambda *_: [])
     monkeypatch.setattr(learn, "_surfaces", lambda *_: followed.append("surfaces") or [])
     monkeypatch.setattr(learn, "weighed_under", lambda each, _: each)
-    monkeypatch.setattr(learn, "_laws", lambda *_: [])
+    monkeypatch.setattr(learn, "_laws", lambda *_, **__: [])
 
     def weigh(_material: object, before: tuple[Weighed, ...], each: object, *_: object) -> object:
         return [weighed(one, beyond)] if each else list(before)
@@ -147,6 +186,8 @@ def test_laws_of_two_arguments_follow_where_laws_of_one_leave_something_unlisted
     monkeypatch.setattr(learn, "_weighed", weigh)
     before = (weighed(base, beyond),)
     learned = Laws((base,), (), (one,) * laws, likelier=False)
-    found = learn.with_laws(ONE_BY_ONE, MODEL, Found(before, base, base, (), laws=learned), 0)
+    searched = Found(before, base, base, (), laws=learned)
+    found = learn.with_laws(ONE_BY_ONE, MODEL, searched, 0, limit=limit)
+    assert found.in_time is not limit.cut
     assert len(followed) == surfaces
     assert [each.hypothesis for each in found.weighed] == [one if laws else base]

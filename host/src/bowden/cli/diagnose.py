@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=float("inf"),
         metavar="SECONDS",
-        help="fit no further set of effects after that time; the best so far is reported",
+        help="fit no further set of effects or law after that time; the best so far is reported",
     )
     add_figures_arguments(parser)
     add_json_argument(parser)

@@ -27,6 +27,7 @@ from bowden.diagnosis.numbers_known import estimates_of, with_posterior
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Diagnosis, Series, Verdict
 from bowden.diagnosis.search import search
+from bowden.diagnosis.time_limit import TimeLimit
 from bowden.diagnosis.validation import validate
 from bowden.diagnosis.verdict import Decision, decide, invisible, odds_of_laws, ranking, stated
 from bowden.diagnosis.waterfall import gap_steps
@@ -67,7 +68,7 @@ def diagnose(
     names : sequence of str, optional
         Candidates; the whole catalogue when absent.
     time_limit_s : float, optional
-        After so long no further set of effects is fitted; a note says so.
+        After so long no further set of effects and no law is fitted; a note says so.
     progress : callable (stage, share of the whole), optional
 
     Raises
@@ -76,6 +77,7 @@ def diagnose(
         A recording that the model cannot run at all.
     """
     tell = progress or (lambda _stage, _share: None)
+    limit = TimeLimit(time_limit_s)
     tell("checking the data", 0.0)
     quality = check_data(model, recordings, mode)
     contents = excitation(model, recordings, mode)
@@ -88,12 +90,12 @@ def diagnose(
             model,
             candidates(names),
             seed=seed,
-            time_limit_s=time_limit_s,
+            limit=limit,
             progress=tell,
         )
         decision = decide(found)
         if found.in_time and (decision.verdict == "unlisted" or found.explained_by_laws):
-            found = with_laws(material, model, found, seed, tell)
+            found = with_laws(material, model, found, seed, limit=limit, progress=tell)
             decision = decide(found)
         tell("computing the verdict", 0.95)
         base = next(one for one in found.weighed if not one.hypothesis.effects)
@@ -161,7 +163,9 @@ def _notes(
     )
     notes = [f"Posterior by prediction of unseen stretches: {odds}."]
     if not found.in_time:
-        notes.append("The time limit ended the search: larger sets of effects were not tried.")
+        notes.append(
+            "The time limit ended the search: further sets of effects and laws were not tried."
+        )
     if not moving:
         notes.append("The model file states no tolerances, so nothing was calibrated.")
     if hidden:

@@ -5,7 +5,7 @@ Takes what `proposals` chose; `sets` compares what comes back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from bowden.diagnosis.contribution import coordinates_without, idle
@@ -14,6 +14,7 @@ from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import merit
 from bowden.diagnosis.screening import ScreenedCandidate
+from bowden.diagnosis.time_limit import TimeLimit
 from bowden.model import Model
 
 Key = frozenset[tuple[str, str]]
@@ -29,13 +30,13 @@ def begun_from(
     proposals: Sequence[ScreenedCandidate],
     done: Done,
     *,
-    has_time: Callable[[], bool],
+    limit: TimeLimit,
 ) -> list[Hypothesis]:
     """Begin to fit the additions to a parent, side by side, without those that are known."""
 
     def begun(one: ScreenedCandidate) -> Hypothesis | None:
         is_known = parent.key | {one.candidate.key} in done and one.origin is parent
-        if is_known or not has_time():
+        if is_known or not limit.has_time():
             return None
         return _with_effect(material, searched, parent, one)
 

@@ -44,6 +44,7 @@ from bowden.diagnosis.odds import SURE, Weighed, merit
 from bowden.diagnosis.proposals import BEGUN
 from bowden.diagnosis.reach import in_reach
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
+from bowden.diagnosis.time_limit import TimeLimit
 from bowden.diagnosis.weighing import weighed_in_turn, weighed_with
 from bowden.estimation.problem import WIDEST
 from bowden.estimation.search import Progress
@@ -59,6 +60,7 @@ def learn(
     searched: Model,
     parents: Sequence[Hypothesis],
     rivals: Sequence[Hypothesis],
+    limit: TimeLimit,
 ) -> Laws:
     """Fit the laws of one argument that could be the likeliest, on top of some sets.
 
@@ -71,17 +73,25 @@ def learn(
         The calibrated model first.
     rivals : sequence of Hypothesis
         Sets of effects, under the same covariance.
+    limit : TimeLimit
+        After it no further law is fitted.
     """
     recordings = [data.estimates.recording for data in material.coarse]
     screened = _screened(material, Screen(parents[0]), laws_over(recordings))
-    fitted = _laws(material, searched, parents, screened, rivals)
+    fitted = _laws(material, searched, parents, screened, rivals, limit=limit)
     least = min(map(merit, rivals))
     likelier = any(merit(one) < least for one in fitted if holds(one))
     return Laws(tuple(parents), tuple(screened), tuple(fitted), likelier)
 
 
 def with_laws(
-    material: Material, model: Model, found: Found, seed: int, progress: Progress | None = None
+    material: Material,
+    model: Model,
+    found: Found,
+    seed: int,
+    *,
+    limit: TimeLimit,
+    progress: Progress | None = None,
 ) -> Found:
     """Return what the search found with learned laws among the hypotheses.
 
@@ -94,25 +104,27 @@ def with_laws(
         What the search ended with.
     seed : int
         Of the bootstrap.
+    limit : TimeLimit
+        After it no further law is fitted.
     progress : callable (stage, share of the whole), optional
     """
     tell = progress or (lambda _stage, _share: None)
     tell("learning a law that no name fits", 0.9)
     searched = as_searched(model)
     sets = [one.hypothesis for one in found.weighed]
-    learned = found.laws or learn(material, searched, _parents(sets), sets)
+    learned = found.laws or learn(material, searched, _parents(sets), sets, limit)
     laws, names = learned.fitted, len({one.candidate.name for one in found.screened})
     tell("predicting by learned laws", 0.93)
     weighed = _weighed(material, found.weighed, laws, names, seed)
     best = next((one for one in weighed if learned_among(one.hypothesis.effects)), None)
-    if best is None or best.beyond > best.weight:
+    if (best is None or best.beyond > best.weight) and limit.has_time():
         tell("learning a law of two arguments", 0.94)
         screen = Screen(learned.parents[0])
         surfaces = _screened(material, screen, _surfaces(material, screen, learned.screened))
         rivals = [weighed_under(one, learned.parents[0].best.noises) for one in sets]
-        of_two = _laws(material, searched, learned.parents, surfaces, [*laws, *rivals])
+        of_two = _laws(material, searched, learned.parents, surfaces, [*laws, *rivals], limit=limit)
         weighed = _weighed(material, weighed, of_two, names, seed)
-    return replace(found, weighed=tuple(weighed))
+    return replace(found, weighed=tuple(weighed), in_time=not limit.cut)
 
 
 def _laws(
@@ -121,13 +133,15 @@ def _laws(
     parents: Sequence[Hypothesis],
     screened: Sequence[ScreenedCandidate],
     rivals: Sequence[Hypothesis],
+    *,
+    limit: TimeLimit,
 ) -> list[Hypothesis]:
     """Return the likeliest of some laws, on top of each parent and alone."""
     laws: list[Hypothesis] = []
     for parent in parents:
         if not any(map(holds, laws)):  # as in `search`: beside a set that holds none is grown
             others = [*rivals, *laws]
-            laws += _laws_on(material, searched, parent, screened, others)
+            laws += _laws_on(material, searched, parent, screened, others, limit=limit)
     done = {one.key: one for one in [*rivals, *laws]}
     alone = [without_idle(material, searched, one, done) for one in laws]
     return laws + [one for one in alone if one is not None and learned_among(one.effects)]
@@ -200,6 +214,8 @@ def _laws_on(
     parent: Hypothesis,
     screened: Sequence[ScreenedCandidate],
     rivals: Sequence[Hypothesis],
+    *,
+    limit: TimeLimit,
 ) -> list[Hypothesis]:
     """Return the laws on top of a set of effects that could be the likeliest, fitted to the end.
 
@@ -211,10 +227,12 @@ def _laws_on(
     chosen = _proposed(material, parent, screened)
     for first in range(0, len(chosen), BEGUN):
         batch = material.pool.map(
-            partial(_begun, material, searched, parent), chosen[first : first + BEGUN]
+            partial(_begun, material, searched, parent, limit), chosen[first : first + BEGUN]
         )
         begun = in_reach([one for one in batch if one is not None], [*rivals, *laws])
         for one in begun:
+            if not limit.has_time():
+                break
             law = _smoothed(material, searched, continued(one))
             laws += [] if law is None else [law]
             if law is None or not holds(law):
@@ -235,9 +253,15 @@ def _proposed(
 
 
 def _begun(
-    material: Material, searched: Model, parent: Hypothesis, screened: ScreenedCandidate
+    material: Material,
+    searched: Model,
+    parent: Hypothesis,
+    limit: TimeLimit,
+    screened: ScreenedCandidate,
 ) -> Hypothesis | None:
-    """Fit a law on top of a set of effects, one round."""
+    """Fit a law on top of a set of effects, one round; None where there is no rig, or no time."""
+    if not limit.has_time():
+        return None
     assert isinstance(screened.candidate, LawCandidate)
     law, values = finer(screened.candidate, screened.values)
     if law.scales_friction:  # on the file's mu, not on what calibration made of it

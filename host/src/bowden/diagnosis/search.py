@@ -12,7 +12,6 @@ do, no larger sets are grown.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from bowden.diagnosis.candidates import Candidate
@@ -26,6 +25,7 @@ from bowden.diagnosis.odds import SURE, Weighed, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.reach import in_reach
 from bowden.diagnosis.sets import MOST, Sets
+from bowden.diagnosis.time_limit import TimeLimit
 from bowden.diagnosis.weighing import weighed_in_turn, weighed_with
 from bowden.estimation.search import Progress
 from bowden.model import Model
@@ -37,7 +37,7 @@ def search(
     every: Sequence[Candidate],
     *,
     seed: int = 0,
-    time_limit_s: float = math.inf,
+    limit: TimeLimit | None = None,
     progress: Progress | None = None,
 ) -> Found:
     """Find the sets of effects that predict unseen data best.
@@ -49,19 +49,19 @@ def search(
         Of the file.
     every : sequence of Candidate
     seed : int
-    time_limit_s : float
-        After so many seconds no further set is fitted: the best so far are compared.
+    limit : TimeLimit, optional
+        After it no further set is fitted: the best so far are compared.
     progress : callable (stage, share of the whole), optional
     """
     tell = progress or (lambda _stage, _share: None)
     tell("calibrating", 0.05)
-    sets = Sets(material, as_searched(model), time_limit_s)
+    sets = Sets(material, as_searched(model), limit)
     tell("screening every effect", 0.15)
     sets.screen(every)
     names = len({one.name for one in every})
     laws: Laws | None = None
     likely, added = [sets.base], set[Key]()
-    while sets.has_time() and not (laws and laws.likelier):
+    while sets.limit.has_time() and not (laws and laws.likelier):
         best = likely[0]
         size = max(len(one.effects) for one in likely)
         if parents := [one for one in likely if one.key not in added]:
@@ -77,14 +77,14 @@ def search(
         likely = likely_of(grown, names, seed)
         if laws is None and len(likely[0].effects) == 2 and not holds(grown[0]):
             tell("learning a law that no name fits", 0.5)
-            laws = learn(material, sets.searched, sets.first_two(), [grown[0]])
+            laws = learn(material, sets.searched, sets.first_two(), [grown[0]], sets.limit)
     tell("predicting what was held out", 0.85)
     return Found(
         tuple(_compared(sets, names, seed)),
         sets.base,
         sets.filed,
         tuple(sets.first.here),
-        not sets.cut,
+        not sets.limit.cut,
         laws,
     )
 

@@ -6,8 +6,6 @@ children.
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 
@@ -44,6 +42,7 @@ from bowden.diagnosis.proposals import (
 )
 from bowden.diagnosis.reach import foreseen, in_reach
 from bowden.diagnosis.screening import Screen
+from bowden.diagnosis.time_limit import TimeLimit
 from bowden.estimation.search import solve
 from bowden.model import Model
 
@@ -62,12 +61,12 @@ class Sets:
     material : Material
     searched : Model
         As it is searched, with the file's values.
-    time_limit_s : float, optional
-        From now: after so long no further set is fitted.
+    limit : TimeLimit, optional
+        After it no further set is fitted.
     """
 
-    def __init__(self, material: Material, searched: Model, time_limit_s: float = math.inf) -> None:
-        self._until, self.cut = time.monotonic() + time_limit_s, False
+    def __init__(self, material: Material, searched: Model, limit: TimeLimit | None = None) -> None:
+        self.limit = limit or TimeLimit()
         self.material, self.searched = material, searched
         base = _base(material, searched)
         self.done: Done = {base.key: base}
@@ -102,7 +101,7 @@ class Sets:
         """Begin to fit one more effect beside those of each parent."""
         found: list[Hypothesis] = []
         for one in parents:
-            if len(one.effects) < MOST and self.has_time():
+            if len(one.effects) < MOST and self.limit.has_time():
                 found += self._begun(one, self._screened(one))
         return found
 
@@ -128,15 +127,10 @@ class Sets:
                 found += self._begun(less, Screening(Screen(less), self.first.here, []))
         return found
 
-    def has_time(self) -> bool:
-        """Whether there is time for one more fit; what is left out for lack of it is `cut`."""
-        self.cut = self.cut or time.monotonic() >= self._until
-        return not self.cut
-
     def _begun(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
         proposals = proposed(self.material, screening)
         return begun_from(
-            self.material, self.searched, parent, proposals, self.done, has_time=self.has_time
+            self.material, self.searched, parent, proposals, self.done, limit=self.limit
         )
 
     def weighed(
