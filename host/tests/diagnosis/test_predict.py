@@ -35,7 +35,7 @@ def test_the_density_is_the_likelihood_s_with_the_numbers_integrated_out(
     seen = Observations(zero, zero, one, np.zeros(size, dtype=np.intp), zero, (np.arange(size),))
     data: Any = SimpleNamespace(observations=seen)
     noise = Covariance(zero, one, np.zeros(size**2), np.ones(2), one)
-    wider = _widened(data, noise, moves)
+    wider = _widened(data, noise, moves, [0])
     (found,) = _densities(data, wider, Scales((0.0, 0.0)), residual, [0])
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 

@@ -60,7 +60,7 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
         for r, data in enumerate(problem.data):
             if not unseen[r]:
                 continue
-            wider = _widened(data, best.noises[r], one.slopes[r] @ root)
+            wider = _widened(data, best.noises[r], one.slopes[r] @ root, unseen[r])
             by_law = [
                 log_weight + _kinds(data, wider, like, found[r], unseen[r])
                 for like, log_weight in laws
@@ -126,14 +126,17 @@ def _folds(count: list[int]) -> list[NDArray[np.intp]]:
     return found
 
 
-def _widened(data: Data, noise: Covariance, moves: _Floats) -> Covariance:
-    """Return a covariance with what a fit does not know of its numbers.
+def _widened(data: Data, noise: Covariance, moves: _Floats, blocks: list[int]) -> Covariance:
+    """Return the covariance of some blocks with what a fit does not know of its numbers.
 
+    Of a long recording no matrix that is not asked for is written: it takes no memory then.
     `moves`: what each independent unknown does to the observations, shape (n, k).
     """
-    seen, inputs = data.observations, noise.inputs.copy()
-    for matrix, rows in zip(seen.layout.matrices(inputs), seen.blocks, strict=True):
-        np.add(matrix, moves[rows] @ moves[rows].T, out=matrix)
+    seen, inputs = data.observations, np.empty_like(noise.inputs)
+    before, wider = seen.layout.matrices(noise.inputs), seen.layout.matrices(inputs)
+    for block in blocks:
+        mine = moves[seen.blocks[block]]
+        wider[block][:] = before[block] + mine @ mine.T
     return replace(noise, inputs=inputs)
 
 

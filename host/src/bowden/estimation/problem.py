@@ -242,9 +242,9 @@ def objectives(
         prior, _ = problem.prior(x)
         totals.append(cost([], scales) + 0.5 * float(prior @ prior))
     for k, (data, noise) in enumerate(zip(problem.data, noises, strict=True)):
-        mine = np.column_stack([one[k] for one in residuals])
-        costs = block_costs(whiten(data, noise, scales, mine, problem.blocks[k])).sum(axis=0)
-        totals = [total + float(more) for total, more in zip(totals, costs, strict=True)]
+        for i, one in enumerate(residuals):
+            white = whiten(data, noise, scales, one[k][:, None], problem.blocks[k])
+            totals[i] += float(block_costs(white).sum())
     return totals
 
 
