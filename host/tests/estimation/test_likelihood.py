@@ -317,18 +317,20 @@ def test_factors_are_made_once_however_long_a_recording_is(monkeypatch: pytest.M
     """There is room for one covariance in any case, and each serves all residuals."""
     monkeypatch.setattr("bowden.estimation.observations.MOST_FACTORS_BYTES", 0)
     data, noise = known()
+    scales = Scales((0.3, 0.1))
     count, size = len(data.observations.blocks), data.observations.time_s.size
     residuals = np.random.default_rng(0).normal(size=(size, 5))
     made = counted_factors(monkeypatch)
     for residual in residuals.T:
-        whiten(data, noise, RIGHT, residual[:, None])
+        whiten(data, noise, scales, residual[:, None])
+    assert count > 2
     assert len(made) == count
     other = [Scales((0.1 * k, 0.0)) for k in range(1, 4)]
     for one in other:
         whiten(data, noise, one, residuals)
     assert len(made) == (1 + len(other)) * count
-    costs = block_costs(whiten(data, noise, RIGHT, residuals, (0, 2)))
-    alone = [block_costs(whiten(data, noise, RIGHT, r[:, None], (0, 2))) for r in residuals.T]
+    costs = block_costs(whiten(data, noise, scales, residuals, (0, 2)))
+    alone = [block_costs(whiten(data, noise, scales, r[:, None], (0, 2))) for r in residuals.T]
     np.testing.assert_array_equal(costs, np.column_stack(alone))
 
 

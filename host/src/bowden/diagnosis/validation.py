@@ -22,7 +22,7 @@ from bowden.diagnosis.odds import SURE, Weighed, explanations, posterior
 from bowden.diagnosis.predict import predict_unseen
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Data
-from bowden.estimation.likelihood import whiten
+from bowden.estimation.likelihood import whiten_once
 from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
@@ -178,7 +178,7 @@ def _whitened(chosen: Weighed, number: int) -> tuple[Data, list[tuple[_Index, _F
     data, fold = one.problem.data[number], prediction.folds[number]
     found = []
     for k, rows in enumerate(data.observations.blocks):
-        white = whiten(
+        white = whiten_once(
             data,
             one.best.noises[number],
             prediction.scales[fold[k]],

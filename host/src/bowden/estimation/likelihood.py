@@ -110,10 +110,10 @@ def _factors(data: Data, noise: Covariance, scales: Scales, blocks: NDArray[np.i
 
 def block_costs(white: Whitened) -> _Floats:
     """Return -log density of each column in each block, up to a constant, shape (b, c)."""
-    return half_squares(white.squares, white.sizes[:, None]) + white.half_log_det[:, None]
+    return _half_squares(white.squares, white.sizes[:, None]) + white.half_log_det[:, None]
 
 
-def half_squares(squares: _Floats, sizes: NDArray[np.intp]) -> _Floats:
+def _half_squares(squares: _Floats, sizes: NDArray[np.intp]) -> _Floats:
     """Return what so many independent residuals add to -log density, by their sum of squares."""
     beyond = (DRAWS + sizes) * np.log1p(np.maximum(squares - sizes, 0.0) / (DRAWS + sizes))
     return np.asarray(0.5 * (np.minimum(squares, sizes) + beyond))
