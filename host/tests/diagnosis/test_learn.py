@@ -53,13 +53,15 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize(("right", "begun"), [(0, 5), (6, 10), (99, 12)])
+@pytest.mark.parametrize(("right", "begun"), [(0, 5), (6, 10), (11, 12), (99, 12)])
 def test_further_laws_are_tried_until_one_holds(
     tried: list[str], monkeypatch: pytest.MonkeyPatch, right: int, begun: int
 ) -> None:
+    """While each handful brings a likelier one."""
+
     def begin(*args: object) -> Hypothesis:
         tried.append(str(args[-1]))
-        return law(-1000.0, 0.0) if args[-1] == right else law(-10.0, 5.0)
+        return law(-1000.0, 0.0) if args[-1] == right else law(-10.0 * len(tried), 5.0)
 
     monkeypatch.setattr(learn, "_begun", begin)
     laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [], limit=TimeLimit())
@@ -78,6 +80,20 @@ def test_no_further_laws_are_tried_once_none_could_be_the_likeliest(
     laws = learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [], limit=TimeLimit())
     assert len(tried) == 10
     assert [one.best.cost for one in laws] == [-100.0]
+
+
+def test_no_further_laws_are_tried_once_a_handful_brings_none_likelier(
+    tried: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All could be the likeliest, by what they promise; on top of a dear effect each takes long."""
+
+    def begin(*args: object) -> Hypothesis:
+        tried.append(str(args[-1]))
+        return law(-10.0, 5.0)
+
+    monkeypatch.setattr(learn, "_begun", begin)
+    learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [], limit=TimeLimit())
+    assert len(tried) == 10
 
 
 @pytest.mark.parametrize("fitted", [0, 1, 2])
@@ -115,6 +131,24 @@ def test_of_laws_that_hold_all_that_could_be_the_likeliest_are_fitted(
     assert (
         len(learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], [], limit=TimeLimit())) == 4
     )  # and one that does not
+
+
+def test_of_laws_that_hold_none_is_fitted_behind_one_that_cannot_be_the_likeliest(
+    tried: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They promised to be, by their derivatives; what is there without a law is likelier."""
+    monkeypatch.setattr(learn, "_begun", lambda *_: tried.append("") or law(-99.0, 0.0))
+    ended: list[Hypothesis] = []
+
+    def end(_material: object, _searched: object, one: Hypothesis) -> Hypothesis:
+        ended.append(one)
+        return law(-90.0, 0.0)
+
+    monkeypatch.setattr(learn, "_smoothed", end)
+    known = [law(-100.0, 0.0)]
+    assert not learn._laws_on(ONE_BY_ONE, MODEL, law(0.0, 9.0), [], known, limit=TimeLimit())
+    assert len(tried) == 5
+    assert len(ended) == 1
 
 
 def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(

@@ -11,31 +11,25 @@ from bowden.diagnosis import reach as reaching
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.fitting import parameters_with
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.law_candidates import FITTED as KNOTS
-from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.reach import fall, in_reach
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
-from bowden.model.effects import LawTable
 from bowden.workers import workers
 
 from .lab import MODEL
 
 (VISCOUS,) = candidates(["viscous_friction"])
-LAW = LawCandidate.of(LawTable("load_torque_nm", ("time_s",), (0.0, 1.0, 2.0)), 0.1)
 DOUBT = math.log(19.0)  # odds of what is sure to 95 %
 
 
-def fitted(cost: float, *, law: bool = False) -> Hypothesis:
+def fitted(cost: float) -> Hypothesis:
     """Return a fit that ended at its usual strength with such a cost."""
-    effect = LAW if law else VISCOUS
-    values = dict.fromkeys(LAW.table.names, 0.1) if law else {"mu_v_s_per_m": 0.1}
-    parameters = parameters_with(MODEL, [(effect, values)])
+    parameters = parameters_with(MODEL, [(VISCOUS, {"mu_v_s_per_m": 0.1})])
     with workers(1) as pool:
         problem = Problem((), parameters, (), (), pool)
     x = parameters.coordinates_of(parameters.model)
     best = Optimum(x, cost, np.eye(x.size), [], [], Scales((0.0, 0.0)))
-    return Hypothesis((effect,), problem, best, ())
+    return Hypothesis((VISCOUS,), problem, best, ())
 
 
 def test_a_number_that_the_data_do_not_tell_leaves_a_fit_where_it_is() -> None:
@@ -94,7 +88,3 @@ def test_what_counts_is_how_far_a_fit_could_come_down(
     assert in_reach([second], [first]) == []
     monkeypatch.setattr(reaching, "fall", lambda one: 40.0 if one is second else 0.0)
     assert in_reach([second], [first]) == [second]
-
-
-def test_a_law_may_gain_by_another_smoothness() -> None:
-    assert fall(fitted(0.0, law=True)) - KNOTS == pytest.approx(0.0, abs=1.0)

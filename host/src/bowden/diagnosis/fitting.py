@@ -84,11 +84,15 @@ class Start:
         best = replace(self.here, slopes=slopes, settled=slopes is not None)
         return with_slopes(self.effects, self.problem, best)
 
-    def begun(self, material: Material) -> Hypothesis:
-        """Return the hypothesis after one round, with the derivatives that it ended with."""
-        here = Hypothesis(self.effects, self.problem, self.here, ())
+    def begun(self, material: Material, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
+        """Return the hypothesis after one round, with the derivatives that it ended with.
+
+        `slopes`: those where the fit starts, where they are known already.
+        """
+        best = replace(self.here, slopes=slopes, settled=slopes is not None)
+        here = Hypothesis(self.effects, self.problem, best, ())
         there = _round(material, here, None)
-        return self.unmoved() if there is None else there
+        return self.unmoved(slopes) if there is None else there
 
 
 def continued(one: Hypothesis) -> Hypothesis:

@@ -220,8 +220,8 @@ def _laws_on(
     """Return the laws on top of a set of effects that could be the likeliest, fitted to the end.
 
     Gains are predicted to first order, and those of strong laws badly: further laws are begun until
-    one holds, or none could be as likely as those before. The likeliest are fitted first, until one
-    leaves much: the less likely ones leave more.
+    one holds, or those that promise less bring none likelier than those before. The likeliest are
+    fitted first, until one leaves much or ends out of reach: the less likely ones do, too.
     """
     laws: list[Hypothesis] = []
     chosen = _proposed(material, parent, screened)
@@ -229,15 +229,18 @@ def _laws_on(
         batch = material.pool.map(
             partial(_begun, material, searched, parent, limit), chosen[first : first + BEGUN]
         )
-        begun = in_reach([one for one in batch if one is not None], [*rivals, *laws])
-        for one in begun:
+        before = min(map(merit, laws), default=np.inf)
+        for one in in_reach([one for one in batch if one is not None], [*rivals, *laws]):
             if not limit.has_time():
                 break
-            law = _smoothed(material, searched, continued(one))
-            laws += [] if law is None else [law]
-            if law is None or not holds(law):
+            smooth = _smoothed(material, searched, continued(one))
+            if smooth is None:
                 break
-        if not begun or any(map(holds, laws)):
+            law = continued(smooth)
+            laws.append(law)
+            if not holds(law) or not in_reach([law], [*rivals, *laws]):
+                break
+        if any(map(holds, laws)) or min(map(merit, laws), default=np.inf) >= before:
             break
     return in_reach(laws, rivals)
 
@@ -259,7 +262,10 @@ def _begun(
     limit: TimeLimit,
     screened: ScreenedCandidate,
 ) -> Hypothesis | None:
-    """Fit a law on top of a set of effects, one round; None where there is no rig, or no time."""
+    """Fit a law on top of a set of effects, one round, and find its smoothness.
+
+    None where there is no rig, or no time.
+    """
     if not limit.has_time():
         return None
     assert isinstance(screened.candidate, LawCandidate)
@@ -271,11 +277,11 @@ def _begun(
     effects = [*known, (law, values)]
     start, like = parent.coordinates(), parent.best
     begun = start_of(material, searched, effects, start, like)
-    return None if begun is None else begun.begun(material)
+    return None if begun is None else _smoothed(material, searched, begun.begun(material))
 
 
 def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:
-    """Fit a law to the end, with the smoothness of the largest evidence."""
+    """Give a fitted law the smoothness of the largest evidence, and fit it one round so."""
     *known, law = first.effects
     assert isinstance(law, LawCandidate)
     law = replace(law, bend=_likeliest_bend(first, law))
@@ -284,7 +290,7 @@ def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothe
         (law, first.values(len(known))),
     ]
     start = start_of(material, searched, effects, first.coordinates(), first.best)
-    return None if start is None else continued(start.unmoved(first.slopes))
+    return None if start is None else start.begun(material, first.slopes)
 
 
 def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:

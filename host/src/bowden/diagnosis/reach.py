@@ -1,7 +1,7 @@
 """Which fits could be the likeliest: those that carry something beside it, by the blocks.
 
-`sets` finishes what was begun until one ends out of reach. `learn` goes on with the laws that one
-round leaves in reach, with all that their derivatives say they could come down by.
+`sets` and `learn` finish what was begun, likeliest first, until one ends out of reach: what its
+derivatives promise tells which could be the likeliest, but not how far it comes down.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.law_candidates import FITTED, learned_among
 from bowden.diagnosis.odds import SURE, merit, shares_of
 from bowden.estimation.descend import bounded_step, normal_equations
 from bowden.estimation.likelihood import block_costs, whiten
@@ -66,8 +65,7 @@ def foreseen(one: Hypothesis) -> float:
 def fall(one: Hypothesis) -> float:
     """Return by how much the -log posterior of a fit could still come down.
 
-    Twice as far as its derivatives predict, the scales found anew: no fit is quite a parabola. A
-    learned law may gain as much again by another smoothness, up to a nat for each of its knots.
+    Twice as far as its derivatives predict, the scales found anew: no fit is quite a parabola.
     """
     problem, best = one.problem, one.best
     normal = normal_equations(
@@ -76,5 +74,4 @@ def fall(one: Hypothesis) -> float:
     # What the data don't tell at all is known by its range: see `Problem.root`.
     x = problem.feasible(best.x + bounded_step(problem, best.x, *normal, WIDEST**-2.0))
     left = [r + j @ (x - best.x) for r, j in zip(best.residuals, one.slopes, strict=True)]
-    predicted = max(gain(problem, best, x, left), 0.0)
-    return 2.0 * predicted + (FITTED if learned_among(one.effects) else 0.0)
+    return 2.0 * max(gain(problem, best, x, left), 0.0)
