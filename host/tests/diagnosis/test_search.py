@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from types import SimpleNamespace
+from typing import Any, Final, cast
 
 import numpy as np
 import pytest
 from bowden.diagnosis import fitting
 from bowden.diagnosis.candidates import Candidate, candidates
 from bowden.diagnosis.fitting import finish, start_of, weighed_under
+from bowden.diagnosis.found import Laws
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.odds import Weighed, merit
 from bowden.diagnosis.search import likely_of, rivals_of, search
 from bowden.diagnosis.sets import Sets
+from bowden.diagnosis.time_limit import TimeLimit
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Covariance
+from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Problem
 from bowden.model import Mode
 from bowden.workers import Workers, workers
@@ -129,6 +133,52 @@ def test_a_set_that_predicts_worse_than_a_smaller_one_is_not_grown(
     assert likely_of([larger, smaller], 32, 1) == [smaller]
     density[id(larger)] += 20.0
     assert likely_of([larger, smaller], 32, 1) == [larger]
+
+
+@pytest.mark.parametrize(
+    ("pairs", "left", "learned"),
+    [(True, 5.0, 1), (True, 0.5, 0), (False, 5.0, 0)],
+    ids=["no pair explains the data", "a pair does", "there is no pair"],
+)
+def test_laws_are_learned_once_where_no_two_effects_explain_the_data(
+    monkeypatch: pytest.MonkeyPatch, pairs: bool, left: float, learned: int
+) -> None:
+    """Also where a smaller set predicts as well: larger ones are not grown before."""
+
+    def of(size: int) -> Any:
+        best = SimpleNamespace(scales=Scales((left, 0.0)))
+        return SimpleNamespace(effects=(GAIN,) * size, key=frozenset({size}), best=best)
+
+    base, single, pair = map(of, range(3))
+    asked: list[object] = []
+    grown = iter([[single, base], [pair, single] if pairs else [single], [single]])
+    places = iter([[0], []])
+    fake = SimpleNamespace(
+        limit=TimeLimit(),
+        searched=MODEL,
+        base=base,
+        filed=base,
+        first=SimpleNamespace(here=[]),
+        screen=lambda _: None,
+        added=lambda _: [],
+        not_exchanged=lambda _: next(places),
+        exchanged=lambda *_: [],
+        weighed=lambda *_: next(grown),
+        first_two=lambda: [base, single],
+    )
+    monkeypatch.setattr("bowden.diagnosis.search.Sets", lambda *_: fake)
+    monkeypatch.setattr("bowden.diagnosis.search.as_searched", lambda model: model)
+    monkeypatch.setattr("bowden.diagnosis.search.likely_of", lambda *_: [single])
+    monkeypatch.setattr("bowden.diagnosis.search._compared", lambda *_: [])
+
+    def learn(*args: object) -> Laws:
+        asked.append(args)
+        return Laws((), (), (), likelier=False)
+
+    monkeypatch.setattr("bowden.diagnosis.search.learn", learn)
+    found = search(cast(Material, None), MODEL, [GAIN], seed=1)
+    assert len(asked) == learned
+    assert (found.laws is not None) is bool(learned)
 
 
 def _misled(monkeypatch: pytest.MonkeyPatch, levels: Sequence[object]) -> list[object]:

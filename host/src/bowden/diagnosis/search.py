@@ -75,7 +75,8 @@ def search(
             break
         grown = sets.weighed(likely, children)
         likely = likely_of(grown, names, seed)
-        if laws is None and len(likely[0].effects) == 2 and not holds(grown[0]):
+        pairs_grown = any(len(one.effects) > 1 for one in grown)
+        if laws is None and pairs_grown and not holds(grown[0]):
             tell("learning a law that no name fits", 0.5)
             laws = learn(material, sets.searched, sets.first_two(), [grown[0]], sets.limit)
     tell("predicting what was held out", 0.85)
