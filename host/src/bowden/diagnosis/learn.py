@@ -40,7 +40,7 @@ from bowden.diagnosis.law_candidates import (
     surface_of,
 )
 from bowden.diagnosis.material import Material, as_searched
-from bowden.diagnosis.odds import SURE, Weighed, merit
+from bowden.diagnosis.odds import SURE, Weighed, merit, penalty_of_law
 from bowden.diagnosis.proposals import BEGUN
 from bowden.diagnosis.reach import in_reach
 from bowden.diagnosis.screening import Screen, ScreenedCandidate
@@ -248,11 +248,17 @@ def _laws_on(
 def _proposed(
     material: Material, parent: Hypothesis, screened: Sequence[ScreenedCandidate]
 ) -> list[ScreenedCandidate]:
-    """Return the laws with the largest predicted gains on top of a set of effects, best first."""
+    """Return the laws that would gain more than they cost on top of a set, best first."""
     screen = Screen(parent)
     here = [screen.again(one) for one in screened]
     gains = list(material.pool.map(screen.annealed, here))
-    return [here[k] for k in np.argsort(gains)[::-1] if gains[k] > 0.0]
+
+    def pays(k: int) -> bool:
+        law = here[k].candidate
+        assert isinstance(law, LawCandidate)
+        return gains[k] > penalty_of_law(law)
+
+    return [here[k] for k in np.argsort(gains)[::-1] if pays(int(k))]
 
 
 def _begun(

@@ -72,12 +72,12 @@ def log_prior(one: Hypothesis, candidates: int = len(CATALOGUE)) -> float:
     penalties = sum(penalty(effect, candidates - k) for k, (effect, _) in enumerate(there))
     room = sum(math.log(min(strength, 1.0)) for _, strength in there)
     orders = math.lgamma(len(there) + 1)
-    return orders - penalties + room + sum(map(_log_prior_of, laws))
+    return orders - penalties + room - sum(map(penalty_of_law, laws))
 
 
-def _log_prior_of(law: LawCandidate) -> float:
-    """Return the logarithm of the prior of a learned law; a second argument is one thing more."""
-    return math.log(PRIOR_UNLISTED * (MORE / SURFACES if law.table.y else 1.0 / LAWS))
+def penalty_of_law(law: LawCandidate) -> float:
+    """Return the log prior odds against a learned law; a second argument is one thing more."""
+    return -math.log(PRIOR_UNLISTED * (MORE / SURFACES if law.table.y else 1.0 / LAWS))
 
 
 def merit(one: Hypothesis) -> float:
