@@ -29,6 +29,7 @@ from bowden.model.friction.stiction import breakaway_excess
 from bowden.model.transmission import FloatArray, Transmission
 
 RELEASE, PULL = 0, 1
+FROM_END = slice(None), slice(None, None, -1)  # segments from the motor's end, from the load's
 DEFAULT_SEGMENTS = 100
 NO_STRAIN = 1e-9
 
@@ -145,32 +146,28 @@ def tables(transmission: Transmission, varies: bool = False) -> Tables:
     excess = breakaway_excesses(transmission, mesh)
     compliance = mesh.length_m / transmission.axial_stiffness_n
 
-    decay = np.empty((2, 2, 2, n + 1))
-    outer = np.empty((2, 2, 2, n + 1))
-    half = np.empty((2, n))
-    half_virgin = np.empty((2, 2, n))
+    mean = exponent[0].mean(axis=0)  # of both directions, and so of either cable
+    half = sliding_weight(mean) * compliance
+    virgin = np.stack([virgin_slope(mean, side) * compliance for side in (RELEASE, PULL)])
+
+    decay = np.ones((2, 2, 2, n + 1))
+    outer = np.zeros((2, 2, 2, n + 1))
     hold = np.empty((2, 2, 2, n))
-    for cable in range(2):
-        mean = exponent[cable].mean(axis=0)
-        for end in range(2):
-            order = slice(None) if end == 0 else slice(None, None, -1)
-            weight = (sliding_weight(mean) * compliance)[order]
-            half[end] = weight
-            for motion in (RELEASE, PULL):
-                towards_load = motion if end == 1 else 1 - motion
-                a = exponent[cable, towards_load][order]
-                sign = 1.0 if motion == PULL else -1.0
-                fall = np.exp(-sign * np.concatenate(([0.0], np.cumsum(a))))
-                both = weight * (fall[:-1] + fall[1:])
-                decay[cable, end, motion] = fall
-                outer[cable, end, motion] = np.concatenate(([0.0], np.cumsum(both)))
-                half_virgin[end, motion] = (virgin_slope(mean, motion) * compliance)[order]
-                hold[cable, end, motion] = np.exp(a + excess[order])
+    for end, order in enumerate(FROM_END):
+        for motion in (RELEASE, PULL):
+            towards_load = motion if end == 1 else 1 - motion
+            a = exponent[:, towards_load, order]
+            sign = 1.0 if motion == PULL else -1.0
+            fall = decay[:, end, motion]
+            fall[:, 1:] = np.exp(-sign * np.cumsum(a, axis=1))
+            both = half[order] * (fall[:, :-1] + fall[:, 1:])
+            outer[:, end, motion, 1:] = np.cumsum(both, axis=1)
+            hold[:, end, motion] = np.exp(a + excess[order])
     return Tables(
         decay,
         outer,
-        half,
-        half_virgin,
+        np.stack([half[order] for order in FROM_END]),
+        np.stack([virgin[:, order] for order in FROM_END]),
         hold,
         transmission.pretension_n,
         NO_STRAIN * transmission.axial_stiffness_n,
