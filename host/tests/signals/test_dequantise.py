@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
-from bowden.signals.dequantise import dequantise, estimate_channels, grid
-from bowden.signals.runs import chatters
+from bowden.signals.dequantise import NOISY_COUNTS, dequantise, estimate_channels, grid
+from bowden.signals.runs import SHOWN, chatters
 from bowden.signals.smooth_path import TORQUE_ORDER
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ..rigs import TABLE_1
@@ -79,6 +79,7 @@ def test_a_slow_stroke_is_drawn_as_smooth_as_it_is_beside_fast_ones() -> None:
     uneven=st.floats(0.0, 0.9),
     pause=st.booleans(),
 )
+@example(seed=15750812, speed=3.0, uneven=0.75, pause=False)  # as noisy as it is fast
 def test_the_path_never_leaves_its_counts(
     seed: int, speed: float, uneven: float, pause: bool
 ) -> None:
@@ -91,7 +92,9 @@ def test_the_path_never_leaves_its_counts(
     read = counted(angle)
     found = dequantise(time_s, read, expected_quantum=COUNT)
     inside = 0.5 * COUNT * (1 + 1e-9) + 3.0 * found.noise
-    if chatters(np.round(read / COUNT)):
+    if found.noise > NOISY_COUNTS * COUNT:
+        inside += SHOWN * found.noise  # it passes by what could as well be noise
+    elif chatters(np.round(read / COUNT)):
         inside += COUNT  # at readings that alternate, which count is the right one is open
     assert np.all(np.abs(found.values - read) <= inside)
     assert np.all(np.isfinite(found.sigma))
