@@ -81,18 +81,19 @@ class Start:
 
         `slopes`: those, where they are known already.
         """
-        best = replace(self.here, slopes=slopes, settled=slopes is not None)
-        return with_slopes(self.effects, self.problem, best)
+        return with_slopes(self.effects, self.problem, self._known(slopes))
 
     def begun(self, material: Material, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
         """Return the hypothesis after one round, with the derivatives that it ended with.
 
         `slopes`: those where the fit starts, where they are known already.
         """
-        best = replace(self.here, slopes=slopes, settled=slopes is not None)
-        here = Hypothesis(self.effects, self.problem, best, ())
+        here = Hypothesis(self.effects, self.problem, self._known(slopes), ())
         there = _round(material, here, None)
         return self.unmoved(slopes) if there is None else there
+
+    def _known(self, slopes: Sequence[_Floats] | None) -> Optimum:
+        return replace(self.here, slopes=slopes, settled=slopes is not None)
 
 
 def continued(one: Hypothesis) -> Hypothesis:
