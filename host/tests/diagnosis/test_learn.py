@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import cast
 
@@ -51,6 +52,26 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(learn, "continued", lambda one: one)
     monkeypatch.setattr(learn, "_smoothed", lambda _m, _s, one: one)
     return found
+
+
+@pytest.mark.parametrize(
+    ("second", "cost"),
+    # One of ten rigs misses what is unlisted: one of 63 laws; one in four of these two arguments of
+    # 252 laws.
+    [(None, math.log(63 / 0.1)), ((0.0, 1.0, 2.0), math.log(252 / (0.1 * 0.25)))],
+    ids=["one argument", "two arguments"],
+)
+def test_a_law_is_proposed_where_it_gains_more_than_it_costs_beforehand(
+    monkeypatch: pytest.MonkeyPatch, second: tuple[float, ...] | None, cost: float
+) -> None:
+    over = ("time_s", "load_angle_rad") if second else ("time_s",)
+    axes = [(0.0, 1.0, 2.0), *([second] if second else [])]
+    one = LawCandidate.of(LawTable("load_torque_nm", over, *axes), 0.1)
+    gains = [cost - 0.1, cost + 0.1, cost + 5.0]
+    each = [cast(ScreenedCandidate, SimpleNamespace(candidate=one, gain=gain)) for gain in gains]
+    screen = SimpleNamespace(again=lambda each: each, annealed=lambda each: each.gain)
+    monkeypatch.setattr(learn, "Screen", lambda _: screen)
+    assert learn._proposed(ONE_BY_ONE, law(0.0, 9.0), each) == [each[2], each[1]]
 
 
 @pytest.mark.parametrize(("right", "begun"), [(0, 5), (6, 10), (11, 12), (99, 12)])
