@@ -45,7 +45,7 @@ def test_a_constant_is_changed_wherever_it_is_read_and_set_back() -> None:
 
 def test_half_and_double() -> None:
     assert (_named("BEGUN").scaled(0.5), _named("BEGUN").scaled(2.0)) == (3, 10)  # of 5
-    assert _named("OUTLIER").scaled(2.0) == 0.06
+    assert _named("OUTLIER").scaled(2.0) == 0.006
     # odds 19 : 1, halved and doubled: a share stays a share
     assert _named("SURE").scaled(0.5) == pytest.approx(9.5 / 10.5)
     assert _named("SURE").scaled(2.0) == pytest.approx(38.0 / 39.0)

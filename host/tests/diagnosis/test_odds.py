@@ -21,6 +21,7 @@ from bowden.estimation.gap import Gap
 BLOCKS = 12
 WEAK = {"weak": 0.01, "gone": 0.0}  # of its usual strength; others have it
 NOTHING = np.full(BLOCKS, -50.0)  # log density where something unlisted would fit badly
+NEVER = -1000.0  # where the inputs did nothing at another moment
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,12 @@ class Stub:
         return SimpleNamespace(x=None)
 
 
-def weighed(*sets: tuple[str, Any, Any], rarer: float = 0.0) -> list[Weighed]:
+def weighed(*sets: tuple[str, Any, Any], rarer: float = 0.0, shifted: Any = NEVER) -> list[Weighed]:
     """Weigh sets by what each says of the blocks; outliers are so much less likely than `large`."""
     found = []
     for names, small, large in sets:
         stub = Stub(tuple(names.split()))
-        each = [np.zeros(BLOCKS) + one for one in (small, large, large - rarer)]
+        each = [np.zeros(BLOCKS) + one for one in (small, large, shifted, large - rarer)]
         prediction = UnseenPrediction(*each, (), (), (), ())
         found.append((cast("Hypothesis", stub), prediction))
     return posterior(found, candidates=32, seed=0)
@@ -153,23 +154,34 @@ def test_something_unlisted_beats_names_that_fit_badly(monkeypatch: pytest.Monke
     assert found.effects == ()
 
 
-def test_one_block_that_fits_badly_is_an_outlier_and_four_are_not(
+def test_one_block_that_fits_badly_is_an_outlier_and_three_are_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for bad, verdict in ((1, "complete"), (4, "unlisted")):
+    for bad, verdict in ((1, "complete"), (3, "unlisted")):
         small = np.zeros(BLOCKS)
         small[:bad] = -100.0
         assert decided(weighed(("", small, -5.0)), monkeypatch).verdict == verdict
 
 
-@pytest.mark.parametrize(("rarer", "verdict"), [(0.0, "complete"), (3.0, "unlisted")])
-def test_blocks_that_are_off_by_more_than_outliers_are_say_that_something_is_there(
-    monkeypatch: pytest.MonkeyPatch, rarer: float, verdict: str
+@pytest.mark.parametrize(("rarer", "likelier"), [(0.0, "nothing"), (4.0, "unlisted")])
+def test_a_block_that_is_off_by_more_than_outliers_are_says_that_something_is_there(
+    monkeypatch: pytest.MonkeyPatch, rarer: float, likelier: str
 ) -> None:
-    """Two blocks of twelve: noise is off by a little now and then, by a hundredfold hardly ever."""
+    """Noise is off by a little now and then, by a hundredfold hardly ever."""
     small = np.zeros(BLOCKS)
-    small[:2] = -400.0
+    small[0] = -400.0
     found = weighed(("", small, -5.0), rarer=rarer)
+    assert next(iter(decided(found, monkeypatch).odds)) == likelier
+
+
+@pytest.mark.parametrize(("shifted", "verdict"), [(0.0, "complete"), (-60.0, "unlisted")])
+def test_blocks_in_which_the_inputs_may_have_turned_at_another_moment_say_nothing(
+    monkeypatch: pytest.MonkeyPatch, shifted: float, verdict: str
+) -> None:
+    """Three blocks of twelve are off: by what the inputs do nearby, or by what they do nowhere."""
+    small = np.zeros(BLOCKS)
+    small[:3] = -100.0
+    found = weighed(("", small, -5.0), shifted=shifted)
     assert decided(found, monkeypatch).verdict == verdict
 
 

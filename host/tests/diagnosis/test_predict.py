@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from bowden.diagnosis import predict
-from bowden.diagnosis.predict import _densities, _folds, _kinds, _mixture, _widened
+from bowden.diagnosis.predict import _densities, _folds, _kinds, _mixture, _shifted, _widened
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.observations import Observations
@@ -34,7 +34,7 @@ def test_the_density_is_the_likelihood_s_with_the_numbers_integrated_out(
     zero, one = np.zeros(size), np.ones(size)
     seen = Observations(zero, zero, one, np.zeros(size, dtype=np.intp), zero, (np.arange(size),))
     data: Any = SimpleNamespace(observations=seen)
-    noise = Covariance(zero, one, np.zeros(size**2), np.ones(2), one)
+    noise = Covariance(zero, one, np.zeros(size**2), np.ones(2), one, zero)
     wider = _widened(data, noise, moves, [0])
     (found,) = _densities(data, wider, Scales((0.0, 0.0)), residual, [0])
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
@@ -60,6 +60,24 @@ def test_an_unknown_size_is_the_weighed_mean_of_the_sizes() -> None:
     np.testing.assert_allclose(np.exp(_mixture(parts, np.array([3.0, 1.0]))), [0.15, 0.35])
 
 
+@given(st.integers(1, 8), st.integers(0, 2**31))
+def test_inputs_may_do_at_another_moment_what_they_do_nearby(size: int, seed: int) -> None:
+    """Dense: as large as nearby, and correlated for as long as what a model lacks."""
+    rng = np.random.default_rng(seed)
+    time_s, channel = np.sort(rng.uniform(0.0, 0.5, size)), rng.integers(0, 2, size)
+    spread = rng.normal(size=(size, size))
+    before, near = spread @ spread.T, rng.uniform(0.0, 3.0, size)
+    zero, one = np.zeros(size), np.ones(size)
+    seen = Observations(time_s, zero, one, channel, zero, (np.arange(size),))
+    data: Any = SimpleNamespace(observations=seen)
+    noise = Covariance(zero, one, before.ravel(), np.ones(2), one, near)
+    found = _shifted(data, noise, [0]).inputs.reshape(size, size)
+    for i in range(size):
+        for k in range(size):
+            alike = math.exp(-abs(time_s[i] - time_s[k]) / 0.15) * (channel[i] == channel[k])
+            assert found[i, k] == pytest.approx(before[i, k] + alike * near[i] * near[k])
+
+
 @pytest.mark.parametrize(
     ("size", "unlisted", "outlier"),
     [
@@ -79,6 +97,7 @@ def test_an_outlier_is_the_rarer_the_larger_it_is_and_what_is_unlisted_is_of_any
         return np.array([0.0 if max(scales.discrepancy) == size else -800.0])
 
     monkeypatch.setattr(predict, "_densities", densities)
+    monkeypatch.setattr(predict, "_shifted", lambda _data, noise, _blocks: noise)
     anything = cast("Any", None)
     found = _kinds(anything, anything, Scales((0.0, 0.0)), np.zeros(1), [0])
-    np.testing.assert_allclose(np.exp(found[:, 0]), [0.0, unlisted, outlier], atol=1e-12)
+    np.testing.assert_allclose(np.exp(found[:, 0]), [0.0, unlisted, 0.0, outlier], atol=1e-12)

@@ -213,3 +213,21 @@ def test_a_damping_that_the_model_tells_is_no_noise() -> None:
     )
     assert np.all(told <= open_to)
     assert told.sum() < 0.9 * open_to.sum()
+
+
+@pytest.mark.parametrize("kind", ["sine", "triangle", "rests"])
+def test_what_a_further_path_may_do_is_what_the_drawn_ones_do_nearby(kind: str) -> None:
+    """Of 48 paths the next one is beyond all with a probability of 1/49: its share of the variance.
+
+    As far about an observation as what a model lacks is correlated, 0.15 s, in the same channel.
+    """
+    data, noise = right_noise_of(kind)
+    seen = data.observations
+    variance = noise.sigma**2 - noise.own
+    for row in range(0, variance.size, 7):
+        alike = seen.channel == seen.channel[row]
+        apart_s = np.abs(seen.time_s - seen.time_s[row])
+        # An observation just 0.15 s away may count or not: its time is rounded.
+        low, high = (variance[alike & (apart_s <= most)].max() for most in (0.1499, 0.1501))
+        assert np.sqrt(low / 49) * (1 - 1e-9) <= noise.shifted[row]
+        assert noise.shifted[row] <= np.sqrt(high / 49) * (1 + 1e-9)

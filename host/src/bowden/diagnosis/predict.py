@@ -47,7 +47,7 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
     problem, best = one.problem, one.best
     count = [len(data.observations.blocks) for data in problem.data]
     fold = [np.full(n, k) for k, n in enumerate(count)] if by_recording else _folds(count)
-    kinds = [np.zeros((3, number)) for number in count]
+    kinds = [np.zeros((4, number)) for number in count]
     residuals = [np.array(r) for r in best.residuals]
 
     def one_fold(k: int) -> tuple[Scales, _Floats]:
@@ -73,10 +73,11 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
 
     folds = problem.pool.map(one_fold, range(max(f.max() for f in fold) + 1))
     every, points = zip(*folds, strict=True)
-    small, large, outlier = np.concatenate(kinds, axis=1)
+    small, large, shifted, outlier = np.concatenate(kinds, axis=1)
     return UnseenPrediction(
         small,
         large,
+        shifted,
         outlier,
         tuple(residuals),
         every,
@@ -140,10 +141,21 @@ def _widened(data: Data, noise: Covariance, moves: _Floats, blocks: list[int]) -
     return replace(noise, inputs=inputs)
 
 
+def _shifted(data: Data, noise: Covariance, blocks: list[int]) -> Covariance:
+    """Return the covariance of some blocks with what the inputs may do at another moment."""
+    seen, inputs = data.observations, np.empty_like(noise.inputs)
+    before, wider = seen.layout.matrices(noise.inputs), seen.layout.matrices(inputs)
+    alike = seen.layout.matrices(seen.correlations)
+    for block in blocks:
+        mine = noise.shifted[seen.blocks[block]]
+        wider[block][:] = before[block] + alike[block] * np.outer(mine, mine)
+    return replace(noise, inputs=inputs)
+
+
 def _kinds(
     data: Data, noise: Covariance, scales: Scales, residual: _Floats, blocks: list[int]
 ) -> _Floats:
-    """Return the log density of blocks, shape (3, blocks): `small`, `large` and `outlier`.
+    """Return the log density of blocks, shape (4, blocks): of each kind of `UnseenPrediction`.
 
     What is unlisted does more than a right model leaves, in a channel or in both, each size as
     likely. Of noise that is off more than some size is as rare as that is large: Cauchy's tail.
@@ -159,8 +171,14 @@ def _kinds(
     small, large = under(list(itertools.product(little, little))), under(beyond)
     alike = np.ones(len(beyond))
     rarer = 1.0 / np.array([max(pair) for pair in beyond])
+    elsewhen = _densities(data, _shifted(data, noise, blocks), scales, residual, blocks)
     return np.stack(
-        [_mixture(small, np.ones(len(small))), _mixture(large, alike), _mixture(large, rarer)]
+        [
+            _mixture(small, np.ones(len(small))),
+            _mixture(large, alike),
+            elsewhen,
+            _mixture(large, rarer),
+        ]
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.nuisance import Nuisance, as_given, as_read
-from bowden.estimation.observations import Observations, observe
+from bowden.estimation.observations import DISCREPANCY_S, Observations, observe
 from bowden.estimation.paths import DRAWS, Paths
 from bowden.estimation.samples import cut, simulated_samples
 from bowden.model import Mode, Model, ModelError, Trajectory
@@ -193,8 +193,11 @@ class Covariance:
         Usual noise of each channel: the unit of the discrepancy.
     sigma : ndarray of shape (n,)
         All noise of each observation.
+    shifted : ndarray of shape (n,)
+        Standard deviation of what a further path may do that turns at another moment than those
+        drawn.
     law : ndarray of shape (n,), optional
-        Standard deviation of what the laws themselves may be off by, each in its own way.
+        The same of what the laws themselves may be off by, each in its own way.
     """
 
     offset: _Floats
@@ -202,6 +205,7 @@ class Covariance:
     inputs: _Floats
     floor: _Floats
     sigma: _Floats
+    shifted: _Floats
     law: _Floats | None = None
 
     @property
@@ -292,7 +296,24 @@ def covariance(
         size = np.sqrt(variance[rows])
         matrix += ANY_SHAPE * np.outer(size, size) * np.exp(-apart / ROUGH_S) * alike
         inputs.append(matrix.ravel())
-    return Covariance(offset, own, np.concatenate(inputs), floor, sigma)
+    shifted = np.sqrt(ANY_SHAPE * _largest_near(seen, variance))
+    return Covariance(offset, own, np.concatenate(inputs), floor, sigma, shifted)
+
+
+def _largest_near(seen: Observations, variance: _Floats) -> _Floats:
+    """Return the largest variance of each observation's channel, as far about it as it correlates.
+
+    All drawn paths may turn too late. What they do then is what a further one does before.
+    """
+    found = np.empty_like(variance)
+    for channel in (0, 1):
+        (rows,) = np.nonzero(seen.channel == channel)
+        rows = rows[np.argsort(seen.time_s[rows], kind="stable")]
+        time_s, own = seen.time_s[rows], variance[rows]
+        first = np.searchsorted(time_s, time_s - DISCREPANCY_S)
+        last = np.searchsorted(time_s, time_s + DISCREPANCY_S, side="right")
+        found[rows] = [own[a:b].max() for a, b in zip(first, last, strict=True)]
+    return found
 
 
 def _usual(sigma: _Floats) -> float:
