@@ -55,6 +55,12 @@ def test_the_moving_pair_costs_a_constant_friction() -> None:
     assert a - 1.0 - np.log(a) == pytest.approx(b - 1.0 - np.log(b), rel=1e-3)
 
 
+def test_friction_that_would_bend_and_lag_is_refused() -> None:
+    """It has one memory: one of the two would be hidden in name only."""
+    with pytest.raises(ArithmeticError, match="bend before it slides and lag"):
+        sweep(replace(PAIR, law=Law(10.0, 4000.0, slip_m=1e-4, lag_s=0.02)))
+
+
 def test_a_free_motor_lags_by_the_known_backlash() -> None:
     time_s, angle, answer = sweep()
     lag = answer.motor_angle_rad - RHO * angle

@@ -106,7 +106,14 @@ def solve(  # noqa: PLR0917  (the three columns belong together, in this order)
         Of the grid along each cable.
     oversample : int
         Steps a sample, straight lines between: for inertia.
+
+    Raises
+    ------
+    ArithmeticError
+        The cables' profiles are not found, or friction would both bend and lag: it has one memory.
     """
+    if pair.law.slip_m > 0.0 and pair.law.lag_s > 0.0:
+        raise ArithmeticError("friction cannot bend before it slides and lag as well")
     h = histories or Histories()
     n = time_s.size
     one, zero = np.ones(n), np.zeros(n)
