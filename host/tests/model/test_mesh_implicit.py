@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from .rigs import (
     EA_N,
     LENGTH_M,
+    MU,
     R_LOAD_M,
     R_MOTOR_M,
     RHO,
@@ -179,6 +180,18 @@ def test_a_friction_factor_scales_the_plateau(factor: float) -> None:
     constant = Histories(friction_factor=np.full(t.size, factor))
     torque = simulate_mesh(printed(60), TP, t, still, angle, constant).load_torque_nm
     assert torque[1500] == pytest.approx(-factor * PLATEAU_NM, rel=2e-4)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.3])
+def test_a_friction_factor_scales_the_viscous_term_as_well(factor: float) -> None:
+    """The whole coefficient: as if both of its terms were so much larger."""
+    t, torque, angle = strokes()
+    constant = Histories(friction_factor=np.full(t.size, factor))
+    scaled = simulate_mesh(printed(20, mu_v_s_per_m=0.5), TP, t, torque, angle, constant)
+    alike = printed(20, mu_v_s_per_m=0.5 * factor, mu_d=factor * MU)
+    expected = simulate_mesh(alike, TP, t, torque, angle)
+    # Half a segment stays as compliant as at factor 1: 2 mN m, a quarter of it at 40 segments.
+    np.testing.assert_allclose(scaled.load_torque_nm, expected.load_torque_nm, atol=4e-3)
 
 
 def test_friction_that_fades_lets_a_cable_at_rest_go() -> None:

@@ -8,7 +8,7 @@ A slider bears the log-ratio of tensions E_j = ln(T_{j+1}/T_j), and gives way by
 
 With Coulomb friction, eq. (1), the bounds are +-A_j, A_j = mu ds/R. They depend on
 
-    speed, tension      mu = (f mu_d (1 + b exp(-(v/v_s)^2)) + mu_v |v|) (T/T0)^-p
+    speed, tension      mu = f (mu_d (1 + b exp(-(v/v_s)^2)) + mu_v |v|) (T/T0)^-p
     age                 mu_d grows with the logarithm of the contacts' age
     the last sample     with frictional lag E comes nearer to +-A by a share dt/(lag + dt) a step
     rest                a segment at standstill holds (mu_s - mu_d) l_s/R more
@@ -97,6 +97,7 @@ class ChainState(NamedTuple):
     bristle_n: FloatArray  # F, where the law asks for it
     reserve_m: FloatArray  # stretch that shows when a segment first slides, see `mesh`
     gap_m: FloatArray  # of a slack cable; -1 while taut
+    factor: FloatArray  # (cable, direction): f
     limit: FloatArray  # (cable, direction, N): A without its viscous and tension terms
     grip: FloatArray  # tanh(limit/2)
     slip: FloatArray  # w
@@ -142,13 +143,14 @@ def prepare(t: ChainTables, s: ChainState, cable: int, factor: tuple[float, floa
     `factor` on it: of segments that slide as for positive angles of the pair, and back.
     """
     n = t.wrap.shape[2]
+    s.factor[cable, cable], s.factor[cable, 1 - cable] = factor
     for j in range(n):
         rise = 1.0 + risen(
             t.stribeck_gain, t.stribeck_speed_m_per_s, t.recalls_friction, s.recalled[cable, j]
         )
         age = 1.0 + ageing_term(t.ageing_gain, t.ageing_s, s.age_s[cable, j])
         for d in range(2):
-            mu = t.mu_d * (factor[0] if d == cable else factor[1]) * rise * age
+            mu = t.mu_d * s.factor[cable, d] * rise * age
             limit = min(t.wrap[cable, d, j] * mu, MOST_WRAP)
             if limit != s.limit[cable, d, j]:
                 s.limit[cable, d, j] = limit
@@ -166,7 +168,7 @@ def bound(
     slip = s.slip[cable, j]
     a, slope, by_tension = s.limit[cable, d, j], 0.0, 0.0
     if t.mu_v_s_per_m > 0:
-        drag = t.wrap[cable, d, j] * t.mu_v_s_per_m / dt
+        drag = t.wrap[cable, d, j] * s.factor[cable, d] * t.mu_v_s_per_m / dt
         a += drag * abs(slip)
         slope = drag * towards if slip * towards >= 0 else -drag * towards
     if t.tension_exponent != 0:

@@ -238,6 +238,7 @@ def chain_state(transmission: Transmission) -> ChainState:
         bristle_n=np.diff(rest.node_n),
         reserve_m=reserve * (1 + t.creep_share),
         gap_m=rest.gap_m.copy(),
+        factor=np.ones((2, 2)),
         limit=np.zeros((2, 2, n)),
         grip=np.zeros((2, 2, n)),
         slip=np.zeros((2, n)),
