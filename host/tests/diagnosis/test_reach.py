@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from bowden.diagnosis import growing
 from bowden.diagnosis import reach as reaching
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.fitting import parameters_with
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.reach import fall, in_reach
+from bowden.diagnosis.odds import merit, penalty
+from bowden.diagnosis.reach import fall, foreseen, in_reach
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
 from bowden.workers import workers
@@ -88,3 +92,23 @@ def test_what_counts_is_how_far_a_fit_could_come_down(
     assert in_reach([second], [first]) == []
     monkeypatch.setattr(reaching, "fall", lambda one: 40.0 if one is second else 0.0)
     assert in_reach([second], [first]) == [second]
+
+
+@pytest.mark.parametrize("arrived", [True, False])
+def test_of_a_fit_that_has_not_come_to_its_parent_screening_tells_where_it_ends(
+    monkeypatch: pytest.MonkeyPatch, arrived: bool
+) -> None:
+    """From the file's values a first round may end far above the set that it contains."""
+    parent, origin = fitted(-100.0), fitted(-20.0)
+    child = fitted(-101.0 if arrived else -60.0)
+    start = SimpleNamespace(here=SimpleNamespace(cost=0.0), begun=lambda _material: child)
+    monkeypatch.setattr(growing, "start_of", lambda *_: start)
+    monkeypatch.setattr(growing, "weighed_under", lambda one, _noises: one)
+    screened: Any = SimpleNamespace(
+        candidate=VISCOUS, values={}, origin=origin, gain=90.0, others_at=lambda _share: {}
+    )
+    nothing: Any = None
+    found = growing._with_effect(nothing, nothing, parent, screened)
+    assert found is not None
+    promised = merit(origin) - 90.0 + penalty(VISCOUS.effect)
+    assert foreseen(found) == pytest.approx(merit(child) - fall(child) if arrived else promised)

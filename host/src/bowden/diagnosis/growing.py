@@ -12,7 +12,7 @@ from bowden.diagnosis.contribution import coordinates_without, idle
 from bowden.diagnosis.fitting import Start, start_of, weighed_under
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material
-from bowden.diagnosis.odds import merit
+from bowden.diagnosis.odds import merit, penalty
 from bowden.diagnosis.screening import ScreenedCandidate
 from bowden.diagnosis.time_limit import TimeLimit
 from bowden.model import Model
@@ -49,6 +49,8 @@ def _with_effect(
     """Begin to fit a screened candidate, from the other numbers as it moves them or as they were.
 
     The likelier start is taken: where the model is jagged, the step predicted for them is wrong.
+    A set can do all that its parent does. Where it fits worse it has only set out, as from the
+    file's values, and screening tells better where it ends.
     """
     known = [(effect, parent.values(i)) for i, effect in enumerate(parent.effects)]
     effects = [*known, (screened.candidate, screened.values)]
@@ -60,7 +62,11 @@ def _with_effect(
     able = [one for one in starts if one is not None]
     if not able:
         return None
-    return min(able, key=lambda one: one.here.cost).begun(material)
+    child = min(able, key=lambda one: one.here.cost).begun(material)
+    if child.best.cost <= parent.best.cost:
+        return child
+    promised = merit(weighed_under(screened.origin, parent.best.noises)) - screened.gain
+    return replace(child, promised=promised + penalty(screened.candidate.effect))
 
 
 def without_idle(

@@ -52,12 +52,15 @@ class Hypothesis:
         Its covariance is that of the comparison, with this hypothesis' own correction.
     slopes : tuple of ndarray of shape (n, k)
         Derivatives of each recording's residual by every number.
+    promised : float
+        -log posterior where screening saw its fit end; infinite where the fit itself tells.
     """
 
     effects: tuple[Candidate, ...]
     problem: Problem
     best: Optimum
     slopes: tuple[_Floats, ...]
+    promised: float = np.inf
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -58,8 +58,11 @@ def _densities(one: Hypothesis) -> _Floats:
 
 
 def foreseen(one: Hypothesis) -> float:
-    """Return -log posterior where a fit may end, as `merit` has it where it is."""
-    return merit(one) - fall(one)
+    """Return -log posterior where a fit may end, as `merit` has it where it is.
+
+    By its derivatives, or by what screening promised where it has only set out.
+    """
+    return one.promised if np.isfinite(one.promised) else merit(one) - fall(one)
 
 
 def fall(one: Hypothesis) -> float:
