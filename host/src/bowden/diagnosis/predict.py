@@ -9,7 +9,7 @@ off as a Student t where a block fits badly, one bad block cannot decide (Vehtar
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -130,25 +130,39 @@ def _folds(count: list[int]) -> list[NDArray[np.intp]]:
 def _widened(data: Data, noise: Covariance, moves: _Floats, blocks: list[int]) -> Covariance:
     """Return the covariance of some blocks with what a fit does not know of its numbers.
 
-    Of a long recording no matrix that is not asked for is written: it takes no memory then.
     `moves`: what each independent unknown does to the observations, shape (n, k).
     """
-    seen, inputs = data.observations, np.empty_like(noise.inputs)
-    before, wider = seen.layout.matrices(noise.inputs), seen.layout.matrices(inputs)
-    for block in blocks:
-        mine = moves[seen.blocks[block]]
-        wider[block][:] = before[block] + mine @ mine.T
-    return replace(noise, inputs=inputs)
+
+    def unknown(block: int) -> _Floats:
+        mine = moves[data.observations.blocks[block]]
+        return np.asarray(mine @ mine.T)
+
+    return _with_more(data, noise, unknown, blocks)
 
 
 def _shifted(data: Data, noise: Covariance, blocks: list[int]) -> Covariance:
     """Return the covariance of some blocks with what the inputs may do at another moment."""
-    seen, inputs = data.observations, np.empty_like(noise.inputs)
-    before, wider = seen.layout.matrices(noise.inputs), seen.layout.matrices(inputs)
+    seen = data.observations
     alike = seen.layout.matrices(seen.correlations)
-    for block in blocks:
+
+    def moved(block: int) -> _Floats:
         mine = noise.shifted[seen.blocks[block]]
-        wider[block][:] = before[block] + alike[block] * np.outer(mine, mine)
+        return np.asarray(alike[block] * np.outer(mine, mine))
+
+    return _with_more(data, noise, moved, blocks)
+
+
+def _with_more(
+    data: Data, noise: Covariance, more: Callable[[int], _Floats], blocks: list[int]
+) -> Covariance:
+    """Return the covariance of some blocks with more in each.
+
+    Of a long recording no matrix that is not asked for is written: it takes no memory then.
+    """
+    layout, inputs = data.observations.layout, np.empty_like(noise.inputs)
+    before, wider = layout.matrices(noise.inputs), layout.matrices(inputs)
+    for block in blocks:
+        wider[block][:] = before[block] + more(block)
     return replace(noise, inputs=inputs)
 
 
