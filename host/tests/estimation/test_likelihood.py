@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from bowden.estimation.covariance import Covariance, Data, covariance
 from bowden.estimation.likelihood import (
+    LAWS,
+    SIZES,
     Scales,
     best_scales,
     block_costs,
@@ -371,6 +373,24 @@ def test_a_discrepancy_is_found_where_something_is_missing() -> None:
     assert torque > 3.0
     assert torque * noise.floor[0] > 0.005
     assert angle < 1.0
+
+
+@pytest.mark.parametrize("start", [0.0, 0.3, 1.0])
+def test_what_laws_are_off_by_is_found_wherever_it_was_before(start: float) -> None:
+    """A discrepancy and a law's error each do for the other, so one alone may seem to hold."""
+    _, read = run(seconds=8.0)
+    data = Data.of(read, 0, MODEL, MODE)
+    seen = data.observations
+    noise = covariance(data, MODEL)
+    noise = replace(noise, law=np.where(seen.channel == 0, 20.0, 0.0) * noise.sigma)
+    residual = seen.measured - data.predict(MODEL)
+    residual += 3.0 * noise.floor[0] * np.sin(20.0 * seen.time_s) * (seen.channel == 0)
+    parts = [(data, noise, residual, None)]
+    every = [Scales((torque, 0.0), law) for torque in SIZES for law in LAWS]
+    least = min(every, key=lambda scales: cost(parts, scales))
+    found = best_scales(parts, Scales((0.0, 0.0), start))
+    assert found.law == least.law
+    assert cost(parts, found) <= cost(parts, least)
 
 
 def test_readings_and_what_they_mean_undo_each_other() -> None:

@@ -143,7 +143,10 @@ def _scale_prior(scales: Scales) -> float:
 
 
 def best_scales(parts: Sequence[Part], start: Scales, largest: float = math.inf) -> Scales:
-    """Find the scales under which the residuals are most likely, one after the other.
+    """Find the scales under which the residuals are most likely.
+
+    A discrepancy and what laws are off by each do for the other: with each share of the laws the
+    discrepancies are found for themselves, one channel after the other.
 
     Parameters
     ----------
@@ -154,14 +157,16 @@ def best_scales(parts: Sequence[Part], start: Scales, largest: float = math.inf)
     """
     sizes = [size for size in SIZES if size <= largest]
     first, second = (min(one, sizes[-1]) for one in start.discrepancy)
-    now = replace(start, discrepancy=(first, second))
-    lowest = cost(parts, now)
-    if any(noise.law is not None and noise.law.any() for _, noise, _, _ in parts):
-        now, lowest = _descend([replace(now, law=law) for law in LAWS], now, lowest, parts)
-    for channel in (0, 1):
-        line = [_with_size(now, channel, size) for size in sizes]
-        now, lowest = _descend(line, now, lowest, parts)
-    return now
+    doubted = any(noise.law is not None and noise.law.any() for _, noise, _, _ in parts)
+    found = []
+    for law in LAWS if doubted else (start.law,):
+        now = Scales((first, second), law)
+        lowest = cost(parts, now)
+        for channel in (0, 1):
+            line = [_with_size(now, channel, size) for size in sizes]
+            now, lowest = _descend(line, now, lowest, parts)
+        found.append((lowest, now))
+    return min(found, key=lambda one: one[0])[1]
 
 
 def _with_size(scales: Scales, channel: int, size: float) -> Scales:
