@@ -23,16 +23,18 @@ from bowden.diagnosis.sets import Sets
 from bowden.estimation.covariance import Data
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
-from bowden.model import Mode, Model, ModelError
+from bowden.model import Mode, Model, ModelError, parse_model
 from bowden.workers import workers
 from numpy.typing import NDArray
 
+from ..rigs import TABLE_1
 from .lab import MODEL, TRUTH, measured
 
 (OFFSET,) = candidates(("motor_torque_offset",))
 (CELL,) = candidates(("load_cell_offset",))
 (GAIN,) = candidates(("load_cell_gain",))
 (WRAP,) = candidates(("wrap_angle_change",))
+SPRING = candidates(("conduit_compliance",))[0]
 PRESLIDING = candidates(("presliding_compliance",))[0]
 HIDDEN_NM: Final = 0.03
 _Numbers = Sequence[Sequence[tuple[Nuisance, float]]]
@@ -89,6 +91,36 @@ def test_a_law_is_doubted_no_more_than_the_data_leave_it(
     assert shares(doubted(0.0), beside_laws=True) == pytest.approx(alone)
     offset = [shares(doubted(law), beside_laws=True)[1] for law in (0.3, 1.0)]
     assert offset[1] < offset[0] < alone[1]
+
+
+def test_a_law_is_off_by_its_share_of_what_it_does(material: Material, base: Hypothesis) -> None:
+    """What an offset of the cell does is in proportion to it, far and near."""
+    one = fitted(material, base, (CELL, {"offset_nm": 0.02}))
+    (effect,), (variance,) = one.contributions, one.law_variances()
+    assert effect is not None
+    expected = CELL.effect.form_error * np.abs(effect.beyond[0])
+    # The prediction is rounded to a millionth of a unit step in the derivative's difference.
+    np.testing.assert_allclose(np.sqrt(variance), expected, rtol=1e-4, atol=1e-9)
+    assert one.law_variances(besides=0)[0].max() == 0.0
+
+
+def test_a_law_is_not_off_by_what_another_calibration_does() -> None:
+    """A conduit that gives way is a softer cable: how much so is the cable's stiffness' to tell."""
+    model = parse_model(TABLE_1.replace("_n: 4000", "_n: {value: 4000, tolerance: 50 %}"))
+    with workers(1) as pool:
+        material = make_material([measured(TRUTH)], model, Mode.TORQUE_POSITION, 1, pool)
+        base = search(material, model, [OFFSET], seed=1).base
+        effects = [(SPRING, {"stiffness_n_per_m": 2000.0})]
+        start = start_of(material, as_searched(model), effects, {}, base.best)
+        assert start is not None
+        one = start.unmoved()
+        (effect,), (variance,) = one.contributions, one.law_variances()
+    assert effect is not None
+    strength = np.sqrt(variance) / SPRING.effect.form_error
+    # To first order they do the same; a tolerance of a half and the derivatives' steps leave some.
+    # As far as the spring is off, where the same stiffness would be a third, a straight line misses
+    # 0.4 of it.
+    assert np.sqrt(np.mean(strength**2)) < 0.05 * np.sqrt(np.mean(effect.change[0] ** 2))
 
 
 def test_a_set_without_an_effect_starts_with_the_numbers_of_the_others(

@@ -258,9 +258,9 @@ def _at(
 
 
 def _with_laws_doubted(one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
-    """Return covariances in which each effect's law may be off, as far as that is known."""
-    known = [np.where(np.isfinite(v), v, 0.0) for v in one.law_variances()]
-    return [replace(noise, law=np.sqrt(v)) for noise, v in zip(noises, known, strict=True)]
+    """Return covariances in which each effect's law may be off."""
+    every = zip(noises, one.law_variances(), strict=True)
+    return [replace(noise, law=np.sqrt(variance)) for noise, variance in every]
 
 
 def is_settled(before: Hypothesis, one: Hypothesis) -> bool:

@@ -139,17 +139,14 @@ class Hypothesis:
                 continue
             change = tuple(a - b for a, b in zip(with_it, without, strict=True))
             step = self._calibrated_for(change)
-            kept = [slopes[:, self.calibrated] for slopes in self.slopes]
-            beyond = tuple(c + s @ step for c, s in zip(change, kept, strict=True))
-            found.append(Contribution(change, step, beyond))
+            found.append(Contribution(change, step, self._beyond(change, step)))
         return tuple(found)
 
     def law_variances(self, besides: int | None = None) -> list[_Floats]:
         """Return by how much the laws of the set may be off: a variance of each observation.
 
-        Each by its `form_error`, how much the laws of one name differ, of what it does there beyond
-        calibration; parts and solvers of one law differ by a little, too. Of an effect without
-        which the model cannot run nothing is known, and all may be its law's.
+        As if an effect's strength were off by its `form_error`, how much the laws of one name
+        differ, beyond calibration; parts and solvers of one law differ by a little, too.
 
         Parameters
         ----------
@@ -157,13 +154,34 @@ class Hypothesis:
             An effect whose own law does not count.
         """
         found = [np.zeros(noise.own.size) for noise in self.best.noises]
-        for index, (one, effect) in enumerate(zip(self.effects, self.contributions, strict=True)):
+        for index, effect in enumerate(self.effects):
             if index == besides:
                 continue
-            for k in range(len(found)):
-                part = np.inf if effect is None else one.effect.form_error * effect.beyond[k]
-                found[k] += part**2
+            change = self._by_strength(index)
+            for k, beyond in enumerate(self._beyond(change, self._calibrated_for(change))):
+                found[k] += (effect.effect.form_error * beyond) ** 2
         return found
+
+    def _by_strength(self, index: int) -> tuple[_Floats, ...]:
+        """Return what an effect adds to each prediction where all its strengths grow by their own.
+
+        To first order where it is: far from there another calibration does the same as a spring in
+        series.
+        """
+        effect, x = self.effects[index], self.best.x
+        step = np.zeros(x.size)
+        for row in self.rows(index):
+            number = self.problem.parameters.each[row]
+            one = next((p for p in effect.strengths if number.path.endswith(f".{p.name}")), None)
+            if one is not None:
+                grows = 1.0 if one.scale == "reciprocal" else number.slope(x[row])
+                step[row] = strength_of(one, number.value(x[row])) / grows
+        return tuple(-slopes @ step for slopes in self.slopes)
+
+    def _beyond(self, change: tuple[_Floats, ...], step: _Floats) -> tuple[_Floats, ...]:
+        """Return what is left of a change when the calibrated numbers take a step."""
+        kept = [slopes[:, self.calibrated] for slopes in self.slopes]
+        return tuple(c + s @ step for c, s in zip(change, kept, strict=True))
 
     @cached_property
     def calibrated_prior(self) -> _Floats:
