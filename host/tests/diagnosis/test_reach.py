@@ -94,21 +94,25 @@ def test_what_counts_is_how_far_a_fit_could_come_down(
     assert in_reach([second], [first]) == [second]
 
 
-@pytest.mark.parametrize("arrived", [True, False])
+@pytest.mark.parametrize(
+    ("cost", "gain", "fit_tells"), [(-101.0, 90.0, True), (-60.0, 90.0, False), (-60.0, 10.0, True)]
+)
 def test_of_a_fit_that_has_not_come_to_its_parent_screening_tells_where_it_ends(
-    monkeypatch: pytest.MonkeyPatch, arrived: bool
+    monkeypatch: pytest.MonkeyPatch, cost: float, gain: float, fit_tells: bool
 ) -> None:
-    """From the file's values a first round may end far above the set that it contains."""
-    parent, origin = fitted(-100.0), fitted(-20.0)
-    child = fitted(-101.0 if arrived else -60.0)
+    """From the file's values a first round may end far above the set that it contains.
+
+    It may also have come further than screening saw.
+    """
+    parent, origin, child = fitted(-100.0), fitted(-20.0), fitted(cost)
     start = SimpleNamespace(here=SimpleNamespace(cost=0.0), begun=lambda _material: child)
     monkeypatch.setattr(growing, "start_of", lambda *_: start)
     monkeypatch.setattr(growing, "weighed_under", lambda one, _noises: one)
     screened: Any = SimpleNamespace(
-        candidate=VISCOUS, values={}, origin=origin, gain=90.0, others_at=lambda _share: {}
+        candidate=VISCOUS, values={}, origin=origin, gain=gain, others_at=lambda _share: {}
     )
     nothing: Any = None
     found = growing._with_effect(nothing, nothing, parent, screened)
     assert found is not None
-    promised = merit(origin) - 90.0 + penalty(VISCOUS.effect)
-    assert foreseen(found) == pytest.approx(merit(child) - fall(child) if arrived else promised)
+    promised = merit(origin) - gain + penalty(VISCOUS.effect)
+    assert foreseen(found) == pytest.approx(merit(child) - fall(child) if fit_tells else promised)

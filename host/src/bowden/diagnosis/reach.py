@@ -60,9 +60,10 @@ def _densities(one: Hypothesis) -> _Floats:
 def foreseen(one: Hypothesis) -> float:
     """Return -log posterior where a fit may end, as `merit` has it where it is.
 
-    By its derivatives, or by what screening promised where it has only set out.
+    By its derivatives; by what screening promised where it has only set out, and not come so far.
     """
-    return one.promised if np.isfinite(one.promised) else merit(one) - fall(one)
+    here = merit(one)
+    return one.promised if one.promised < here else here - fall(one)
 
 
 def fall(one: Hypothesis) -> float:
