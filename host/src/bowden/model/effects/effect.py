@@ -51,7 +51,7 @@ Excitation = Literal[
 
 Scale = Literal["linear", "log", "reciprocal"]
 
-EXACT = 0.03  # share of what an effect does that parts and solvers of one law leave
+EXACT = 0.03  # share of an effect's strength that parts and solvers of one law leave
 SOLVED = 0.005  # to which two solvers of the same law agree, so no number is known better
 TO_A_TENTH = 0.1  # what others' laws and solvers came out by: docs/diagnosis-benchmark.md
 ONE_OF_SEVERAL = 0.3  # two ways to solve Stribeck's law differ by that: docs/diagnosis-benchmark.md
@@ -223,7 +223,7 @@ class Effect:
     counts_from_anywhere : bool
         Whether the encoder's zero is lost with it: counted from where the rig stood.
     form_error : float
-        Share of what the effect does by which laws of its name differ, observation by observation:
+        Share of its strength by which laws of its name differ, observation by observation:
         `ONE_OF_SEVERAL` where the name stands for several laws in use, or for one whose answer is
         not unique; `EXACT` where the name is the law.
     known_to : float
