@@ -63,6 +63,26 @@ def test_a_stated_probability_is_held_against_how_often_it_is_right() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("explanation", "right"),
+    [
+        ({"frictional_lag", "wear"}, True),
+        ({"frictional_lag", "wear", "presliding_compliance"}, True),
+        ({"frictional_lag", "wear", "cogging"}, False),
+        ({"wear", "presliding_compliance"}, False),
+        ({"frictional_lag"}, False),
+    ],
+)
+def test_what_the_rig_does_with_a_lag_is_right_beside_it(
+    explanation: set[str], right: bool
+) -> None:
+    """Its friction unloads over 50 um of slip while it lags, which is a presliding compliance."""
+    one = scored("pair", ("frictional_lag", "wear"), "named")
+    assert one.is_right(frozenset(explanation)) is right
+    other = scored("pair", ("cogging", "wear"), "named")
+    assert not other.is_right(frozenset({"cogging", "wear", "presliding_compliance"}))
+
+
 def test_wilson_interval_of_a_textbook_case() -> None:
     low, high = Rate(8, 10).interval
     assert (low, high) == pytest.approx((0.490, 0.943), abs=1e-3)  # Wilson 1927, z = 1.96

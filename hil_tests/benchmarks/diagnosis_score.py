@@ -22,6 +22,7 @@ LARGEST_TIE = 3
 PERIODIC = ("phase_rad", "load_phase_rad")
 NO_EFFECT = "(none)"
 UNKNOWN = "(unlisted)"
+ALSO_DONE = {"frictional_lag": "presliding_compliance"}  # it unloads over some slip: `cable_law`
 STATED = (0.02, 0.2, 0.5, 0.8, 0.95, 1.0)  # edges between which probabilities are pooled
 
 
@@ -131,6 +132,11 @@ class Result:
         if self.kind in {"unlisted", *LAW_KINDS}:
             return frozenset({"unlisted"})
         return frozenset(self.truth or {"nothing"})
+
+    def is_right(self, explanation: frozenset[str]) -> bool:
+        """Return whether an explanation names all that is hidden, and what does nothing else."""
+        also = {ALSO_DONE[name] for name in self.truth if name in ALSO_DONE}
+        return self.explanation <= explanation <= self.explanation | also
 
     @property
     def covered(self) -> list[bool]:
@@ -263,7 +269,7 @@ def reliability(results: Sequence[Result]) -> list[tuple[float, Rate]]:
     Every explanation of every answer counts, also those that were not chosen.
     """
     stated = [
-        (share, frozenset(names.split(" + ")) == one.explanation)
+        (share, one.is_right(frozenset(names.split(" + "))))
         for one in results
         for names, share in one.answer.odds.items()
     ]
