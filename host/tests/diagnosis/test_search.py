@@ -16,7 +16,7 @@ from bowden.diagnosis.found import Laws
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.odds import Weighed, merit
-from bowden.diagnosis.search import likely_of, rivals_of, search
+from bowden.diagnosis.search import _is_outdone, likely_of, rivals_of, search
 from bowden.diagnosis.sets import Sets
 from bowden.diagnosis.time_limit import TimeLimit
 from bowden.diagnosis.unseen import UnseenPrediction
@@ -179,6 +179,25 @@ def test_laws_are_learned_once_where_no_two_effects_explain_the_data(
     found = search(cast(Material, None), MODEL, [GAIN], seed=1)
     assert len(asked) == learned
     assert (found.laws is not None) is bool(learned)
+
+
+@pytest.mark.parametrize(("ahead", "exchanged"), [(None, 1), (1.0, 1), (400.0, 0)])
+def test_a_set_that_a_learned_law_outdoes_is_not_exchanged(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch, ahead: float | None, exchanged: int
+) -> None:
+    """An effect's exchange gains some nats; what is hundreds behind one law is no such set."""
+    best = _fitted(sets, GAIN, OFFSET)
+    learned = [] if ahead is None else [replace(best)]
+    laws = Laws((), (), tuple(learned), likelier=False)
+    costs = {id(best): 0.0, **{id(one): -(ahead or 0.0) for one in learned}}
+    monkeypatch.setattr("bowden.diagnosis.search.weighed_under", lambda one, _noises: one)
+    monkeypatch.setattr("bowden.diagnosis.reach.fall", lambda _: 0.0)
+    monkeypatch.setattr("bowden.diagnosis.reach.merit", lambda one: costs[id(one)])
+    monkeypatch.setattr(
+        "bowden.diagnosis.reach._densities", lambda one: np.full(12, -costs[id(one)] / 12.0)
+    )
+    assert _is_outdone(best, laws) is not bool(exchanged)
+    assert not _is_outdone(best, None)
 
 
 def _misled(monkeypatch: pytest.MonkeyPatch, levels: Sequence[object]) -> list[object]:

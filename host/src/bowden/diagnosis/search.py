@@ -6,8 +6,8 @@ depends on what else the rig has: candidates are screened again from each set th
 or strains its tolerances.
 Where no addition helps the likeliest set, each of its effects is exchanged for others: it is named
 only where none does as well in its place. Where no two effects explain the data a law that no name
-fits is learned: it is likelier beforehand than three effects, and where it explains more than two
-do, no larger sets are grown.
+fits is learned: it is likelier beforehand than three effects. Where it explains more than two do,
+no larger sets are grown; where it outdoes the sets that were, none is exchanged.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 from bowden.diagnosis.candidates import Candidate
 from bowden.diagnosis.contribution import holds
+from bowden.diagnosis.fitting import weighed_under
 from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.growing import Key
 from bowden.diagnosis.hypothesis import Hypothesis
@@ -68,7 +69,7 @@ def search(
             tell(f"sets of {min(size + 1, MOST)}", 0.2 + 0.12 * min(size + 1, MOST))
             children = sets.added(parents)
             added.update(one.key for one in parents)
-        elif places := sets.not_exchanged(best):
+        elif (places := sets.not_exchanged(best)) and not _is_outdone(best, laws):
             tell("exchanging effects", 0.8)
             children = sets.exchanged(best, places)
         else:
@@ -88,6 +89,17 @@ def search(
         not sets.limit.cut,
         laws,
     )
+
+
+def _is_outdone(best: Hypothesis, laws: Laws | None) -> bool:
+    """Whether a learned law leaves no doubt that the likeliest set is none: it is not exchanged.
+
+    Four effects that do less than one law imitate it, and so do any others in their places.
+    """
+    if laws is None or not laws.fitted:
+        return False
+    learned = [weighed_under(one, best.best.noises) for one in laws.fitted]
+    return not in_reach([best], learned)
 
 
 def _compared(sets: Sets, names: int, seed: int) -> list[Weighed]:
