@@ -181,9 +181,9 @@ def test_laws_are_learned_once_where_no_two_effects_explain_the_data(
     assert (found.laws is not None) is bool(learned)
 
 
-@pytest.mark.parametrize(("ahead", "exchanged"), [(None, 1), (1.0, 1), (400.0, 0)])
+@pytest.mark.parametrize(("ahead", "outdone"), [(None, False), (1.0, False), (400.0, True)])
 def test_a_set_that_a_learned_law_outdoes_is_not_exchanged(
-    sets: Sets, monkeypatch: pytest.MonkeyPatch, ahead: float | None, exchanged: int
+    sets: Sets, monkeypatch: pytest.MonkeyPatch, ahead: float | None, outdone: bool
 ) -> None:
     """An effect's exchange gains some nats; what is hundreds behind one law is no such set."""
     best = _fitted(sets, GAIN, OFFSET)
@@ -196,7 +196,7 @@ def test_a_set_that_a_learned_law_outdoes_is_not_exchanged(
     monkeypatch.setattr(
         "bowden.diagnosis.reach._densities", lambda one: np.full(12, -costs[id(one)] / 12.0)
     )
-    assert _is_outdone(best, laws) is not bool(exchanged)
+    assert _is_outdone(best, laws) is outdone
     assert not _is_outdone(best, None)
 
 

@@ -118,8 +118,7 @@ def test_a_law_is_not_off_by_what_another_calibration_does() -> None:
     assert effect is not None
     strength = np.sqrt(variance) / SPRING.effect.form_error
     # To first order they do the same; a tolerance of a half and the derivatives' steps leave some.
-    # As far as the spring is off, where the same stiffness would be a third, a straight line misses
-    # 0.4 of it.
+    # A straight line from there to no spring at all misses 0.4.
     assert np.sqrt(np.mean(strength**2)) < 0.05 * np.sqrt(np.mean(effect.change[0] ** 2))
 
 

@@ -153,14 +153,21 @@ class Hypothesis:
         besides : int, optional
             An effect whose own law does not count.
         """
-        found = [np.zeros(noise.own.size) for noise in self.best.noises]
-        for index, effect in enumerate(self.effects):
-            if index == besides:
-                continue
+        counted = [one for index, one in enumerate(self._law_errors) if index != besides]
+        return [
+            np.asarray(sum((one[k] ** 2 for one in counted), start=np.zeros(noise.own.size)))
+            for k, noise in enumerate(self.best.noises)
+        ]
+
+    @cached_property
+    def _law_errors(self) -> tuple[tuple[_Floats, ...], ...]:
+        """What each effect's law may be off by, of each recording's prediction."""
+        found = []
+        for index, one in enumerate(self.effects):
             change = self._by_strength(index)
-            for k, beyond in enumerate(self._beyond(change, self._calibrated_for(change))):
-                found[k] += (effect.effect.form_error * beyond) ** 2
-        return found
+            beyond = self._beyond(change, self._calibrated_for(change))
+            found.append(tuple(one.effect.form_error * each for each in beyond))
+        return tuple(found)
 
     def _by_strength(self, index: int) -> tuple[_Floats, ...]:
         """Return what an effect adds to each prediction where all its strengths grow by their own.
@@ -168,12 +175,12 @@ class Hypothesis:
         To first order where it is: far from there another calibration does the same as a spring in
         series.
         """
-        effect, x = self.effects[index], self.best.x
+        strengths = {one.name: one for one in self.effects[index].strengths}
+        x = self.best.x
         step = np.zeros(x.size)
         for row in self.rows(index):
             number = self.problem.parameters.each[row]
-            one = next((p for p in effect.strengths if number.path.endswith(f".{p.name}")), None)
-            if one is not None:
+            if one := strengths.get(number.path.rpartition(".")[2]):
                 grows = 1.0 if one.scale == "reciprocal" else number.slope(x[row])
                 step[row] = strength_of(one, number.value(x[row])) / grows
         return tuple(-slopes @ step for slopes in self.slopes)
