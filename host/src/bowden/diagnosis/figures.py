@@ -69,10 +69,9 @@ def _unseen(
     recording, mode = data.estimates.recording, data.mode
     fold = fold_of_samples(data, prediction.folds[number], recording.time_s)
     found = {name: np.zeros(recording.time_s.size) for name in PREDICTED[mode]}
-    for k, x in enumerate(prediction.points):
-        mine = fold == k
-        if not mine.any():
-            continue
+
+    def by_fold(k: int) -> None:
+        x, mine = prediction.points[k], fold == k
         numbers = one.problem.numbers(x, data.number)
         model = as_fine(one.problem.parameters.model_at(x[: one.problem.size]))
         given = [pair for pair in numbers if pair[0].channel in mode.columns]
@@ -80,6 +79,8 @@ def _unseen(
         for name in PREDICTED[mode]:
             read = [pair for pair in numbers if pair[0].channel == name]
             found[name][mine] = as_read(recording.time_s, getattr(run, name), read)[mine]
+
+    one.problem.pool.map(by_fold, np.unique(fold).tolist())
     return found
 
 

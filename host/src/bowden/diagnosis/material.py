@@ -8,7 +8,7 @@ solved more coarsely than another.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,10 +79,6 @@ class Material:
         )
         return Problem(data or self.coarse, parameters, nuisances, blocks, self.pool)
 
-    def each(self, what: Callable[[int], _Floats]) -> list[_Floats]:
-        """Return something of every recording, side by side."""
-        return list(self.pool.map(what, range(len(self.coarse))))
-
     def correction(
         self,
         model: Model,
@@ -101,16 +97,20 @@ class Material:
             The model cannot run one of them.
         """
         meshed, finer = as_fine(model), self.finer(model)
-
-        def one(k: int) -> _Floats:
-            coarse = self.coarse[k].predict(model, numbers[k])
-            whole = _whole(self.coarse[k].kept.size - 1, finer[k].kept.size - 1)
-            added = whole * (finer[k].predict(meshed, numbers[k]) - coarse)
-            if data is self.coarse:
-                return added
-            return added + coarse - data[k].predict(model, numbers[k])
-
-        return self.each(one)
+        runs = [(one, model) for one in self.coarse] + [(one, meshed) for one in finer]
+        if data is not self.coarse:
+            runs += [(one, model) for one in data]
+        answers = self.pool.map(lambda run: run[0].predict(run[1], numbers[run[0].number]), runs)
+        count = len(self.coarse)
+        coarse, fine, at_data = answers[:count], answers[count : 2 * count], answers[2 * count :]
+        added = [
+            _whole(before.kept.size - 1, after.kept.size - 1) * (there - here)
+            for before, after, here, there in zip(self.coarse, finer, coarse, fine, strict=True)
+        ]
+        if data is self.coarse:
+            return added
+        every = zip(added, coarse, at_data, strict=True)
+        return [one + here - there for one, here, there in every]
 
     def finer(self, model: Model) -> tuple[Data, ...]:
         """Return the recordings at the steps that a model's law can afford."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +18,7 @@ from bowden.model import Inputs, Mode, Model, ModelError, Trajectory, simulate
 from bowden.model.experiments.tunnel import tunnel_torque
 from bowden.model.experiments.variants import with_pretension, with_segments
 from bowden.signals.prediction import PREDICTED
+from bowden.workers import workers
 
 _Floats = NDArray[np.float64]
 
@@ -164,8 +166,9 @@ def next_experiment(
     chosen = [(name, _coarse(model)) for name, model in candidates[:MOST_CANDIDATES]]
     if len(chosen) < 2:
         return None
-    found = [(_separation(chosen, mode, sigma, one), one) for one in PROTOCOLS]
-    reached = [(pair, one) for pair, one in found if pair is not None]
+    with workers() as pool:
+        found = pool.map(partial(_separation, chosen, mode, sigma), PROTOCOLS)
+    reached = [(pair, one) for pair, one in zip(found, PROTOCOLS, strict=True) if pair is not None]
     if not reached:
         return None
     most = max(pair.sigmas for pair, _ in reached)

@@ -100,7 +100,8 @@ def anew(
     names = screen.parent.names
     others = [one for one in before if one.candidate.name not in names]
     unlike = {one.candidate.key: one.candidate for one in others if not one.probes}
-    alike = [screen.again(one) for one in others if one.candidate.key not in unlike]
+    probed = [one for one in others if one.candidate.key not in unlike]
+    alike = material.pool.map(screen.again, probed)
     chosen = [max(each, key=lambda one: one.gain) for each in _by_place(alike)]
     found = [one for one in material.pool.map(screen.anew, chosen) if one is not None]
     for peaks in material.pool.map(screen.peaks, unlike.values()):
@@ -111,7 +112,7 @@ def anew(
 def unchanged(before: Sequence[ScreenedCandidate], screen: Screen) -> list[ScreenedCandidate]:
     """Take each effect to do from another set what it did before, without a simulation."""
     others = [one for one in before if one.candidate.name not in screen.parent.names]
-    return [screen.again(one) for one in others]
+    return screen.problem.pool.map(screen.again, others)
 
 
 def as_filed(material: Material, searched: Model, one: Hypothesis) -> Hypothesis:

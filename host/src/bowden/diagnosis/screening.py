@@ -114,11 +114,14 @@ class Screen:
         frequency of its own instead: where two strengths do unlike things, each is tried as it is.
         """
         shapes = list(candidate.shapes())
-        found = []
-        for shape, factor in itertools.product(shapes, _few() if len(shapes) == 1 else [1.0]):
+
+        def from_shape(start: tuple[dict[str, float], float]) -> ScreenedCandidate | None:
+            shape, factor = start
             nothing = switched_off(candidate, shape)
-            probes = probes_of(candidate, nothing, factor)
-            found.append(self._screen(candidate, nothing, probes))
+            return self._screen(candidate, nothing, probes_of(candidate, nothing, factor))
+
+        factors = _few() if len(shapes) == 1 else [1.0]
+        found = self.problem.pool.map(from_shape, itertools.product(shapes, factors))
         tried = [one for one in found if one is not None]
         if len(shapes) == 1 and self._are_unlike([one.responses[0] for one in tried]):
             tried += self.peaks(candidate)
@@ -138,7 +141,7 @@ class Screen:
         found = []
         for sign in signs:
             tried_at = partial(self._as_it_is, candidate, nothing, sign)
-            grid = [tried_at(float(log)) for log in logs]
+            grid = self.problem.pool.map(tried_at, logs.tolist())
             gains = [-np.inf, *(one.gain for one in grid), -np.inf]
             for k, (low, middle, high) in enumerate(zip(gains, gains[1:], gains[2:], strict=False)):
                 if middle > max(low, high):

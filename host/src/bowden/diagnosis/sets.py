@@ -146,16 +146,16 @@ class Sets:
         for one in sorted(children, key=foreseen):
             begun.setdefault(one.key, one)  # several starts of a set: the most promising
         ranked = list(begun.values())
-        first = finish(self.material, ranked[:1], self.noises)
+        first = self._finish(ranked[:1])
         if self._move_to([*known, *first]):
-            known = finish(self.material, known, self.noises) or known
-            first = finish(self.material, first, self.noises)
+            again, first = self.material.pool.map(self._finish, [known, first])
+            known = again or known
         others = [weighed_under(one, self.noises) for one in ranked[1:]]
         fresh = [*first, *self._finished_in_turn(others, [*known, *first])]
         self.done.update((one.key, one) for one in known)
         less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
         fresh = [one for one in fresh if len(one.effects) - 1 not in idle(one)]
-        fresh += finish(self.material, [one for one in less if one is not None], self.noises)
+        fresh += self._finish([one for one in less if one is not None])
         for one in fresh:
             before = self.done.get(one.key)
             if before is None or merit(one) < merit(weighed_under(before, self.noises)):
@@ -174,7 +174,7 @@ class Sets:
         """
         ended: list[Hypothesis] = []
         for one in sorted(begun, key=foreseen):
-            found = finish(self.material, [one], self.noises)
+            found = self._finish([one])
             ended += found
             if found and not in_reach(found, [*rivals, *ended]):
                 break
@@ -214,9 +214,12 @@ class Sets:
             (parts if one.key <= likeliest.key else rivals).append(one)
         return likeliest, self._ended(parts, likeliest), self._ended(rivals, likeliest)
 
+    def _finish(self, ones: Sequence[Hypothesis]) -> list[Hypothesis]:
+        return finish(self.material, ones, self.noises)
+
     def finished(self, one: Hypothesis) -> Hypothesis | None:
         """Fit a set to the end under the covariance of the comparison; None where no rig is it."""
-        return next(iter(finish(self.material, [one], self.noises)), None)
+        return next(iter(self._finish([one])), None)
 
     def _ended(self, ones: Sequence[Hypothesis], likeliest: Hypothesis) -> Iterator[Hypothesis]:
         """Yield each where it ended; where an effect does nothing it is the set without it.
@@ -242,7 +245,7 @@ class Sets:
         again = refitted_from(self.material, self.searched, here, likeliest)
         starts = [here] if again is here else [here, again]
         able = in_reach(starts, [likeliest])
-        ended = finish(self.material, able, self.noises) if able else starts
+        ended = self._finish(able) if able else starts
         return min(ended, key=merit, default=None)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from bowden.recording.recording import Recording
 from bowden.signals.alternatives import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
-from bowden.workers import Workers, a_few_at_a_time
+from bowden.workers import Workers
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
@@ -250,26 +251,28 @@ def covariance(
     near = data.simulated(model, numbers)
     best = data.read(near, numbers)
 
-    def change(other: Model, path: Recording | None = None) -> _Floats | None:
+    def change(run: tuple[Model, Recording | None]) -> _Floats | None:
         try:
-            return data.predict(other, numbers, path, near) - best
+            return data.predict(run[0], numbers, run[1], near) - best
         except ModelError:  # passes that don't come to agree, on one path in many
             return None
 
-    def moved(path: Recording) -> _Floats | None:
-        return change(model, path)
-
-    drawn = data.paths()
-    found = list(a_few_at_a_time(pool, moved, drawn) if pool else map(moved, drawn))
-    paths = np.array([one for one in found if one is not None])
+    others: list[tuple[Model, Recording | None]] = []
+    shares = []
+    if "motor_torque_nm" in data.mode.columns:
+        others, shares = [(model, held_torque(data.given))], [HELD_OR_NOT]
+    for other, share in open_numbers(model):
+        others.append((other, None))
+        shares.append(share)
+    runs = chain(((model, path) for path in data.paths()), others)
+    found = pool.map(change, runs) if pool else list(map(change, runs))
+    drawn = len(found) - len(others)
+    paths = np.array([one for one in found[:drawn] if one is not None])
     if not paths.size:
         raise ModelError("found no drawn input path that the model can run", model.source)
     columns, offset = [paths / np.sqrt(len(paths))], np.zeros(best.size)
-    others = []
-    if "motor_torque_nm" in data.mode.columns:
-        others.append((moved(held_torque(data.given)), HELD_OR_NOT))
-    others += [(change(other), share) for other, share in open_numbers(model)]
-    columns += [share * one[None] for one, share in others if one is not None]
+    every = zip(shares, found[drawn:], strict=True)
+    columns += [share * one[None] for share, one in every if one is not None]
     segments = model.transmission.segments
     if correction is not None:
         offset, columns = correction, [*columns, DOUBTED * correction[None]]

@@ -117,7 +117,7 @@ class Problem:
             return residual if bool(np.all(np.isfinite(residual))) else None
 
         jobs = [(i, k) for i in range(len(points)) for k in range(len(self.data))]
-        found = list(self.pool.map(one, jobs))
+        found = self.pool.map(one, jobs)
         count = len(self.data)
         rows = [found[i * count : (i + 1) * count] for i in range(len(points))]
         return [

@@ -274,10 +274,12 @@ def _best_of(
     ended = sorted(able, key=lambda one: one.cost)[:2]
     if not any(one is able[0] for one in ended):
         ended.append(able[0])
-    found = [
-        descend(problem, one.x, noises, one.scales, axes=principal_axes(problem, one.hessian))
-        for one in ended
-    ]
+
+    def to_the_end(one: Optimum) -> Optimum | None:
+        axes = principal_axes(problem, one.hessian)
+        return descend(problem, one.x, noises, one.scales, axes=axes)
+
+    found = problem.pool.map(to_the_end, ended)
     return min((one for one in found if one is not None), key=lambda one: one.cost)
 
 
