@@ -20,6 +20,7 @@ from bowden.estimation.likelihood import Scales, best_scales, whiten
 from bowden.estimation.quantities import estimate
 from bowden.model import Mode, Model, ModelError, parse_model
 from bowden.recording.recording import Recording
+from bowden.workers import workers
 
 from hil_tests.benchmarks.calibration_score import Number, Trial
 from hil_tests.hidden_effects import excitation
@@ -211,6 +212,7 @@ def block_squares(model: Model, recording: Recording) -> tuple[float, ...]:
     data = Data.of(recording, 0, model, MODE)
     noise = covariance(data, model)
     residual = data.observations.measured - data.predict(model) - noise.offset
-    scales = best_scales([(data, noise, residual, None)], Scales((0.0, 0.0)))
+    with workers(1) as pool:
+        scales = best_scales([(data, noise, residual, None)], Scales((0.0, 0.0)), pool)
     white = whiten(data, noise, scales, residual[:, None])
     return tuple((white.squares[:, 0] / white.sizes).tolist())

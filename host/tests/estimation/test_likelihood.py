@@ -18,6 +18,7 @@ from bowden.estimation.likelihood import (
 )
 from bowden.estimation.paths import DRAWS
 from bowden.estimation.whitening import Whitened
+from bowden.workers import workers
 from scipy.stats import multivariate_normal, multivariate_t
 
 from .recorded import MODE, MODEL, RIGHT, matrices, run
@@ -79,7 +80,8 @@ def test_a_right_model_leaves_what_the_covariance_says() -> None:
     noise = covariance(data, MODEL)
     zero = data.observations.measured - data.predict(MODEL)
     zero -= (data.observations.channel == 1) * np.mean(zero[data.observations.channel == 1])
-    scales = best_scales([(data, noise, zero, None)], RIGHT)
+    with workers(1) as pool:
+        scales = best_scales([(data, noise, zero, None)], RIGHT, pool)
     assert max(scales.discrepancy) <= 0.6  # two solvers of one law may differ by so much
     white = whiten(data, noise, scales, zero[:, None])
     chi = white.squares[:, 0] / white.sizes
@@ -94,7 +96,8 @@ def test_a_discrepancy_is_found_where_something_is_missing() -> None:
     seen = data.observations
     missing = 0.05 * np.sin(3.0 * seen.time_s) * (seen.channel == 0)
     residual = seen.measured - data.predict(MODEL) + missing
-    torque, angle = best_scales([(data, noise, residual, None)], RIGHT).discrepancy
+    with workers(1) as pool:
+        torque, angle = best_scales([(data, noise, residual, None)], RIGHT, pool).discrepancy
     # A slow wave of 35 mN m RMS has small steps over the 0.15 s of a discrepancy's memory.
     assert torque > 3.0
     assert torque * noise.floor[0] > 0.005
@@ -114,6 +117,7 @@ def test_what_laws_are_off_by_is_found_wherever_it_was_before(start: float) -> N
     parts = [(data, noise, residual, None)]
     every = [Scales((torque, 0.0), law) for torque in SIZES for law in LAWS]
     least = min(every, key=lambda scales: cost(parts, scales))
-    found = best_scales(parts, Scales((0.0, 0.0), start))
+    with workers() as pool:
+        found = best_scales(parts, Scales((0.0, 0.0), start), pool)
     assert found.law == least.law
     assert cost(parts, found) <= cost(parts, least)

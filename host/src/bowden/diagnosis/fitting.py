@@ -308,7 +308,7 @@ def weighed_under(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
 
 def _reweighed(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis:
     problem, best = one.problem, one.best
-    scales = best_scales(fitted_parts(problem, best.residuals, noises), best.scales)
+    scales = best_scales(fitted_parts(problem, best.residuals, noises), best.scales, problem.pool)
     cost = objective(problem, best.x, best.residuals, noises, scales)
     return replace(one, best=replace(best, noises=list(noises), scales=scales, cost=cost))
 

@@ -54,7 +54,8 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
         seen = tuple(tuple(np.flatnonzero(f != k).tolist()) for f in fold)
         unseen = [np.flatnonzero(f == k).tolist() for f in fold]
         train = replace(problem, blocks=seen)
-        scales = best_scales(fitted_parts(train, best.residuals, best.noises), best.scales, ERROR)
+        parts = fitted_parts(train, best.residuals, best.noises)
+        scales = best_scales(parts, best.scales, problem.pool, ERROR)
         x, found, root = _refitted(train, one, scales)
         laws = _laws(train, found, best.noises, scales)
         for r, data in enumerate(problem.data):

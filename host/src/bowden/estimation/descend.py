@@ -103,7 +103,7 @@ class FittedPoint:
 
 def _settled(problem: Problem, here: FittedPoint, noises: Sequence[Covariance]) -> FittedPoint:
     """Return a point with the scales found anew."""
-    scales = best_scales(fitted_parts(problem, here.residuals, noises), here.scales)
+    scales = best_scales(fitted_parts(problem, here.residuals, noises), here.scales, problem.pool)
     cost = objective(problem, here.x, here.residuals, noises, scales)
     return replace(here, scales=scales, cost=cost)
 

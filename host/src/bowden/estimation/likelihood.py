@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from bowden.estimation.covariance import Covariance, Data
 from bowden.estimation.paths import DRAWS
 from bowden.estimation.whitening import Factors, Whitened, factorise, whitened_by
+from bowden.workers import Workers
 
 _Floats = NDArray[np.float64]
 
@@ -142,7 +143,9 @@ def _scale_prior(scales: Scales) -> float:
     return sum(math.log1p(0.5 * (size / SMALL) ** 2) for size in scales.discrepancy)
 
 
-def best_scales(parts: Sequence[Part], start: Scales, largest: float = math.inf) -> Scales:
+def best_scales(
+    parts: Sequence[Part], start: Scales, pool: Workers, largest: float = math.inf
+) -> Scales:
     """Find the scales under which the residuals are most likely.
 
     A discrepancy and what laws are off by each do for the other: with each share of the laws the
@@ -152,20 +155,22 @@ def best_scales(parts: Sequence[Part], start: Scales, largest: float = math.inf)
     ----------
     parts : sequence of Part
     start : Scales
+    pool : Workers
     largest : float
         Bound on the discrepancy, in usual noise.
     """
     sizes = [size for size in SIZES if size <= largest]
     first, second = (min(one, sizes[-1]) for one in start.discrepancy)
     doubted = any(noise.law is not None and noise.law.any() for _, noise, _, _ in parts)
-    found = []
-    for law in LAWS if doubted else (start.law,):
-        now = Scales((first, second), law)
-        lowest = cost(parts, now)
+
+    def with_law(law: float) -> tuple[float, Scales]:
+        now, lowest = Scales((first, second), law), math.inf
         for channel in (0, 1):
             line = [_with_size(now, channel, size) for size in sizes]
-            now, lowest = _descend(line, now, lowest, parts)
-        found.append((lowest, now))
+            now, lowest = _descend(line, now, parts, pool)
+        return lowest, now
+
+    found = pool.map(with_law, LAWS if doubted else (start.law,))
     return min(found, key=lambda one: one[0])[1]
 
 
@@ -177,22 +182,17 @@ def _with_size(scales: Scales, channel: int, size: float) -> Scales:
 
 
 def _descend(
-    line: Sequence[Scales],
-    now: Scales,
-    lowest: float,
-    parts: Sequence[Part],
+    line: Sequence[Scales], now: Scales, parts: Sequence[Part], pool: Workers
 ) -> tuple[Scales, float]:
-    """Walk along a line of scales from the nearest to where it is, as long as the cost falls."""
+    """Walk along a line of scales from where it is, as long as the cost falls."""
     here = line.index(now) if now in line else len(line) // 2
-    if now not in line:
-        now, lowest = line[here], cost(parts, line[here])
-    for step in (1, -1):
-        k = here + step
-        while 0 <= k < len(line):
-            found = cost(parts, line[k])
-            if found >= lowest:
-                break
-            now, lowest, k = line[k], found, k + step
-        if now != line[here]:
+    near = [k for k in (here, here + 1, here - 1) if 0 <= k < len(line)]
+    costs = pool.map(lambda k: cost(parts, line[k]), near)
+    lowest, best = min(zip(costs, near, strict=True), key=lambda one: one[0])
+    step = best - here
+    while step and 0 <= best + step < len(line):
+        further = cost(parts, line[best + step])
+        if further >= lowest:
             break
-    return now, lowest
+        lowest, best = further, best + step
+    return line[best], lowest

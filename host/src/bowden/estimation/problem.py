@@ -254,7 +254,7 @@ def gain(problem: Problem, best: Optimum, x: _Floats, residuals: Sequence[_Float
     Under its covariance, the scales found anew: where a wrong model becomes right its discrepancy
     goes, and with it most of what it costs.
     """
-    scales = best_scales(fitted_parts(problem, residuals, best.noises), best.scales)
+    scales = best_scales(fitted_parts(problem, residuals, best.noises), best.scales, problem.pool)
     there = objective(problem, x, residuals, best.noises, scales)
     return objective(problem, best.x, best.residuals, best.noises, best.scales) - there
 
