@@ -6,7 +6,6 @@ A recording's real covariance weighs residuals that are a given function of one 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,6 +58,12 @@ class Landscape(Problem):
             found.append([usual * np.sqrt(sigma.size) + shift])
         return found
 
+    def answered(
+        self, x: _Floats, noises: Sequence[Covariance]
+    ) -> tuple[list[Trajectory | None], list[_Floats]] | None:
+        answers, residuals = self.answers(x), self.residuals(x, noises)
+        return None if answers is None or residuals is None else (answers, residuals)
+
     def noises(self, x: _Floats) -> list[Covariance]:
         """The same everywhere: only the sensors'."""
         del x
@@ -79,9 +84,7 @@ def draw() -> Callable[[Callable[[float], tuple[float, float]]], Landscape]:
         inputs=np.zeros_like(whole.inputs),
     )
     parameters = parameters_of(MODEL, [NUMBER])
-    return lambda heights: Landscape(
-        (data,), parameters, (), (None,), Workers(ThreadPoolExecutor(1)), heights, noise
-    )
+    return lambda heights: Landscape((data,), parameters, (), (None,), Workers(1), heights, noise)
 
 
 def found(problem: Landscape) -> float:

@@ -53,10 +53,10 @@ def descend(
     another notch.
     """
     x = problem.feasible(x)
-    answers = problem.answers(x)
-    residuals = problem.residuals(x, noises, answers)
-    if answers is None or residuals is None:
+    there = problem.answered(x, noises)
+    if there is None:
         return None
+    answers, residuals = there
     here = _settled(problem, FittedPoint(x, residuals, scales, math.inf, answers), noises)
     hessian = np.diag(problem.unit**-2.0)
     known, settled = axes is not None or slopes is not None, False
@@ -158,12 +158,11 @@ def lower(
     """Return a lower place under the same scales; `here` where no damped step leads to one."""
     for damping in DAMPINGS:
         x = problem.feasible(here.x + bounded_step(problem, here.x, *normal, damping))
-        answers = problem.answers(x)
-        found = None if answers is None else problem.residuals(x, noises, answers)
-        if answers is not None and found is not None:
-            cost = objective(problem, x, found, noises, here.scales)
+        if found := problem.answered(x, noises):
+            answers, residuals = found
+            cost = objective(problem, x, residuals, noises, here.scales)
             if cost < here.cost:
-                return FittedPoint(x, found, here.scales, cost, answers)
+                return FittedPoint(x, residuals, here.scales, cost, answers)
     return here
 
 

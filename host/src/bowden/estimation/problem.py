@@ -137,9 +137,31 @@ class Problem:
 
         try:
             model = self.parameters.model_at(x[: self.size])
-            return list(self.pool.map(one, self.data))
+            return self.pool.map(one, self.data)
         except ModelError:
             return None
+
+    def answered(
+        self, x: _Floats, noises: Sequence[Covariance]
+    ) -> tuple[list[Trajectory | None], list[_Floats]] | None:
+        """Return `answers` of a point and `residuals` there; None where the model has no answer."""
+
+        def one(k: int) -> tuple[Trajectory | None, _Floats]:
+            data = self.data[k]
+            numbers = self.numbers(x, data.number)
+            answer = data.simulated(model, numbers)
+            residual = data.observations.measured - data.read(answer, numbers) - noises[k].offset
+            return answer if looks_ahead(model, data.mode) else None, residual
+
+        try:
+            model = self.parameters.model_at(x[: self.size])
+            found = self.pool.map(one, range(len(self.data)))
+        except ModelError:
+            return None
+        residuals = [residual for _, residual in found]
+        if not all(bool(np.all(np.isfinite(residual))) for residual in residuals):
+            return None
+        return [answer for answer, _ in found], residuals
 
     def noises(self, x: _Floats) -> list[Covariance]:
         """Return each recording's covariance about the model at a point."""
