@@ -14,8 +14,11 @@ from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.observations import Observations
 from bowden.estimation.paths import DRAWS
+from bowden.estimation.whitening import triangle_of
 from hypothesis import given
 from hypothesis import strategies as st
+
+from ..triangles import symmetric
 
 
 @given(st.integers(1, 12), st.integers(0, 4), st.floats(0.1, 10.0), st.integers(0, 2**31))
@@ -70,8 +73,8 @@ def test_inputs_may_do_at_another_moment_what_they_do_nearby(size: int, seed: in
     zero, one = np.zeros(size), np.ones(size)
     seen = Observations(time_s, zero, one, channel, zero, (np.arange(size),))
     data: Any = SimpleNamespace(observations=seen)
-    noise = Covariance(zero, one, before.ravel(), np.ones(2), one, near)
-    found = _shifted(data, noise, [0]).inputs.reshape(size, size)
+    noise = Covariance(zero, one, triangle_of(before), np.ones(2), one, near)
+    found = symmetric(_shifted(data, noise, [0]).inputs)
     for i in range(size):
         for k in range(size):
             alike = math.exp(-abs(time_s[i] - time_s[k]) / 0.15) * (channel[i] == channel[k])

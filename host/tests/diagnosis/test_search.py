@@ -27,6 +27,7 @@ from bowden.model import Mode
 from bowden.workers import Workers, workers
 from numpy.typing import NDArray
 
+from ..triangles import matrices
 from .lab import MODEL, TRUTH, measured
 
 _Floats = NDArray[np.float64]
@@ -275,7 +276,7 @@ def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest()
     layout = material.coarse[0].observations.layout
 
     def traces(noise: Covariance) -> list[float]:
-        return [float(np.trace(one)) for one in layout.matrices(noise.inputs)]
+        return [float(np.trace(one)) for one in matrices(layout, noise.inputs)]
 
     sizes = traces(about)
     for one in found.weighed:

@@ -8,6 +8,7 @@ from bowden.estimation.likelihood import Scales
 from bowden.model import Mode, parse_model
 from bowden.recording.recording import Recording
 
+from .. import triangles
 from ..rigs import TABLE_1, experiment_2
 
 MODE = Mode.TORQUE_POSITION
@@ -34,4 +35,4 @@ def known() -> tuple[Data, Covariance]:
 
 def matrices(data: Data, noise: Covariance) -> list[np.ndarray]:
     """Return what the inputs do, block by block."""
-    return list(data.observations.layout.matrices(noise.inputs))
+    return triangles.matrices(data.observations.layout, noise.inputs)

@@ -132,7 +132,7 @@ def test_no_covariance_is_taken_for_one_that_is_gone() -> None:
 def test_a_covariance_that_is_none_is_refused_by_its_block() -> None:
     data, noise = known()
     inputs = noise.inputs.copy()
-    data.observations.layout.matrices(inputs)[1][:] *= -1.0
+    data.observations.layout.triangle(inputs, 1)[:] *= -1.0
     with pytest.raises(np.linalg.LinAlgError, match="block 1: its covariance is not positive"):
         whitened(data, replace(noise, inputs=inputs))
 

@@ -29,6 +29,7 @@ from bowden.estimation.likelihood import (
     whiten_once,
 )
 from bowden.estimation.problem import Problem, fitted_parts, objective
+from bowden.estimation.whitening import triangle_of
 
 _Floats = NDArray[np.float64]
 
@@ -136,7 +137,7 @@ def _widened(data: Data, noise: Covariance, moves: _Floats, blocks: list[int]) -
 
     def unknown(block: int) -> _Floats:
         mine = moves[data.observations.blocks[block]]
-        return np.asarray(mine @ mine.T)
+        return triangle_of(mine @ mine.T)
 
     return _with_more(data, noise, unknown, blocks)
 
@@ -144,11 +145,11 @@ def _widened(data: Data, noise: Covariance, moves: _Floats, blocks: list[int]) -
 def _shifted(data: Data, noise: Covariance, blocks: list[int]) -> Covariance:
     """Return the covariance of some blocks with what the inputs may do at another moment."""
     seen = data.observations
-    alike = seen.layout.matrices(seen.correlations)
 
     def moved(block: int) -> _Floats:
         mine = noise.shifted[seen.blocks[block]]
-        return np.asarray(alike[block] * np.outer(mine, mine))
+        alike = seen.layout.triangle(seen.correlations, block)
+        return np.asarray(alike * triangle_of(np.outer(mine, mine)))
 
     return _with_more(data, noise, moved, blocks)
 
@@ -156,14 +157,14 @@ def _shifted(data: Data, noise: Covariance, blocks: list[int]) -> Covariance:
 def _with_more(
     data: Data, noise: Covariance, more: Callable[[int], _Floats], blocks: list[int]
 ) -> Covariance:
-    """Return the covariance of some blocks with more in each.
+    """Return the covariance of some blocks with more in the triangle of each.
 
     Of a long recording no matrix that is not asked for is written: it takes no memory then.
     """
     layout, inputs = data.observations.layout, np.empty_like(noise.inputs)
-    before, wider = layout.matrices(noise.inputs), layout.matrices(inputs)
     for block in blocks:
-        wider[block][:] = before[block] + more(block)
+        before = layout.triangle(noise.inputs, block)
+        layout.triangle(inputs, block)[:] = before + more(block)
     return replace(noise, inputs=inputs)
 
 

@@ -20,6 +20,7 @@ from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import DISCREPANCY_S, Observations, observe
 from bowden.estimation.paths import DRAWS, Paths
 from bowden.estimation.samples import cut, simulated_samples
+from bowden.estimation.whitening import triangle_of
 from bowden.model import Mode, Model, ModelError, Trajectory
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.solver import needs_implicit_steps
@@ -189,7 +190,7 @@ class Covariance:
     own : ndarray of shape (n,)
         Variance of each observation's independent error.
     inputs : ndarray
-        What the inputs and the discretisation do: a matrix a block (`Observations.layout`).
+        What the inputs and the discretisation do: a triangle a block (`Observations.layout`).
     floor : ndarray of shape (2,)
         Usual noise of each channel: the unit of the discrepancy.
     sigma : ndarray of shape (n,)
@@ -298,7 +299,7 @@ def covariance(
         matrix = (1.0 - ANY_SHAPE) * (part.T @ part) * np.exp(-0.5 * (apart / TAPER_S) ** 2)
         size = np.sqrt(variance[rows])
         matrix += ANY_SHAPE * np.outer(size, size) * np.exp(-apart / ROUGH_S) * alike
-        inputs.append(matrix.ravel())
+        inputs.append(triangle_of(matrix))
     shifted = np.sqrt(ANY_SHAPE * _largest_near(seen, variance))
     return Covariance(offset, own, np.concatenate(inputs), floor, sigma, shifted)
 

@@ -1,4 +1,4 @@
-"""Keeps results that are costly to make again, the latest ones, up to a bound of memory."""
+"""Keeps results that are costly to make again, those used last, up to a bound of memory."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ T = TypeVar("T")
 
 
 class Kept(Generic[T]):
-    """The results that were kept last, by key; safe to share between threads.
+    """The results that were used last, by key; safe to share between threads.
 
     Parameters
     ----------
     most_bytes : int
-        Of all that is kept together; the oldest go first. What is larger than that is not kept.
+        Of all that is kept together; those not used for longest go first. What is larger than
+        that is not kept.
     """
 
     def __init__(self, most_bytes: int) -> None:
@@ -26,8 +27,11 @@ class Kept(Generic[T]):
     def get(self, key: Hashable) -> T | None:
         """Return a result; None where it is not kept."""
         with self._lock:
-            found = self._each.get(key)
-        return None if found is None else found[0]
+            found = self._each.pop(key, None)
+            if found is None:
+                return None
+            self._each[key] = found  # the latest
+        return found[0]
 
     def keep(self, key: Hashable, result: T, size_bytes: int) -> None:
         """Keep a result of so many bytes."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bowden.errors import BadInput
 from bowden.estimation.kept import Kept
-from bowden.estimation.whitening import BlockLayout, Factors
+from bowden.estimation.whitening import BlockLayout, Factors, triangle_of
 from bowden.model import Mode
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import Estimates
@@ -27,7 +27,7 @@ _Index = NDArray[np.intp]
 STEP_S = 16e-3  # closer observations cost time and tell little more
 USUAL_BLOCK_S, LEAST_BLOCK_S = 1.25, 0.9  # what a reversal begins stays in its block
 DISCREPANCY_S = 0.15  # how long what a model lacks stays correlated
-MOST_FACTORS_BYTES = 100_000_000  # a recording: 32 scales over 20 s; one where it takes more
+MOST_FACTORS_BYTES = 100_000_000  # a recording: 64 scales over 20 s; one where it takes more
 LEAST_SHARE = 1e-5  # of a channel's range: no prediction is more exact
 
 
@@ -70,7 +70,7 @@ class Observations:
         for rows in self.blocks:
             apart = np.abs(self.time_s[rows][:, None] - self.time_s[rows])
             alike = self.channel[rows][:, None] == self.channel[rows]
-            found.append((np.exp(-apart / DISCREPANCY_S) * alike).ravel())
+            found.append(triangle_of(np.exp(-apart / DISCREPANCY_S) * alike))
         return np.concatenate(found)
 
     @cached_property

@@ -1,8 +1,8 @@
 """Cholesky factors of blocks and what whitens by them: kernels, without the interpreter lock.
 
-A fit whitens ten thousand small blocks a second. Their matrices lie one behind the other in one
-array, row by row, so that one call does all of a recording and other threads work meanwhile.
-`likelihood` says what the covariance is made of.
+A fit whitens ten thousand small blocks a second. Of their matrices the lower triangles lie one
+behind the other in one array, row by row, so that one call does all of a recording and other
+threads work meanwhile. `likelihood` says what the covariance is made of.
 """
 
 # ruff: noqa: PLR0917  (kernels take their state apart; numba has no keyword-only)
@@ -15,14 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.model.compiled import compiled, compiled_sums
+from bowden.model.compiled import compiled, compiled_in_place, compiled_sums
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
 
 
 class BlockLayout:
-    """Where the rows and the square matrix of each block lie, one block behind the other.
+    """Where the rows and the triangle of each block lie, one block behind the other.
 
     Parameters
     ----------
@@ -34,12 +34,19 @@ class BlockLayout:
         self.rows = np.concatenate(blocks)
         self.sizes = np.array([one.size for one in blocks])
         self.starts = np.concatenate([[0], np.cumsum(self.sizes)])
-        self.places = np.concatenate([[0], np.cumsum(self.sizes**2)])
+        self.places = np.concatenate([[0], np.cumsum(self.sizes * (self.sizes + 1) // 2)])
 
-    def matrices(self, flat: _Floats) -> list[_Floats]:
-        """Return views of the matrix of each block."""
-        edges = zip(self.places[:-1], self.places[1:], self.sizes, strict=True)
-        return [flat[first:last].reshape(size, size) for first, last, size in edges]
+    def triangle(self, flat: _Floats, block: int) -> _Floats:
+        """Return a view of a block's triangle."""
+        return flat[self.places[block] : self.places[block + 1]]
+
+
+def triangle_of(matrix: _Floats) -> _Floats:
+    """Return the lower triangle of a matrix, row by row."""
+    size = matrix.shape[0]
+    triangle = np.empty(size * (size + 1) // 2)
+    pack(np.ascontiguousarray(matrix), triangle)
+    return triangle
 
 
 class Factors(NamedTuple):
@@ -50,7 +57,7 @@ class Factors(NamedTuple):
     blocks : ndarray of int, shape (b,)
         Which blocks of the recording.
     lower : ndarray
-        Their factors, one behind the other.
+        Their triangles, one behind the other.
     places : ndarray of int, shape (all blocks,)
         Where the factor of each block begins.
     half_log_det : ndarray of shape (all blocks,)
@@ -96,6 +103,16 @@ def whitened_by(
     return Whitened(white.T, sizes, factors.half_log_det[blocks])
 
 
+@compiled_in_place
+def pack(matrix: _Floats, triangle: _Floats) -> None:
+    """Copy the lower triangle of a matrix."""
+    end = 0
+    for i in range(matrix.shape[0]):
+        for k in range(i + 1):
+            triangle[end] = matrix[i, k]
+            end += 1
+
+
 @compiled
 def factorise(
     blocks: _Index,
@@ -118,7 +135,7 @@ def factorise(
     starts, places : ndarray of int
         As `BlockLayout` has them.
     inputs, correlations : ndarray
-        Matrices of all blocks.
+        Triangles of all blocks.
     own : ndarray of shape (n,)
         Variance of each observation, block by block.
     unknown, law : ndarray of shape (n,)
@@ -139,16 +156,20 @@ def factorise(
     for block in blocks:
         first, place = starts[block], places[block]
         size = starts[block + 1] - first
-        matrix = inputs[place : place + size**2].copy().reshape((size, size))
-        alike = correlations[place : place + size**2].reshape((size, size))
+        matrix = np.zeros((size, size))
         u, v = unknown[first : first + size], law[first : first + size]
         for i in range(size):
             for k in range(i + 1):
-                matrix[i, k] += alike[i, k] * (u[i] * u[k] + v[i] * v[k])
+                both = u[i] * u[k] + v[i] * v[k]
+                matrix[i, k] = inputs[place] + correlations[place] * both
+                place += 1
             matrix[i, i] += own[first + i]
         factor = np.linalg.cholesky(matrix)
-        lower[at[block] : at[block] + size**2] = factor.ravel()
+        end = at[block]
         for i in range(size):
+            for k in range(i + 1):
+                lower[end] = factor[i, k]
+                end += 1
             half_log_det[block] += np.log(factor[i, i])
     return lower, at, half_log_det
 
@@ -180,8 +201,8 @@ def substitute(
             first, size = starts[block], starts[block + 1] - starts[block]
             known = white[number, row : row + size]
             for i in range(size):
-                place = places[block] + i * size
-                line = lower[place : place + size]
+                place = places[block] + i * (i + 1) // 2
+                line = lower[place : place + i + 1]
                 left = columns[number, first + i]
                 for k in range(i):
                     left -= line[k] * known[k]
