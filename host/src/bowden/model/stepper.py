@@ -52,7 +52,8 @@ class PairStepper:
         self._implicit = needs_implicit_steps(self._pair, mode)
         self._events_tables, self._events = tables(self._pair), rest_state(self._pair)
         if self._implicit:
-            self._chain_tables, self._chain = chain_tables(self._pair), chain_state(self._pair)
+            self._chain_tables = chain_tables(self._pair)
+            self._chain = chain_state(self._pair, self._chain_tables)
             self._pulleys = pulleys(self._pair, self._free)
 
     def step(  # noqa: PLR0917  (as the kernels below)

@@ -81,9 +81,10 @@ def simulate_mesh(  # noqa: PLR0917
     restoring = _restoring(transmission, free, motor, load, torque_slope)
     out = np.zeros((time_s.size, 6))
     if needs_implicit_steps(transmission, mode) or changing or np.any(longer != 0.0):
+        constants = chain_tables(transmission)
         failed = implicit.run(
-            chain_tables(transmission),
-            chain_state(transmission),
+            constants,
+            chain_state(transmission, constants),
             pulleys(transmission, free),
             free,
             time_s,
@@ -213,9 +214,9 @@ def chain_tables(transmission: Transmission) -> ChainTables:
     )
 
 
-def chain_state(transmission: Transmission) -> ChainState:
-    """Return both cables at standstill for `mesh.implicit`."""
-    rest, t, mesh = rest_state(transmission), chain_tables(transmission), cut(transmission)
+def chain_state(transmission: Transmission, t: ChainTables) -> ChainState:
+    """Return both cables at standstill for `mesh.implicit`, with the pair's constants."""
+    rest, mesh = rest_state(transmission), cut(transmission)
     n = mesh.length_m.size
     # What a spring of the stiffness at no tension would carry: the root of T = (p + q tau) tau.
     tau = 2 * rest.node_n / (t.linear + np.sqrt(t.linear**2 + 4 * t.quadratic * rest.node_n))

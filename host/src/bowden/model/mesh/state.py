@@ -19,6 +19,7 @@ join the uniform state to the two sliding ones (`virgin_slope`), and plateaus do
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ RELEASE, PULL = 0, 1
 FROM_END = slice(None), slice(None, None, -1)  # segments from the motor's end, from the load's
 DEFAULT_SEGMENTS = 100
 NO_STRAIN = 1e-9
+_MESHES_KEPT = 64  # a fit changes numbers, seldom the path
 
 
 class Tables(NamedTuple):
@@ -105,10 +107,18 @@ def cut(transmission: Transmission) -> Mesh:
     piece whose segments turn by the largest angle. A straight piece needs one segment only: there
     the tension does not change. With fewer segments than pieces the cut is uniform.
     """
-    n = transmission.segments or DEFAULT_SEGMENTS
     lengths, curvatures = transmission.piece_length_m, transmission.piece_curvature_per_m
+    n = transmission.segments or DEFAULT_SEGMENTS
+    return _cut(n, transmission.graded, tuple(lengths.tolist()), tuple(curvatures.tolist()))
+
+
+@lru_cache(maxsize=_MESHES_KEPT)
+def _cut(
+    n: int, graded: bool, piece_length_m: tuple[float, ...], curvature_per_m: tuple[float, ...]
+) -> Mesh:
+    lengths, curvatures = np.array(piece_length_m), np.array(curvature_per_m)
     ends = np.concatenate(([0.0], np.cumsum(lengths)))
-    if transmission.graded and n >= lengths.size:
+    if graded and n >= lengths.size:
         turned = lengths * curvatures + 1e-9 * lengths
         count = np.ones(lengths.size, dtype=np.int64)
         for _ in range(n - lengths.size):
@@ -121,7 +131,10 @@ def cut(transmission: Transmission) -> Mesh:
         place = np.linspace(0.0, ends[-1], n + 1)
     angle_at_end = np.concatenate(([0.0], np.cumsum(lengths * curvatures)))
     wrap = np.maximum(np.diff(np.interp(place, ends, angle_at_end)), 0.0)
-    return Mesh(np.diff(place), wrap)
+    mesh = Mesh(np.diff(place), wrap)
+    for shared in (mesh.length_m, mesh.wrap_rad):
+        shared.flags.writeable = False
+    return mesh
 
 
 def slide_exponents(transmission: Transmission, mesh: Mesh) -> FloatArray:
