@@ -15,8 +15,9 @@ from bowden.diagnosis.fitting import FRICTION, about_first, finish, start_of
 from bowden.diagnosis.growing import refitted_from, start_without, without_idle
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
-from bowden.diagnosis.odds import penalty
+from bowden.diagnosis.odds import merit, penalty
 from bowden.diagnosis.proposals import anew
+from bowden.diagnosis.reach import foreseen
 from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
 from bowden.diagnosis.sets import Sets
@@ -59,6 +60,22 @@ def fitted(
     assert start is not None
     (found,) = finish(material, [start.begun(material)], base.best.noises)
     return found
+
+
+def test_promises_that_are_not_kept_hide_nothing_that_has_come_further(material: Material) -> None:
+    """Fits begun from the file's values go by what screening promised, however they end."""
+    sets = Sets(material, as_searched(MODEL))
+
+    def begun(effect: Candidate, values: dict[str, float]) -> Hypothesis:
+        start = start_of(material, sets.searched, [(effect, values)], {}, sets.base.best)
+        assert start is not None
+        return start.begun(material)
+
+    right = begun(OFFSET, {"offset_nm": HIDDEN_NM})
+    wrong = [begun(GAIN, {"g": 0.01}), begun(WRAP, {"extra_wrap_rad": 0.1})]
+    children = [*(replace(one, promised=2.0 * merit(right)) for one in wrong), right]
+    assert max(map(foreseen, children)) == foreseen(right)  # it comes last
+    assert sets.weighed([sets.base], children)[0].names == (OFFSET.name,)
 
 
 def test_an_effect_that_does_nothing_beside_another_is_dropped(

@@ -57,13 +57,17 @@ def _densities(one: Hypothesis) -> _Floats:
     return -np.concatenate(costs)
 
 
+def has_set_out(one: Hypothesis) -> bool:
+    """Whether a fit has come less far than screening promised: derivatives tell little there."""
+    return one.promised < merit(one)
+
+
 def foreseen(one: Hypothesis) -> float:
     """Return -log posterior where a fit may end, as `merit` has it where it is.
 
-    By its derivatives; by what screening promised where it has only set out, and not come so far.
+    By its derivatives; by what screening promised where it has only set out.
     """
-    here = merit(one)
-    return one.promised if one.promised < here else here - fall(one)
+    return one.promised if has_set_out(one) else merit(one) - fall(one)
 
 
 def fall(one: Hypothesis) -> float:

@@ -40,7 +40,7 @@ from bowden.diagnosis.proposals import (
     screened_from,
     unchanged,
 )
-from bowden.diagnosis.reach import foreseen, in_reach
+from bowden.diagnosis.reach import foreseen, has_set_out, in_reach
 from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.time_limit import TimeLimit
 from bowden.estimation.search import solve
@@ -140,18 +140,21 @@ class Sets:
 
         Under the covariance about the likeliest, and without effects that do nothing. A child whose
         last effect does nothing is its parent once more: where it is likelier, the parent had ended
-        in a notch.
+        in a notch. What has only set out is fitted in a turn of its own.
         """
-        known, begun = list(parents), dict[Key, Hypothesis]()
-        for one in sorted(children, key=foreseen):
-            begun.setdefault(one.key, one)  # several starts of a set: the most promising
+        known, begun = list(parents), dict[tuple[Key, bool], Hypothesis]()
+        for one in sorted(children, key=foreseen):  # several starts of a set: the most promising
+            begun.setdefault((one.key, has_set_out(one)), one)
         ranked = list(begun.values())
         first = self._finish(ranked[:1])
         if self._move_to([*known, *first]):
             again, first = self.material.pool.map(self._finish, [known, first])
             known = again or known
         others = [weighed_under(one, self.noises) for one in ranked[1:]]
-        fresh = [*first, *self._finished_in_turn(others, [*known, *first])]
+        fresh = list(first)
+        for set_out in (False, True):  # a promise that is not kept says nothing of what has come
+            mine = [one for one in others if has_set_out(one) is set_out]
+            fresh += self._finished_in_turn(mine, [*known, *fresh])
         self.done.update((one.key, one) for one in known)
         less = [without_idle(self.material, self.searched, one, self.done) for one in fresh]
         fresh = [one for one in fresh if len(one.effects) - 1 not in idle(one)]
