@@ -75,11 +75,14 @@ def is_strained(parent: Hypothesis, screened: Sequence[ScreenedCandidate]) -> bo
 def _annealed(
     material: Material, screen: Screen, screened: Sequence[ScreenedCandidate]
 ) -> list[ScreenedCandidate]:
-    """Return the best of each place of each effect with the gain of a fit; the largest first."""
-    best = [max(each, key=lambda one: one.gain) for each in _by_place(screened)]
-    gains = material.pool.map(screen.annealed, best)
-    found = [replace(one, gain=gain) for one, gain in zip(best, gains, strict=True)]
-    return sorted(found, key=lambda one: -one.gain)
+    """Return the best of each place of each effect by the gain of a fit; the largest first.
+
+    Under the discrepancy of a wrong model shapes that explain much and little gain alike.
+    """
+    gains = material.pool.map(screen.annealed, screened)
+    found = [replace(one, gain=gain) for one, gain in zip(screened, gains, strict=True)]
+    best = [max(each, key=lambda one: one.gain) for each in _by_place(found)]
+    return sorted(best, key=lambda one: -one.gain)
 
 
 def every_shape(
@@ -102,7 +105,7 @@ def anew(
     unlike = {one.candidate.key: one.candidate for one in others if not one.probes}
     probed = [one for one in others if one.candidate.key not in unlike]
     alike = material.pool.map(screen.again, probed)
-    chosen = [max(each, key=lambda one: one.gain) for each in _by_place(alike)]
+    chosen = _annealed(material, screen, alike)
     found = [one for one in material.pool.map(screen.anew, chosen) if one is not None]
     for peaks in material.pool.map(screen.peaks, unlike.values()):
         found += peaks
