@@ -122,6 +122,18 @@ def test_what_is_ruled_out_is_not_in_a_tie_that_something_unlisted_shares(
     )
 
 
+@pytest.mark.parametrize(("after", "said"), [(0.002, "falls"), (0.004, "rises")])
+def test_a_gap_below_the_noise_may_rise_beside_what_is_named(
+    monkeypatch: pytest.MonkeyPatch, after: float, said: str
+) -> None:
+    found = decided(weighed(("", 0.0, NOTHING), ("a", 9.0, NOTHING)), monkeypatch)
+    gap = Gap("load_torque_nm", 0.003, after, 0.005)
+    where = Where((), (), cast("Any", None))
+    assert f"{said} from 3 mN m to {1e3 * after:g} mN m" in sentence_of(
+        found.verdict, found.effects, gap, where, tied=found.tied, odds=found.odds
+    )
+
+
 def test_what_is_in_every_likely_set_is_named_beside_a_tie(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

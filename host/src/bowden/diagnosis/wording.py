@@ -88,9 +88,10 @@ def sentence_of(
         beside = sorted({name for pair in tied for name in pair} - {one.name for one in effects})
         which = " or ".join(_lower(CATALOGUE[name].title) for name in beside)
         open_tie = f", and {which} (these recordings cannot say which)" if which else ""
+        goes = "falls" if gap.after < gap.before else "rises"  # where both lie below the floor
         return (
             f"The model lacks {' and '.join(titles)}{open_tie}: with it, the held-out gap in "
-            f"{channel} falls from {before} to {after}; the noise floor is {floor}."
+            f"{channel} {goes} from {before} to {after}; the noise floor is {floor}."
         )
     if verdict == "ambiguous":
         unnamed = {
