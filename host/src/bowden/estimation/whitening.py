@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.model.compiled import compiled, compiled_in_place, compiled_sums
+from bowden.model.compiled import compiled, compiled_sums
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.intp]
@@ -43,10 +43,7 @@ class BlockLayout:
 
 def triangle_of(matrix: _Floats) -> _Floats:
     """Return the lower triangle of a matrix, row by row."""
-    size = matrix.shape[0]
-    triangle = np.empty(size * (size + 1) // 2)
-    pack(np.ascontiguousarray(matrix), triangle)
-    return triangle
+    return matrix[np.tri(len(matrix), dtype=np.bool_)]
 
 
 class Factors(NamedTuple):
@@ -101,16 +98,6 @@ def whitened_by(
     white = np.empty((along.shape[0], int(sizes.sum())))
     substitute(blocks, layout.starts, factors.places, factors.lower, along, white)
     return Whitened(white.T, sizes, factors.half_log_det[blocks])
-
-
-@compiled_in_place
-def pack(matrix: _Floats, triangle: _Floats) -> None:
-    """Copy the lower triangle of a matrix."""
-    end = 0
-    for i in range(matrix.shape[0]):
-        for k in range(i + 1):
-            triangle[end] = matrix[i, k]
-            end += 1
 
 
 @compiled
