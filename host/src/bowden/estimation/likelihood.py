@@ -12,8 +12,9 @@ a block that fits better is Gaussian, and no block tells more than its noise all
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,16 +163,15 @@ def best_scales(
     sizes = [size for size in SIZES if size <= largest]
     first, second = (min(one, sizes[-1]) for one in start.discrepancy)
     doubted = any(noise.law is not None and noise.law.any() for _, noise, _, _ in parts)
+    of = cache(partial(cost, parts))
 
-    def with_law(law: float) -> tuple[float, Scales]:
-        now, lowest = Scales((first, second), law), math.inf
+    def with_law(law: float) -> Scales:
+        now = Scales((first, second), law)
         for channel in (0, 1):
-            line = [_with_size(now, channel, size) for size in sizes]
-            now, lowest = _descend(line, now, parts, pool)
-        return lowest, now
+            now = _descend([_with_size(now, channel, size) for size in sizes], now, of, pool)
+        return now
 
-    found = pool.map(with_law, LAWS if doubted else (start.law,))
-    return min(found, key=lambda one: one[0])[1]
+    return min(pool.map(with_law, LAWS if doubted else (start.law,)), key=of)
 
 
 def _with_size(scales: Scales, channel: int, size: float) -> Scales:
@@ -182,17 +182,14 @@ def _with_size(scales: Scales, channel: int, size: float) -> Scales:
 
 
 def _descend(
-    line: Sequence[Scales], now: Scales, parts: Sequence[Part], pool: Workers
-) -> tuple[Scales, float]:
+    line: Sequence[Scales], now: Scales, of: Callable[[Scales], float], pool: Workers
+) -> Scales:
     """Walk along a line of scales from where it is, as long as the cost falls."""
     here = line.index(now) if now in line else len(line) // 2
     near = [k for k in (here, here + 1, here - 1) if 0 <= k < len(line)]
-    costs = pool.map(lambda k: cost(parts, line[k]), near)
-    lowest, best = min(zip(costs, near, strict=True), key=lambda one: one[0])
+    costs = pool.map(lambda k: of(line[k]), near)
+    best = near[costs.index(min(costs))]
     step = best - here
-    while step and 0 <= best + step < len(line):
-        further = cost(parts, line[best + step])
-        if further >= lowest:
-            break
-        lowest, best = further, best + step
-    return line[best], lowest
+    while step and 0 <= best + step < len(line) and of(line[best + step]) < of(line[best]):
+        best += step
+    return line[best]
