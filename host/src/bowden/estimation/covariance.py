@@ -258,22 +258,19 @@ def covariance(
         except ModelError:  # passes that don't come to agree, on one path in many
             return None
 
-    others: list[tuple[Model, Recording | None]] = []
-    shares = []
+    others: list[tuple[float, tuple[Model, Recording | None]]] = []
     if "motor_torque_nm" in data.mode.columns:
-        others, shares = [(model, held_torque(data.given))], [HELD_OR_NOT]
-    for other, share in open_numbers(model):
-        others.append((other, None))
-        shares.append(share)
-    runs = chain(((model, path) for path in data.paths()), others)
+        others.append((HELD_OR_NOT, (model, held_torque(data.given))))
+    others += [(share, (other, None)) for other, share in open_numbers(model)]
+    runs = chain(((model, path) for path in data.paths()), (run for _, run in others))
     found = pool.map(change, runs) if pool else list(map(change, runs))
     drawn = len(found) - len(others)
     paths = np.array([one for one in found[:drawn] if one is not None])
     if not paths.size:
         raise ModelError("found no drawn input path that the model can run", model.source)
     columns, offset = [paths / np.sqrt(len(paths))], np.zeros(best.size)
-    every = zip(shares, found[drawn:], strict=True)
-    columns += [share * one[None] for share, one in every if one is not None]
+    every = zip(others, found[drawn:], strict=True)
+    columns += [share * one[None] for (share, _), one in every if one is not None]
     segments = model.transmission.segments
     if correction is not None:
         offset, columns = correction, [*columns, DOUBTED * correction[None]]

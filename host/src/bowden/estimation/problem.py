@@ -71,14 +71,9 @@ class Problem:
             if recording in one.recordings
         ]
 
-    def residuals(
-        self,
-        x: _Floats,
-        noises: Sequence[Covariance],
-        near: Sequence[Trajectory | None] | None = None,
-    ) -> list[_Floats] | None:
+    def residuals(self, x: _Floats, noises: Sequence[Covariance]) -> list[_Floats] | None:
         """Return measured minus predicted of each recording; None where the model has no answer."""
-        return self.residuals_at([x], noises, near=near)[0]
+        return self.residuals_at([x], noises)[0]
 
     def residuals_at(
         self,
