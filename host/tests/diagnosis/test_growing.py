@@ -147,7 +147,7 @@ def test_a_set_whose_effect_does_nothing_is_a_fit_of_the_set_without_it(
     monkeypatch.setattr(growing, "idle", lambda one: list(one.idle))
     monkeypatch.setattr(growing, "merit", lambda one: one.merit)
     monkeypatch.setattr(growing, "weighed_under", lambda one, _: one)
-    monkeypatch.setattr(growing, "start_without", lambda *_: SimpleNamespace(begun=lambda _: less))
+    monkeypatch.setattr(growing, "start_without", lambda *_: SimpleNamespace(begun=lambda: less))
     monkeypatch.setattr(setting, "matters", lambda one: not one.idle)
     sets = object.__new__(Sets)
     before = cast("Any", Ended("", known))

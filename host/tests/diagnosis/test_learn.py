@@ -38,7 +38,8 @@ def law(cost: float, discrepancy: float) -> Hypothesis:
         problem = Problem((), parameters, (), (), pool)
     x = parameters.coordinates_of(parameters.model)
     scales = Scales((discrepancy, 0.0))
-    return Hypothesis((one,), problem, Optimum(x, cost, np.eye(x.size), [], [], scales), ())
+    best = Optimum(x, cost, np.eye(x.size), [], [], scales)
+    return Hypothesis((one,), problem, best, (), ONE_BY_ONE)
 
 
 @pytest.fixture

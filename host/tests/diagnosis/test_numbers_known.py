@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
 from bowden.diagnosis.fitting import parameters_with
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
+from bowden.diagnosis.material import Material
 from bowden.diagnosis.numbers_known import solver_errors
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import Optimum, Problem
@@ -25,9 +28,8 @@ def fitted(effect: Candidate, values: dict[str, float]) -> Hypothesis:
     with workers(1) as pool:
         problem = Problem((), parameters, (), (), pool)
     x = parameters.coordinates_of(parameters.model)
-    return Hypothesis(
-        (effect,), problem, Optimum(x, 0.0, np.eye(x.size), [], [], Scales((0, 0))), ()
-    )
+    best = Optimum(x, 0.0, np.eye(x.size), [], [], Scales((0, 0)))
+    return Hypothesis((effect,), problem, best, (), cast(Material, None))  # simulates nothing
 
 
 @pytest.mark.parametrize(

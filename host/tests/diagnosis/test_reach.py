@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from bowden.diagnosis import reach as reaching
 from bowden.diagnosis.candidates import candidates
 from bowden.diagnosis.fitting import parameters_with
 from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import merit, penalty
 from bowden.diagnosis.reach import fall, foreseen, in_reach
 from bowden.estimation.likelihood import Scales
@@ -23,6 +24,7 @@ from bowden.workers import workers
 from .lab import MODEL
 
 (VISCOUS,) = candidates(["viscous_friction"])
+MATERIAL = cast(Material, None)  # nothing is simulated
 DOUBT = math.log(19.0)  # odds of what is sure to 95 %
 
 
@@ -33,7 +35,7 @@ def fitted(cost: float) -> Hypothesis:
         problem = Problem((), parameters, (), (), pool)
     x = parameters.coordinates_of(parameters.model)
     best = Optimum(x, cost, np.eye(x.size), [], [], Scales((0.0, 0.0)))
-    return Hypothesis((VISCOUS,), problem, best, ())
+    return Hypothesis((VISCOUS,), problem, best, (), MATERIAL)
 
 
 def test_a_number_that_the_data_do_not_tell_leaves_a_fit_where_it_is() -> None:
@@ -105,7 +107,7 @@ def test_of_a_fit_that_has_not_come_to_its_parent_screening_tells_where_it_ends(
     It may also have come further than screening saw.
     """
     parent, origin, child = fitted(-100.0), fitted(-20.0), fitted(cost)
-    start = SimpleNamespace(here=SimpleNamespace(cost=0.0), begun=lambda _material: child)
+    start = SimpleNamespace(here=SimpleNamespace(cost=0.0), begun=lambda: child)
     monkeypatch.setattr(growing, "start_of", lambda *_: start)
     monkeypatch.setattr(growing, "weighed_under", lambda one, _noises: one)
     screened: Any = SimpleNamespace(

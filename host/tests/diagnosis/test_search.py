@@ -58,7 +58,7 @@ def _fitted(sets: Sets, *effects: Candidate) -> Hypothesis:
     values = [(one, HIDDEN.get(one, {"offset_nm": 0.01})) for one in effects]
     start = start_of(sets.material, sets.searched, values, {}, sets.base.best)
     assert start is not None
-    (found,) = finish(sets.material, [start.begun(sets.material)], sets.noises)
+    (found,) = finish(sets.material, [start.begun()], sets.noises)
     return found
 
 
@@ -309,7 +309,7 @@ def test_a_fit_that_was_begun_is_weighed_with_the_correction_of_where_it_has_com
     """That of its start was 25 nats off where a torque constant was found from nothing."""
     start = start_of(sets.material, sets.searched, [(GAIN, {"g": 1e-4})], {}, sets.base.best)
     assert start is not None
-    there = start.begun(sets.material)
+    there = start.begun()
     assert there.values(0)["g"] > 0.01
     # A fit that starts where this one has come to has its correction from the start.
     effects, coordinates = [(GAIN, there.values(0))], there.coordinates()

@@ -70,36 +70,38 @@ class Start:
     problem : Problem
     here : Optimum
         The starting point, with the covariance to fit under and the scales that suit it.
+    material : Material
     """
 
     effects: tuple[Candidate, ...]
     problem: Problem
     here: Optimum
+    material: Material
 
     def unmoved(self, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
         """Return the hypothesis where the fit starts, with the derivatives there.
 
         `slopes`: those, where they are known already.
         """
-        return with_slopes(self.effects, self.problem, self._known(slopes))
+        return with_slopes(self._at_start(slopes))
 
-    def begun(self, material: Material, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
+    def begun(self, slopes: Sequence[_Floats] | None = None) -> Hypothesis:
         """Return the hypothesis after one round, with the derivatives that it ended with.
 
         `slopes`: those where the fit starts, where they are known already.
         """
-        here = Hypothesis(self.effects, self.problem, self._known(slopes), ())
-        there = _round(material, here, None)
+        there = _round(self._at_start(slopes), None)
         return self.unmoved(slopes) if there is None else there
 
-    def _known(self, slopes: Sequence[_Floats] | None) -> Optimum:
-        return replace(self.here, slopes=slopes, settled=slopes is not None)
+    def _at_start(self, slopes: Sequence[_Floats] | None) -> Hypothesis:
+        best = replace(self.here, slopes=slopes, settled=slopes is not None)
+        return Hypothesis(self.effects, self.problem, best, (), self.material)
 
 
 def continued(one: Hypothesis) -> Hypothesis:
     """Go on with a fit as far as the coarse model leads, with the correction that it began with."""
     best = _descend(one, ROUNDS, principal_axes(one.problem, one.best.hessian))
-    return one if best is None else with_slopes(one.effects, one.problem, best)
+    return one if best is None else with_slopes(replace(one, best=best))
 
 
 def start_of(
@@ -134,12 +136,12 @@ def start_of(
     x = problem.feasible(np.concatenate([first, like.x[like.x.size - count :]]))
     noises = corrected(material, problem, x, like.noises) or like.noises
     here = descend(problem, x, noises, like.scales, rounds=0)
-    return None if here is None else Start(tuple(one for one, _ in effects), problem, here)
+    return (
+        None if here is None else Start(tuple(one for one, _ in effects), problem, here, material)
+    )
 
 
-def about_first(
-    material: Material, ones: Sequence[Hypothesis]
-) -> tuple[Hypothesis, list[Covariance]]:
+def about_first(ones: Sequence[Hypothesis]) -> tuple[Hypothesis, list[Covariance]]:
     """Return the first hypothesis that the fine model can run, and the covariances about it.
 
     Raises
@@ -150,15 +152,15 @@ def about_first(
     *others, last = ones
     for one in others:
         try:
-            return one, _noises_about(material, one)
+            return one, _noises_about(one)
         except ModelError:
             continue
-    return last, _noises_about(material, last)
+    return last, _noises_about(last)
 
 
-def _noises_about(material: Material, one: Hypothesis) -> list[Covariance]:
-    numbers = [one.problem.numbers(one.best.x, k) for k in range(len(material.coarse))]
-    return material.noise(one.model, numbers)
+def _noises_about(one: Hypothesis) -> list[Covariance]:
+    numbers = [one.problem.numbers(one.best.x, k) for k in range(len(one.material.coarse))]
+    return one.material.noise(one.model, numbers)
 
 
 def finish(
@@ -168,44 +170,42 @@ def finish(
 
     Without those that the fine model cannot run: they describe no rig.
     """
-    found = material.pool.map(lambda one: _finished(material, one, noises), ones)
+    found = material.pool.map(lambda one: _finished(one, noises), ones)
     return [one for one in found if one is not None]
 
 
-def _finished(
-    material: Material, one: Hypothesis, noises: Sequence[Covariance]
-) -> Hypothesis | None:
+def _finished(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis | None:
     """Fit to the end with the laws doubted where the fit starts, then with those doubted there.
 
     What a law is doubted by follows the fit and the fit follows the doubt: no function falls from
     pass to pass, and further ones go round (Carroll and Ruppert 1988, 2.3).
     """
     effects = [(effect, one.values(index)) for index, effect in enumerate(one.effects)]
-    problem = material.problem(one.problem.parameters, effects, one.problem.data)
+    problem = one.material.problem(one.problem.parameters, effects, one.problem.data)
     doubted = _with_laws_doubted(one, noises)
-    here = _at(material, replace(one, problem=problem), problem.data, doubted)
+    here = _at(replace(one, problem=problem), problem.data, doubted)
     if here is None:
         return None
-    there = _descended(material, here)
+    there = _descended(here)
     if is_settled(here, there):
         return there
-    return _descended(material, _reweighed(there, _with_laws_doubted(there, there.best.noises)))
+    return _descended(_reweighed(there, _with_laws_doubted(there, there.best.noises)))
 
 
-def _descended(material: Material, one: Hypothesis) -> Hypothesis:
+def _descended(one: Hypothesis) -> Hypothesis:
     """Go down, round by round, as far as the fine model becomes likelier."""
     here = one
     for _ in range(ROUNDS):
-        there = _round(material, here, principal_axes(here.problem, here.best.hessian))
+        there = _round(here, principal_axes(here.problem, here.best.hessian))
         if there is None:
             break
         here = there
         if here.best.settled:
             break
-    return with_slopes(here.effects, here.problem, here.best)
+    return with_slopes(here)
 
 
-def _round(material: Material, here: Hypothesis, axes: _Floats | None) -> Hypothesis | None:
+def _round(here: Hypothesis, axes: _Floats | None) -> Hypothesis | None:
     """Go down one round, corrected where it ends; None where the fine model becomes no likelier.
 
     With a correction the coarse model is exact where that was made, and a guide about there. Where
@@ -216,16 +216,16 @@ def _round(material: Material, here: Hypothesis, axes: _Floats | None) -> Hypoth
         best = _descend(now, 1, axes)
         if best is None:
             return None
-        there = _recorrected(material, replace(now, best=best, slopes=tuple(best.slopes or ())))
+        there = _recorrected(replace(now, best=best, slopes=tuple(best.slopes or ())))
         if there is not None and there.best.cost < now.best.cost:
             return there
         if best.settled:
             known = replace(now.best, hessian=best.hessian, slopes=best.slopes, settled=True)
-            return with_slopes(now.effects, now.problem, known)
-        data = material.shorter(now.problem.data)
+            return with_slopes(replace(now, best=known))
+        data = now.material.shorter(now.problem.data)
         if data is None or there is None or is_settled(now, there):
             return None
-        now = _at(material, now, data, now.best.noises)
+        now = _at(now, data, now.best.noises)
     return None
 
 
@@ -243,12 +243,10 @@ def _descend(one: Hypothesis, rounds: int, axes: _Floats | None) -> Optimum | No
     )
 
 
-def _at(
-    material: Material, one: Hypothesis, data: tuple[Data, ...], noises: Sequence[Covariance]
-) -> Hypothesis | None:
+def _at(one: Hypothesis, data: tuple[Data, ...], noises: Sequence[Covariance]) -> Hypothesis | None:
     """Return a hypothesis where it is, corrected, at other steps; None where that fails."""
     problem = replace(one.problem, data=data)
-    own = corrected(material, problem, one.best.x, noises)
+    own = corrected(one.material, problem, one.best.x, noises)
     residuals = None if own is None else problem.residuals(one.best.x, own)
     if own is None or residuals is None:
         return None
@@ -278,13 +276,13 @@ def _apart(problem: Problem, before: _Floats, x: _Floats) -> float:
     return float(np.max(np.abs(x - before) / problem.unit, initial=0.0))
 
 
-def _recorrected(material: Material, one: Hypothesis) -> Hypothesis | None:
+def _recorrected(one: Hypothesis) -> Hypothesis | None:
     """Return a hypothesis where it is, with the correction there; None where the fine model fails.
 
     That of where a fit started may be off by more than two sets differ.
     """
     best = one.best
-    own = corrected(material, one.problem, best.x, best.noises)
+    own = corrected(one.material, one.problem, best.x, best.noises)
     if own is None:
         return None
     residuals = [
@@ -325,11 +323,12 @@ def corrected(
         return None
 
 
-def with_slopes(effects: tuple[Candidate, ...], problem: Problem, best: Optimum) -> Hypothesis:
-    """Return the hypothesis at an optimum, with the derivatives there."""
+def with_slopes(one: Hypothesis) -> Hypothesis:
+    """Return a hypothesis where it is, with the derivatives there."""
+    problem, best = one.problem, one.best
     slopes = best.slopes
     if slopes is None or not best.settled:
         axes = principal_axes(problem, best.hessian)
         slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
         best = replace(best, slopes=slopes, settled=True)
-    return Hypothesis(effects, problem, best, tuple(slopes))
+    return replace(one, best=best, slopes=tuple(slopes))

@@ -62,7 +62,7 @@ def _with_effect(
     able = [one for one in starts if one is not None]
     if not able:
         return None
-    child = min(able, key=lambda one: one.here.cost).begun(material)
+    child = min(able, key=lambda one: one.here.cost).begun()
     if child.best.cost <= parent.best.cost:
         return child
     promised = merit(weighed_under(screened.origin, parent.best.noises)) - screened.gain
@@ -87,7 +87,7 @@ def without_idle(
     if known is not None and merit(weighed_under(known, one.best.noises)) <= merit(one):
         return None
     start = start_without(material, searched, one, gone)
-    return None if start is None else start.begun(material)
+    return None if start is None else start.begun()
 
 
 def start_without(
@@ -110,4 +110,4 @@ def refitted_from(
     effects = [(effect, there.get(effect, one.values(i))) for i, effect in enumerate(one.effects)]
     gone = [i for i, effect in enumerate(other.effects) if effect.key not in one.key]
     start = start_of(material, searched, effects, coordinates_without(other, gone), one.best)
-    return one if start is None else start.begun(material)
+    return one if start is None else start.begun()

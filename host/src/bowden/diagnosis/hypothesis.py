@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate, off_value, strength_of
+from bowden.diagnosis.material import Material
 from bowden.estimation.covariance import Data
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.problem import Optimum, Problem
@@ -52,6 +53,8 @@ class Hypothesis:
         Its covariance is that of the comparison, with this hypothesis' own correction.
     slopes : tuple of ndarray of shape (n, k)
         Derivatives of each recording's residual by every number.
+    material : Material
+        What it is fitted to, as finely as it is corrected.
     promised : float
         -log posterior where screening saw its fit end; infinite where the fit itself tells.
     """
@@ -60,6 +63,7 @@ class Hypothesis:
     problem: Problem
     best: Optimum
     slopes: tuple[_Floats, ...]
+    material: Material
     promised: float = np.inf
 
     @property
@@ -125,22 +129,29 @@ class Hypothesis:
 
     @cached_property
     def contributions(self) -> tuple[Contribution | None, ...]:
-        """What each effect does; None where the model cannot run without it."""
-        near = self.simulated()
-        with_it = self.read(near)
-        found: list[Contribution | None] = []
-        for index, effect in enumerate(self.effects):
+        """What each effect does; None where the model cannot run without it.
+
+        By the fine model, as the fit itself: without an effect another solver may be enough, and
+        what the two make of long steps is no work of the effect.
+        """
+        data, numbers = self.problem.data, [self._numbers(one) for one in self.problem.data]
+        with_it = [
+            one.observations.measured - residual
+            for one, residual in zip(data, self.best.residuals, strict=True)
+        ]
+
+        def of(index: int) -> Contribution | None:
             place = f"effects[{self.own + index}]"
-            off = {f"{place}.{p.name}": off_value(p) for p in effect.strengths}
+            off = {f"{place}.{p.name}": off_value(p) for p in self.effects[index].strengths}
             try:
-                without = self.predictions(self.model.with_values(off), near)
+                without = self.material.predictions(self.model.with_values(off), numbers)
             except ModelError:
-                found.append(None)
-                continue
+                return None
             change = tuple(a - b for a, b in zip(with_it, without, strict=True))
             step = self._calibrated_for(change)
-            found.append(Contribution(change, step, self._beyond(change, step)))
-        return tuple(found)
+            return Contribution(change, step, self._beyond(change, step))
+
+        return tuple(self.problem.pool.map(of, range(len(self.effects))))
 
     def law_variances(self, besides: int | None = None) -> list[_Floats]:
         """Return by how much the laws of the set may be off: a variance of each observation.

@@ -158,7 +158,7 @@ def _weighed(
     if not laws:
         return list(before)
     try:
-        _, noises = about_first(material, sorted(laws, key=merit))
+        _, noises = about_first(sorted(laws, key=merit))
     except ModelError:  # so steep that they describe no rig
         return list(before)
     known = [
@@ -283,7 +283,7 @@ def _begun(
     effects = [*known, (law, values)]
     start, like = parent.coordinates(), parent.best
     begun = start_of(material, searched, effects, start, like)
-    return None if begun is None else _smoothed(material, searched, begun.begun(material))
+    return None if begun is None else _smoothed(material, searched, begun.begun())
 
 
 def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothesis | None:
@@ -296,7 +296,7 @@ def _smoothed(material: Material, searched: Model, first: Hypothesis) -> Hypothe
         (law, first.values(len(known))),
     ]
     start = start_of(material, searched, effects, first.coordinates(), first.best)
-    return None if start is None else start.begun(material, first.slopes)
+    return None if start is None else start.begun(first.slopes)
 
 
 def _likeliest_bend(one: Hypothesis, law: LawCandidate) -> float:

@@ -79,38 +79,50 @@ class Material:
         )
         return Problem(data or self.coarse, parameters, nuisances, blocks, self.pool)
 
-    def correction(
-        self,
-        model: Model,
-        numbers: Sequence[Sequence[tuple[Nuisance, float]]],
-        data: tuple[Data, ...],
+    def predictions(
+        self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
     ) -> list[_Floats]:
-        """Return what a fine mesh and short steps add to a prediction, one array a recording.
-
-        A law of speed answers half a step late: what a step does falls in proportion to it, and is
-        extrapolated to none (Richardson). To the coarse prediction or to that at other steps,
-        `data`; with it both are the same.
+        """Return what a fine mesh and short steps predict, one array a recording.
 
         Raises
         ------
         ModelError
             The model cannot run one of them.
         """
+        return [here + added for here, added in self._solved(model, numbers)]
+
+    def correction(
+        self,
+        model: Model,
+        numbers: Sequence[Sequence[tuple[Nuisance, float]]],
+        data: tuple[Data, ...],
+    ) -> list[_Floats]:
+        """Return what `predictions` add to those at the coarse or other steps, `data`.
+
+        With it both are the same. Raises as they do.
+        """
+        solved = self._solved(model, numbers)
+        if data is self.coarse:
+            return [added for _, added in solved]
+        there = self.pool.map(lambda one: one.predict(model, numbers[one.number]), data)
+        return [here + added - at for (here, added), at in zip(solved, there, strict=True)]
+
+    def _solved(
+        self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
+    ) -> list[tuple[_Floats, _Floats]]:
+        """Return the coarse prediction and what a fine mesh and short steps add to it.
+
+        A law of speed answers half a step late: what a step does falls in proportion to it, and is
+        extrapolated to none (Richardson).
+        """
         meshed, finer = as_fine(model), self.finer(model)
         runs = [(one, model) for one in self.coarse] + [(one, meshed) for one in finer]
-        if data is not self.coarse:
-            runs += [(one, model) for one in data]
         answers = self.pool.map(lambda run: run[0].predict(run[1], numbers[run[0].number]), runs)
-        count = len(self.coarse)
-        coarse, fine, at_data = answers[:count], answers[count : 2 * count], answers[2 * count :]
-        added = [
-            _whole(before.kept.size - 1, after.kept.size - 1) * (there - here)
+        coarse, fine = answers[: len(self.coarse)], answers[len(self.coarse) :]
+        return [
+            (here, _whole(before.kept.size - 1, after.kept.size - 1) * (there - here))
             for before, after, here, there in zip(self.coarse, finer, coarse, fine, strict=True)
         ]
-        if data is self.coarse:
-            return added
-        every = zip(added, coarse, at_data, strict=True)
-        return [one + here - there for one, here, there in every]
 
     def finer(self, model: Model) -> tuple[Data, ...]:
         """Return the recordings at the steps that a model's law can afford."""

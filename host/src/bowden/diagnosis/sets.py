@@ -194,7 +194,7 @@ class Sets:
         ranked = sorted(ones, key=merit)
         if is_settled(self.about, ranked[0]):
             return False
-        self.about, self.noises = about_first(self.material, ranked)
+        self.about, self.noises = about_first(ranked)
         return True
 
     def finalists(self) -> tuple[Hypothesis, Iterator[Hypothesis], Iterator[Hypothesis]]:
@@ -255,6 +255,8 @@ class Sets:
 def _base(material: Material, searched: Model) -> Hypothesis:
     """Calibrate the model without a further effect, as `calibrate` does."""
     problem = material.problem(parameters_with(searched, []))
-    found, noises = about_first(material, [with_slopes((), problem, solve(problem))])
+    found, noises = about_first(
+        [with_slopes(Hypothesis((), problem, solve(problem), (), material))]
+    )
     (base,) = finish(material, [found], noises)
     return base
