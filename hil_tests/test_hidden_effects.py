@@ -68,14 +68,34 @@ def test_a_free_motor_lags_by_the_known_backlash() -> None:
     assert answer.tensions_n[2900] == pytest.approx([7.0446, 7.0446, 1.5719, 31.5718], rel=1e-4)
 
 
-def test_friction_that_falls_with_tension_has_its_closed_form_in_steady_sliding() -> None:
+# Friction that bends or lags has built up in steady sliding: the closed forms are the same.
+MEMORY = pytest.mark.parametrize("memory", [{}, {"slip_m": 1e-5}, {"lag_s": 1e-3}], ids=str)
+
+
+@MEMORY
+def test_friction_that_falls_with_tension_has_its_closed_form_in_steady_sliding(
+    memory: dict[str, float],
+) -> None:
     p = 0.25
-    _, _, answer = sweep(replace(PAIR, law=Law(10.0, 4000.0, tension_exponent=p)))
+    _, _, answer = sweep(replace(PAIR, law=Law(10.0, 4000.0, tension_exponent=p, **memory)))
     motor_a, motor_b, load_a, load_b = answer.tensions_n[OUT]
     # d(T^p)/ds = p mu T0^p / R. The middle-point rule on 300 cells leaves 1e-6, a load cell sees
     # 2e-4; taken where each cell is entered the factor would be off by p m / 600 = 6e-4.
     for taut, eased in ((motor_a, load_a), (load_b, motor_b)):
         assert (taut**p - eased**p) / 10.0**p == pytest.approx(p * M, rel=1e-5)
+
+
+@MEMORY
+def test_friction_that_grows_with_speed_has_its_closed_form_in_steady_sliding(
+    memory: dict[str, float],
+) -> None:
+    gain_s_per_m = 1.0
+    _, _, answer = sweep(replace(PAIR, law=Law(10.0, 4000.0, rate_gain=gain_s_per_m, **memory)))
+    motor_a, motor_b, load_a, load_b = answer.tensions_n[OUT]
+    # All of both cables moves by r_load 0.6 rad/s.
+    m = M * (1.0 + gain_s_per_m * 0.104 * 0.6)
+    for taut, eased in ((motor_a, load_a), (load_b, motor_b)):
+        assert np.log(taut / eased) == pytest.approx(m, rel=1e-5)
 
 
 def test_the_locked_load_gives_the_square_root_law() -> None:

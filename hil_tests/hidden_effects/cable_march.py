@@ -152,25 +152,28 @@ def march_whole(
     for cell in range(path.length_m.size):
         length = path.length_m[cell]
         theta = path.wrap_friction[cell]
-        f, by_speed, by_tension = factor_out if side > 0.0 else -factor_in, 0.0, 0.0
+        f, by_here, by_tension = factor_out if side > 0.0 else -factor_in, 0.0, 0.0
+        way = side
         if memory:
             q, by_motion = direction(law, per_s, q_before[cell], here)
             q_after[cell] = q
             factor = factor_out if q < 0.0 else factor_in
             f = -q * factor
-            by_speed = -by_motion * factor
-        elif not plain:
-            speed = min(max(side * here, 0.0) * per_s, FASTEST_M_PER_S)
+            by_here = -by_motion * factor
+            way = 1.0 if here > 0.0 else -1.0
+        if not plain:
+            speed = min(max(way * here, 0.0) * per_s, FASTEST_M_PER_S)
             grown, by_speed, by_tension = friction_across(law, speed, tension, f * theta)
-            by_speed *= abs(f) * per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
+            moving = f * way * per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
+            by_here = by_here * grown + by_speed * moving
             by_tension *= f
             f *= grown
         drop = f * theta
         ratio = math.exp(-drop)
         new_tension, new_slope, new_other = tension * ratio, slope * ratio, other * ratio
         if memory or not plain:
-            new_slope -= new_tension * theta * (by_speed * slope_here + by_tension * slope)
-            new_other -= new_tension * theta * (by_speed * other_here + by_tension * other)
+            new_slope -= new_tension * theta * (by_here * slope_here + by_tension * slope)
+            new_other -= new_tension * theta * (by_here * other_here + by_tension * other)
         new_difference = strain(law, new_tension, compliance) - frozen_strain[cell + 1]
         # Displacement along the cell: here - d x + (d - d_new) x^2 / (2 length); zero within it?
         falls = side * difference
