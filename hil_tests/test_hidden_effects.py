@@ -232,6 +232,19 @@ def test_the_cell_errs_about_the_torque_that_it_feels_whatever_is_hidden_first(o
     np.testing.assert_allclose(read, expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_effects_of_one_kind_lie_as_the_catalogues_page_has_them(order: int) -> None:
+    """The first one is outside: recorded = (1 + g) (true + offset) of a load cell."""
+    time_s, angle, _ = sweep()
+    signals = Signals(time_s, np.full(time_s.size, 0.1), angle, np.full(time_s.size, 20.0))
+    given = {"torque_constant_error": {"g": 0.2}, "motor_torque_offset": {"offset_nm": 0.01}}
+    cell = {"load_cell_gain": {"g": -0.1}, "load_cell_offset": {"offset_nm": 0.3}}
+    hidden = [effects.hide(name, values) for name, values in [*given.items(), *cell.items()]]
+    read = read_out(PAIR, signals, hidden[::order]).load_torque_nm
+    _, _, bare = sweep(torque_nm=1.2 * 0.1 + 0.01)
+    np.testing.assert_allclose(read, 0.9 * (bare.load_torque_nm + 0.3), atol=1e-12)
+
+
 def test_an_eccentric_encoder_changes_the_angle_only() -> None:
     _, bare, motor, torque = hidden_sweep("encoder_eccentricity", e_rad=0.02, phase_rad=0.5)
     true = bare.motor_angle_rad

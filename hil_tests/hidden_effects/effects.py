@@ -9,7 +9,7 @@ Parameters are called and signed as in model files, so that a diagnosis can be h
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -336,3 +336,13 @@ def hide(name: str, values: Values) -> Hidden:
     values : mapping of str to float
     """
     return HIDE[name](values)
+
+
+def outside_in(hidden: Sequence[Hidden]) -> list[Hidden]:
+    """Return effects as they lie between a reading and the cables, the first one outside.
+
+    As the catalogue's page has it, whatever their order: recorded = (1 + g) (true + offset). One
+    that is in no catalogue is inmost.
+    """
+    order = list(HIDE)
+    return sorted(hidden, key=lambda one: order.index(one.name) if one.name in HIDE else len(order))

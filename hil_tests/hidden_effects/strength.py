@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from hil_tests.hidden_effects.continuum import Answer, Pair, solve
+from hil_tests.hidden_effects.effects import outside_in
 from hil_tests.hidden_effects.hidden import Draw, Hidden, Signals, Vector, together
 
 MOTOR_COUNTS = 2000
@@ -44,8 +45,9 @@ def read_out(pair: Pair, signals: Signals, hidden: Sequence[Hidden]) -> Read:
     """Run the pair with what is hidden; return the channels as noiseless sensors see them."""
     for effect in hidden:
         pair = effect.pair(pair)
+    inward = outside_in(hidden)
     torque = signals.motor_torque_nm
-    for effect in hidden:
+    for effect in inward:
         torque = effect.true_torque(torque, signals)
     histories = together([effect.histories(signals, pair) for effect in hidden])
     steps = max([effect.oversample for effect in hidden], default=1)
@@ -55,7 +57,7 @@ def read_out(pair: Pair, signals: Signals, hidden: Sequence[Hidden]) -> Read:
     motor, load, cell = answer.motor_angle_rad, signals.load_angle_rad, answer.load_torque_nm
     for effect in hidden:
         cell = effect.felt_torque(cell, signals)
-    for effect in hidden:
+    for effect in reversed(inward):
         motor = effect.read_motor_angle(motor, signals)
         load = effect.read_load_angle(load, signals)
         cell = effect.read_load_torque(cell, signals)
