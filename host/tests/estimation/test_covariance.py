@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from bowden.estimation.covariance import Covariance, Data, covariance
+from bowden.estimation.likelihood import Scales, whiten
 from bowden.model import Inputs, Mode, Model, ModelError, parse_model, simulate
-from bowden.model.experiments.variants import with_damping, with_memory
+from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import Recording
 from bowden.signals.dequantise import EDGE_NOISE
 from bowden.signals.prediction import PREDICTED
@@ -83,6 +84,28 @@ def test_sigma_covers_the_error_of_a_right_model(kind: str, channel: int) -> Non
     # so that a run of 12 s has some dozens of independent ones: their RMS is known to 20 %.
     assert np.sqrt(np.mean(scaled**2)) < 1.2
     assert np.mean(scaled < 2.0) > 0.87
+
+
+@pytest.mark.parametrize("kind", ["sine", "random"])
+def test_what_a_mesh_errs_by_is_within_the_noise_whatever_its_shape(kind: str) -> None:
+    """Segments let go one by one: elsewhere on a mesh that is twice as fine, and without one."""
+    load, torque = motion(kind)
+    run = simulate(EXACT, MODE, Inputs(TIME_S, motor_torque_nm=torque, load_angle_rad=load))
+    noise_nm = np.random.default_rng(1).normal(0.0, 5e-4, TIME_S.size)
+    cell_nm = run.load_torque_nm + noise_nm  # the given channels are exact: only the mesh errs
+    channels = {"load_angle_rad": load, "motor_torque_nm": torque, "load_torque_nm": cell_nm}
+    recording = Recording(TIME_S, motor_angle_rad=run.motor_angle_rad, **channels)
+    data = Data.of(recording, 0, EXACT, MODE)
+    coarse, fine = with_segments(EXACT, 25), with_segments(EXACT, 50)
+    correction = data.predict(fine) - data.predict(coarse)
+    noise = covariance(data, coarse, correction=correction)
+    left = data.observations.measured - data.predict(coarse) - noise.offset
+    white = whiten(data, noise, Scales((0.0, 0.0)), left[:, None])
+    # One block in four may leave more than twice what is expected. Were the error of the
+    # correction's shape alone, one in three would, up to 47 times.
+    chi = white.squares[:, 0] / white.sizes
+    assert np.quantile(chi, 0.75) < 2.0
+    assert np.max(chi) < 6.0
 
 
 def test_a_count_matters_much_more_after_a_reversal() -> None:

@@ -4,11 +4,13 @@ Paths that explain the given channels' readings as well as the best estimate are
 pushed through the model; their spread, block by block, is the covariance of what the inputs do.
 What the model's mesh leaves open is measured against a finer one and counts as error, and so do
 numbers that are not identifiable. What samples that were left out do is corrected, and half of the
-correction counts as error.
+correction counts as error: half of its variance in its own shape, half in each observation alone.
+Segments let go one by one, and on another mesh elsewhere.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -37,6 +39,7 @@ TAPER_S = 1.0  # beyond it so many draws resolve no correlation
 ANY_SHAPE = 1.0 / (DRAWS + 1)  # share of their variance: one further draw may have any shape
 ROUGH_S = 1.0  # and lasts so long
 DOUBTED = 0.5  # of what samples that were left out do, after it was corrected
+ALONE = 0.5  # of the variance of what is doubted, or of what a mesh leaves open: each observation's
 FINEST_S = 1e-3  # shortest step between simulated samples
 COARSE_S = 8e-3  # the same for a law with rate or memory, which costs ten times more
 
@@ -269,33 +272,37 @@ def covariance(
     if not paths.size:
         raise ModelError("found no drawn input path that the model can run", model.source)
     columns, offset = [paths / np.sqrt(len(paths))], np.zeros(best.size)
+    doubted = list[_Floats]()
     every = zip(others, found[drawn:], strict=True)
     columns += [share * one[None] for (share, _), one in every if one is not None]
     segments = model.transmission.segments
     if correction is not None:
-        offset, columns = correction, [*columns, DOUBTED * correction[None]]
+        offset, doubted = correction, [DOUBTED * correction]
     elif model.solver == "mesh" and segments:
         # Whether a rig behaves as so many segments or as the continuum is not known.
         finer = MESH_FACTOR * (
             data.predict(with_segments(model, 2 * segments), numbers, near=near) - best
         )
-        columns.append(finer[None])
+        doubted.append(finer)
     if data.is_thinned and correction is None:
         steps = data.predict(model, numbers, data.estimates.recording, near) - best
-        offset, columns = offset + steps, [*columns, DOUBTED * steps[None]]
-    spread = np.concatenate(columns)
-    variance = np.sum(spread**2, axis=0)
+        offset, doubted = offset + steps, [*doubted, DOUBTED * steps]
+    alone = np.sum([ALONE * one**2 for one in [np.zeros(best.size), *doubted]], axis=0)
+    alike = [math.sqrt(1.0 - ALONE) * one[None] for one in doubted]
+    spread = np.concatenate([*columns, *alike])
+    variance = np.sum(spread**2, axis=0) + alone
     own = seen.sigma**2
     sigma = np.sqrt(own + variance)
     floor = np.array([_usual(sigma[seen.channel == k]) for k in (0, 1)])
     inputs = []
     for rows in seen.blocks:
         apart = np.abs(seen.time_s[rows][:, None] - seen.time_s[rows][None])
-        alike = seen.channel[rows][:, None] == seen.channel[rows][None]
+        same = seen.channel[rows][:, None] == seen.channel[rows][None]
         part = spread[:, rows]
-        matrix = (1.0 - ANY_SHAPE) * (part.T @ part) * np.exp(-0.5 * (apart / TAPER_S) ** 2)
+        matrix = (part.T @ part) * np.exp(-0.5 * (apart / TAPER_S) ** 2) + np.diag(alone[rows])
         size = np.sqrt(variance[rows])
-        matrix += ANY_SHAPE * np.outer(size, size) * np.exp(-apart / ROUGH_S) * alike
+        any_shape = np.outer(size, size) * np.exp(-apart / ROUGH_S) * same
+        matrix = (1.0 - ANY_SHAPE) * matrix + ANY_SHAPE * any_shape
         inputs.append(triangle_of(matrix))
     shifted = np.sqrt(ANY_SHAPE * _largest_near(seen, variance))
     return Covariance(offset, own, np.concatenate(inputs), floor, sigma, shifted)
