@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from bowden.diagnosis.candidates import Candidate, candidates
@@ -41,3 +43,14 @@ def test_every_harmonic_that_a_motor_may_cog_with_is_looked_at() -> None:
     (harmonic,) = (one for one in cogging.variant.parameters if one.name == "harmonic")
     found = {shape["harmonic"] for shape in cogging.shapes()}
     assert found == set(range(int(harmonic.low), int(harmonic.high) + 1))
+
+
+def test_a_bump_wherever_it_is_has_a_start_that_looks_like_it() -> None:
+    """From others a fit ends at a dip elsewhere: each of them explains some of the bump."""
+    (bump,) = (one for one in candidates(("position_dependent_friction",)) if "bump" in one.key)
+    (width,) = (one.typical for one in bump.variant.parameters if one.name == "width_rad")
+    centres = {shape["centre_rad"] for shape in bump.shapes()}
+    for centre_rad in np.linspace(-1.5, 1.5, 301):
+        nearest = min(abs(centre_rad - one) for one in centres)
+        # The correlation of two bumps of one width so far apart.
+        assert math.exp(-0.5 * (nearest / width) ** 2) > 0.95

@@ -84,8 +84,8 @@ class Parameter:
     whole : bool, default False
         Whether only whole numbers make sense: a count a turn.
     spacing : float or None
-        Of a frequency: a search starts this far apart, so that over a stroke one start looks like
-        the truth. Others start low, in the middle and high.
+        Of a frequency or a place: a search starts this far apart, so that over a stroke one start
+        looks like the truth. Others start low, in the middle and high.
     start : float or None
         Of a shape: where alone a search starts, if it need not look low, in the middle and high.
     optional : bool, default False

@@ -21,6 +21,8 @@ from bowden.model.effects.effect import (
 from bowden.model.histories import Histories
 from bowden.model.transmission import Transmission
 
+WIDTH_RAD = 0.2  # of a usual bump; one that lies further away does nothing alike
+
 
 def _wave(inside: Signals, pair: Transmission, p: Values) -> Histories:
     del pair
@@ -65,14 +67,23 @@ EFFECT = Effect(
             "bump",
             (
                 Parameter("bump_a", "", -0.9, 3.0, 0.0, 0.3, "share of mu at its top", least=-1),
-                Parameter("centre_rad", "rad", -1.5, 1.5, None, 0.0, "load angle of its top"),
+                Parameter(
+                    "centre_rad",
+                    "rad",
+                    -1.5,
+                    1.5,
+                    None,
+                    0.0,
+                    "load angle of its top",
+                    spacing=WIDTH_RAD / 2.0,
+                ),
                 Parameter(
                     "width_rad",
                     "rad",
                     0.03,
                     1.5,
                     None,
-                    0.2,
+                    WIDTH_RAD,
                     "where it has fallen to 1/e",
                     scale="log",
                     least=1e-6,
