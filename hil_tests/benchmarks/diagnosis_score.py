@@ -269,7 +269,7 @@ def reliability(results: Sequence[Result]) -> list[tuple[float, Rate]]:
     Every explanation of every answer counts, also those that were not chosen.
     """
     stated = [
-        (share, one.is_right(frozenset(names.split(" + "))))
+        (min(share, 1.0), one.is_right(frozenset(names.split(" + "))))  # sums of shares round
         for one in results
         for names, share in one.answer.odds.items()
     ]
