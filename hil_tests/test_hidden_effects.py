@@ -72,16 +72,21 @@ def test_a_free_motor_lags_by_the_known_backlash() -> None:
 MEMORY = pytest.mark.parametrize("memory", [{}, {"slip_m": 1e-5}, {"lag_s": 1e-3}], ids=str)
 
 
+def sliding_out(**law: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the tension of each cable's taut and eased end while the pair slides out, N."""
+    _, _, answer = sweep(replace(PAIR, law=Law(10.0, 4000.0, **law)))
+    motor_a, motor_b, load_a, load_b = answer.tensions_n[OUT]
+    return (motor_a, load_a), (load_b, motor_b)
+
+
 @MEMORY
 def test_friction_that_falls_with_tension_has_its_closed_form_in_steady_sliding(
     memory: dict[str, float],
 ) -> None:
     p = 0.25
-    _, _, answer = sweep(replace(PAIR, law=Law(10.0, 4000.0, tension_exponent=p, **memory)))
-    motor_a, motor_b, load_a, load_b = answer.tensions_n[OUT]
     # d(T^p)/ds = p mu T0^p / R. The middle-point rule on 300 cells leaves 1e-6, a load cell sees
     # 2e-4; taken where each cell is entered the factor would be off by p m / 600 = 6e-4.
-    for taut, eased in ((motor_a, load_a), (load_b, motor_b)):
+    for taut, eased in sliding_out(tension_exponent=p, **memory):
         assert (taut**p - eased**p) / 10.0**p == pytest.approx(p * M, rel=1e-5)
 
 
@@ -90,11 +95,9 @@ def test_friction_that_grows_with_speed_has_its_closed_form_in_steady_sliding(
     memory: dict[str, float],
 ) -> None:
     gain_s_per_m = 1.0
-    _, _, answer = sweep(replace(PAIR, law=Law(10.0, 4000.0, rate_gain=gain_s_per_m, **memory)))
-    motor_a, motor_b, load_a, load_b = answer.tensions_n[OUT]
     # All of both cables moves by r_load 0.6 rad/s.
     m = M * (1.0 + gain_s_per_m * 0.104 * 0.6)
-    for taut, eased in ((motor_a, load_a), (load_b, motor_b)):
+    for taut, eased in sliding_out(rate_gain=gain_s_per_m, **memory):
         assert np.log(taut / eased) == pytest.approx(m, rel=1e-5)
 
 

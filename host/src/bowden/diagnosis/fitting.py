@@ -136,9 +136,9 @@ def start_of(
     x = problem.feasible(np.concatenate([first, like.x[like.x.size - count :]]))
     noises = corrected(material, problem, x, like.noises) or like.noises
     here = descend(problem, x, noises, like.scales, rounds=0)
-    return (
-        None if here is None else Start(tuple(one for one, _ in effects), problem, here, material)
-    )
+    if here is None:
+        return None
+    return Start(tuple(one for one, _ in effects), problem, here, material)
 
 
 def about_first(ones: Sequence[Hypothesis]) -> tuple[Hypothesis, list[Covariance]]:
@@ -159,8 +159,7 @@ def about_first(ones: Sequence[Hypothesis]) -> tuple[Hypothesis, list[Covariance
 
 
 def _noises_about(one: Hypothesis) -> list[Covariance]:
-    numbers = [one.problem.numbers(one.best.x, k) for k in range(len(one.material.coarse))]
-    return one.material.noise(one.model, numbers)
+    return one.material.noise(one.model, one.problem.numbers_of_each(one.best.x))
 
 
 def finish(
@@ -315,7 +314,7 @@ def corrected(
     material: Material, problem: Problem, x: _Floats, noises: Sequence[Covariance]
 ) -> list[Covariance] | None:
     """Return covariances with the correction of a point; None where it is no rig that runs."""
-    numbers = [problem.numbers(x, one.number) for one in problem.data]
+    numbers = problem.numbers_of_each(x)
     try:
         model = problem.parameters.model_at(x[: problem.size])
         return with_offset(noises, material.correction(model, numbers, problem.data))

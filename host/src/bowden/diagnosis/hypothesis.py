@@ -134,7 +134,7 @@ class Hypothesis:
         By the fine model, as the fit itself: without an effect another solver may be enough, and
         what the two make of long steps is no work of the effect.
         """
-        data, numbers = self.problem.data, [self._numbers(one) for one in self.problem.data]
+        data, numbers = self.problem.data, self.problem.numbers_of_each(self.best.x)
         with_it = [
             one.observations.measured - residual
             for one, residual in zip(data, self.best.residuals, strict=True)

@@ -287,9 +287,9 @@ def covariance(
     if data.is_thinned and correction is None:
         steps = data.predict(model, numbers, data.estimates.recording, near) - best
         offset, doubted = offset + steps, [*doubted, DOUBTED * steps]
-    alone = np.sum([ALONE * one**2 for one in [np.zeros(best.size), *doubted]], axis=0)
-    alike = [math.sqrt(1.0 - ALONE) * one[None] for one in doubted]
-    spread = np.concatenate([*columns, *alike])
+    doubts = np.array(doubted).reshape(-1, best.size)
+    alone = ALONE * np.sum(doubts**2, axis=0)
+    spread = np.concatenate([*columns, math.sqrt(1.0 - ALONE) * doubts])
     variance = np.sum(spread**2, axis=0) + alone
     own = seen.sigma**2
     sigma = np.sqrt(own + variance)

@@ -71,6 +71,10 @@ class Problem:
             if recording in one.recordings
         ]
 
+    def numbers_of_each(self, x: _Floats) -> list[list[tuple[Nuisance, float]]]:
+        """Return the nuisance numbers that count for each recording."""
+        return [self.numbers(x, one.number) for one in self.data]
+
     def residuals(self, x: _Floats, noises: Sequence[Covariance]) -> list[_Floats] | None:
         """Return measured minus predicted of each recording; None where the model has no answer."""
         return self.residuals_at([x], noises)[0]
