@@ -204,7 +204,7 @@ def test_a_law_explains_more_where_it_leaves_little_and_is_likelier(
 
 def weighed(one: Hypothesis, beyond: float) -> Weighed:
     nothing = np.zeros(2)
-    unseen = UnseenPrediction(nothing, nothing, nothing, nothing, (), (), (), ())
+    unseen = UnseenPrediction(nothing, nothing, nothing, nothing, (), (), ())
     return Weighed(one, unseen, 1.0 - beyond, beyond)
 
 

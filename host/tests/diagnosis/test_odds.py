@@ -53,7 +53,7 @@ def weighed(*sets: tuple[str, Any, Any], rarer: float = 0.0, shifted: Any = NEVE
     for names, small, large in sets:
         stub = Stub(tuple(names.split()))
         each = [np.zeros(BLOCKS) + one for one in (small, large, shifted, large - rarer)]
-        prediction = UnseenPrediction(*each, (), (), (), ())
+        prediction = UnseenPrediction(*each, (), (), ())
         found.append((cast("Hypothesis", stub), prediction))
     return posterior(found, candidates=32, seed=0)
 

@@ -92,7 +92,7 @@ def test_no_effect_is_exchanged_twice_beside_the_same_others(sets: Sets) -> None
 
 def _weighed(one: Hypothesis, share: float) -> Weighed:
     nothing = np.zeros(4)
-    return Weighed(one, UnseenPrediction(nothing, nothing, nothing, nothing, (), (), (), ()), share)
+    return Weighed(one, UnseenPrediction(nothing, nothing, nothing, nothing, (), (), ()), share)
 
 
 def test_of_forms_of_the_same_effects_one_is_grown(sets: Sets) -> None:
@@ -127,7 +127,7 @@ def test_a_set_that_predicts_worse_than_a_smaller_one_is_not_grown(
 
     def predicted(one: Hypothesis) -> UnseenPrediction:
         each = density[id(one)]
-        return UnseenPrediction(each, each, each, each, (), (), (), ())
+        return UnseenPrediction(each, each, each, each, (), (), ())
 
     monkeypatch.setattr("bowden.diagnosis.search.predict_unseen", predicted)
     monkeypatch.setattr("bowden.diagnosis.search.in_reach", lambda grown: grown)

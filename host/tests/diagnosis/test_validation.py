@@ -86,9 +86,7 @@ def test_an_effect_that_one_split_alone_supports_is_seen_to_be() -> None:
     gain = np.where(fold == 2, 30.0, 0.0)
 
     def prediction(small: Any) -> UnseenPrediction:
-        return UnseenPrediction(
-            np.zeros(12) + small, NOTHING, NOTHING, NOTHING, (), (), (), (fold,)
-        )
+        return UnseenPrediction(np.zeros(12) + small, NOTHING, NOTHING, NOTHING, (), (), (fold,))
 
     sets = [
         Weighed(cast("Any", OfOneRecording(names)), prediction(small))

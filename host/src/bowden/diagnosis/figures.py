@@ -1,7 +1,7 @@
 """What an answer shows: before and after, sample by sample, the gap, and a learned law's curve.
 
-Hypotheses and recordings in; `Series` for plots, `Gap` for words and `Learned` out. Simulates each
-fold's fit of two hypotheses on all samples, each stretch by one that has not seen it; touches no
+Hypotheses and recordings in; `Series` for plots, `Gap` for words and `Learned` out. Simulates two
+hypotheses and shows what was predicted of each stretch by a fit that has not seen it; touches no
 file.
 """
 
@@ -19,34 +19,28 @@ from bowden.diagnosis.material import Material, as_fine
 from bowden.diagnosis.numbers_known import solver_errors
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Learned, Series
-from bowden.diagnosis.unseen import UnseenPrediction
-from bowden.estimation.covariance import Data
 from bowden.estimation.gap import Gap
-from bowden.estimation.nuisance import as_given, as_read
+from bowden.estimation.nuisance import as_read
+from bowden.estimation.observations import Observations
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model
 from bowden.recording.recording import Recording
-from bowden.signals.prediction import PREDICTED, simulate_recording
+from bowden.signals.prediction import PREDICTED
 
 _Floats = NDArray[np.float64]
 
 
 def series_of(material: Material, before: Weighed, after: Weighed) -> tuple[Series, ...]:
-    """Return measured, before and after on all samples of every channel that was recorded."""
+    """Return measured, before and after on all samples of every channel that tells something."""
     found = []
-    for k, data in enumerate(material.fine):
-        recording = data.estimates.recording
-        first = _unseen(before.hypothesis, before.prediction, k, data)
-        then = _unseen(after.hypothesis, after.prediction, k, data)
+    for k, data in enumerate(material.coarse):
+        recording, seen = data.estimates.recording, data.observations
+        first, then = _unseen(before, k), _unseen(after, k)
         for channel, name in enumerate(PREDICTED[material.mode]):
-            if name not in recording.channels:
+            rows = np.flatnonzero(seen.channel == channel)
+            if not rows.size:
                 continue
-            rows = data.observations.channel == channel
-            noise = after.hypothesis.best.noises[k]
-            order = np.argsort(data.observations.time_s[rows])
-            sigma = np.interp(
-                recording.time_s, data.observations.time_s[rows][order], noise.sigma[rows][order]
-            )
+            sigma = _between(seen, rows, after.hypothesis.best.noises[k].sigma, recording.time_s)
             found.append(
                 Series(
                     source=recording.source,
@@ -62,33 +56,34 @@ def series_of(material: Material, before: Weighed, after: Weighed) -> tuple[Seri
     return tuple(found)
 
 
-def _unseen(
-    one: Hypothesis, prediction: UnseenPrediction, number: int, data: Data
-) -> dict[str, _Floats]:
-    """Return what each fold's fit predicts of the stretches that it has not seen."""
-    recording, mode = data.estimates.recording, data.mode
-    fold = fold_of_samples(data, prediction.folds[number], recording.time_s)
-    found = {name: np.zeros(recording.time_s.size) for name in PREDICTED[mode]}
+def _unseen(weighed: Weighed, number: int) -> dict[str, _Floats]:
+    """Return what fits that have not seen a stretch predict of it, the ones that were weighed.
 
-    def by_fold(k: int) -> None:
-        x, mine = prediction.points[k], fold == k
-        numbers = one.problem.numbers(x, data.number)
-        model = as_fine(one.problem.parameters.model_at(x[: one.problem.size]))
-        given = [pair for pair in numbers if pair[0].channel in mode.columns]
-        run = simulate_recording(model, mode, as_given(recording, given))
-        for name in PREDICTED[mode]:
-            read = [pair for pair in numbers if pair[0].channel == name]
-            found[name][mine] = as_read(recording.time_s, getattr(run, name), read)[mine]
-
-    one.problem.pool.map(by_fold, np.unique(fold).tolist())
+    They say it of the observations; between those it goes as at the optimum, which the fine model
+    has run. A fold's own fit need not run on other samples.
+    """
+    one, material = weighed.hypothesis, weighed.hypothesis.material
+    data, numbers = material.finer(one.model)[number], one.problem.numbers(one.best.x, number)
+    recording, seen = data.estimates.recording, data.observations
+    run = data.simulated(as_fine(one.model), numbers)
+    more = seen.measured - weighed.prediction.residuals[number] - data.read(run, numbers)
+    found = {}
+    for channel, name in enumerate(PREDICTED[data.mode]):
+        rows = np.flatnonzero(seen.channel == channel)
+        if rows.size:
+            mine = [pair for pair in numbers if pair[0].channel == name]
+            there = as_read(run.time_s, getattr(run, name), mine)
+            found[name] = np.interp(recording.time_s, run.time_s, there)
+            found[name] += _between(seen, rows, more, recording.time_s)
     return found
 
 
-def fold_of_samples(data: Data, folds: NDArray[np.intp], time_s: _Floats) -> NDArray[np.intp]:
-    """Return which fold each sample belongs to: that of the block it falls into."""
-    starts = np.array([data.observations.time_s[rows].min() for rows in data.observations.blocks])
-    block = np.clip(np.searchsorted(starts, time_s, side="right") - 1, 0, None)
-    return np.asarray(folds[block])
+def _between(
+    seen: Observations, rows: NDArray[np.intp], values: _Floats, time_s: _Floats
+) -> _Floats:
+    """Return values that observations have at other times; `rows`: of one channel."""
+    order = rows[np.argsort(seen.time_s[rows], kind="stable")]
+    return np.interp(time_s, seen.time_s[order], values[order])
 
 
 def gap_in(name: str, series: Sequence[Series]) -> Gap:

@@ -51,13 +51,13 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
     kinds = [np.zeros((4, number)) for number in count]
     residuals = [np.array(r) for r in best.residuals]
 
-    def one_fold(k: int) -> tuple[Scales, _Floats]:
+    def one_fold(k: int) -> Scales:
         seen = tuple(tuple(np.flatnonzero(f != k).tolist()) for f in fold)
         unseen = [np.flatnonzero(f == k).tolist() for f in fold]
         train = replace(problem, blocks=seen)
         parts = fitted_parts(train, best.residuals, best.noises)
         scales = best_scales(parts, best.scales, problem.pool, ERROR)
-        x, found, root = _refitted(train, one, scales)
+        found, root = _refitted(train, one, scales)
         laws = _laws(train, found, best.noises, scales)
         for r, data in enumerate(problem.data):
             if not unseen[r]:
@@ -71,10 +71,9 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
             for number in unseen[r]:
                 rows = data.observations.blocks[number]
                 residuals[r][rows] = found[r][rows]
-        return scales, x
+        return scales
 
-    folds = problem.pool.map(one_fold, range(max(f.max() for f in fold) + 1))
-    every, points = zip(*folds, strict=True)
+    scales = problem.pool.map(one_fold, range(max(f.max() for f in fold) + 1))
     small, large, shifted, outlier = np.concatenate(kinds, axis=1)
     return UnseenPrediction(
         small,
@@ -82,8 +81,7 @@ def predict_unseen(one: Hypothesis, *, by_recording: bool = False) -> UnseenPred
         shifted,
         outlier,
         tuple(residuals),
-        every,
-        points,
+        tuple(scales),
         tuple(fold),
     )
 
@@ -100,12 +98,10 @@ def _laws(
     return list(zip(every, (weights - logsumexp(weights)).tolist(), strict=True))
 
 
-def _refitted(
-    train: Problem, one: Hypothesis, scales: Scales
-) -> tuple[_Floats, Sequence[_Floats], _Floats]:
+def _refitted(train: Problem, one: Hypothesis, scales: Scales) -> tuple[Sequence[_Floats], _Floats]:
     """Fit to the training blocks from the optimum of all: one step, as long as it makes it better.
 
-    Returns the point, the residuals there, and a root of what the fit does not know of its numbers.
+    Returns the residuals there, and a root of what the fit does not know of its numbers.
     """
     best = one.best
     hessian, gradient = normal_equations(
@@ -116,8 +112,8 @@ def _refitted(
     here = FittedPoint(best.x, best.residuals, scales, cost)
     there = lower(train, here, best.noises, (hessian, gradient))
     if there is here:
-        return here.x, here.residuals, root
-    return there.x, there.residuals, root * (there.x != here.x)[:, None]
+        return here.residuals, root
+    return there.residuals, root * (there.x != here.x)[:, None]
 
 
 def _folds(count: list[int]) -> list[NDArray[np.intp]]:

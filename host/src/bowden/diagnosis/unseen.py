@@ -36,8 +36,6 @@ class UnseenPrediction:
         Measured minus predicted, each observation by a fit that has not seen its block.
     scales : tuple of Scales
         Of each fold.
-    points : tuple of ndarray of shape (k,)
-        Where each fold's fit ended.
     folds : tuple of ndarray of int, shape (blocks,)
         Which fold each block of each recording is held out in.
     """
@@ -48,7 +46,6 @@ class UnseenPrediction:
     outlier: _Floats
     residuals: tuple[_Floats, ...]
     scales: tuple[Scales, ...]
-    points: tuple[_Floats, ...]
     folds: tuple[NDArray[np.intp], ...]
 
     @property
