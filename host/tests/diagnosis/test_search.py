@@ -16,7 +16,7 @@ from bowden.diagnosis.found import Laws
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.odds import Weighed, merit
-from bowden.diagnosis.search import _is_outdone, likely_of, rivals_of, search
+from bowden.diagnosis.search import _not_outdone, likely_of, rivals_of, search
 from bowden.diagnosis.sets import Sets
 from bowden.diagnosis.time_limit import TimeLimit
 from bowden.diagnosis.unseen import UnseenPrediction
@@ -183,7 +183,7 @@ def test_laws_are_learned_once_where_no_two_effects_explain_the_data(
 
 
 @pytest.mark.parametrize(("ahead", "outdone"), [(None, False), (1.0, False), (400.0, True)])
-def test_a_set_that_a_learned_law_outdoes_is_not_exchanged(
+def test_a_set_that_a_learned_law_outdoes_is_not_gone_on_with(
     sets: Sets, monkeypatch: pytest.MonkeyPatch, ahead: float | None, outdone: bool
 ) -> None:
     """An effect's exchange gains some nats; what is hundreds behind one law is no such set."""
@@ -197,8 +197,57 @@ def test_a_set_that_a_learned_law_outdoes_is_not_exchanged(
     monkeypatch.setattr(
         "bowden.diagnosis.reach._densities", lambda one: np.full(12, -costs[id(one)] / 12.0)
     )
-    assert _is_outdone(best, laws) is outdone
-    assert not _is_outdone(best, None)
+    assert _not_outdone([best], laws) == ([] if outdone else [best])
+    assert _not_outdone([best], None) == [best]
+    assert not _not_outdone([], laws)
+
+
+@pytest.mark.parametrize("promising", [True, False], ids=["one could outdo it", "none could"])
+def test_three_effects_are_sought_where_a_law_explains_more_than_two(
+    monkeypatch: pytest.MonkeyPatch, promising: bool
+) -> None:
+    """A law of many numbers imitates several effects, which do better together than it does."""
+
+    def of(size: int) -> Any:
+        best = SimpleNamespace(scales=Scales((5.0, 0.0)), noises=[])
+        return SimpleNamespace(effects=(GAIN,) * size, key=frozenset({size}), best=best)
+
+    base, single, pair, triple = map(of, range(4))
+    fitted: list[list[Any]] = []
+
+    def weighed(likely: Sequence[Any], children: Sequence[Any]) -> list[Any]:
+        fitted.append(list(children))
+        return [*children, *likely]
+
+    fake = SimpleNamespace(
+        limit=TimeLimit(),
+        searched=MODEL,
+        base=base,
+        filed=base,
+        first=SimpleNamespace(here=[]),
+        screen=lambda _: None,
+        added=lambda parents: {0: [single], 1: [pair], 2: [triple]}.get(
+            len(parents[0].effects), []
+        ),
+        not_exchanged=lambda _: [],
+        weighed=weighed,
+        first_two=lambda: [base, single],
+    )
+    monkeypatch.setattr("bowden.diagnosis.search.Sets", lambda *_: fake)
+    monkeypatch.setattr("bowden.diagnosis.search.as_searched", lambda model: model)
+    monkeypatch.setattr("bowden.diagnosis.search.likely_of", lambda grown, *_: grown[:1])
+    monkeypatch.setattr("bowden.diagnosis.search._compared", lambda *_: [])
+    monkeypatch.setattr("bowden.diagnosis.search.weighed_under", lambda one, _noises: one)
+    law = of(1)
+    monkeypatch.setattr(
+        "bowden.diagnosis.search.learn", lambda *_: Laws((), (), (law,), likelier=True)
+    )
+    monkeypatch.setattr(
+        "bowden.diagnosis.search.in_reach",
+        lambda ones, rivals: list(ones) if promising and rivals == [law] else [],
+    )
+    search(cast(Material, None), MODEL, [GAIN], seed=1)
+    assert [triple] in fitted if promising else [triple] not in fitted
 
 
 def _misled(monkeypatch: pytest.MonkeyPatch, levels: Sequence[object]) -> list[object]:

@@ -6,8 +6,8 @@ depends on what else the rig has: candidates are screened again from each set th
 or strains its tolerances.
 Where no addition helps the likeliest set, each of its effects is exchanged for others: it is named
 only where none does as well in its place. Where no two effects explain the data a law that no name
-fits is learned: it is likelier beforehand than three effects. Where it explains more than two do,
-no larger sets are grown; where it outdoes the sets that were, none is exchanged.
+fits is learned: it is likelier beforehand than three effects. Sets that it leaves no doubt about
+are neither grown nor exchanged.
 """
 
 from __future__ import annotations
@@ -62,14 +62,14 @@ def search(
     names = len({one.name for one in every})
     laws: Laws | None = None
     likely, added = [sets.base], set[Key]()
-    while sets.limit.has_time() and not (laws and laws.likelier):
+    while sets.limit.has_time():
         best = likely[0]
         size = max(len(one.effects) for one in likely)
         if parents := [one for one in likely if one.key not in added]:
             tell(f"sets of {min(size + 1, MOST)}", 0.2 + 0.12 * min(size + 1, MOST))
-            children = sets.added(parents)
+            children = _not_outdone(sets.added(parents), laws)
             added.update(one.key for one in parents)
-        elif (places := sets.not_exchanged(best)) and not _is_outdone(best, laws):
+        elif (places := sets.not_exchanged(best)) and _not_outdone([best], laws):
             tell("exchanging effects", 0.8)
             children = sets.exchanged(best, places)
         else:
@@ -91,15 +91,14 @@ def search(
     )
 
 
-def _is_outdone(best: Hypothesis, laws: Laws | None) -> bool:
-    """Whether a learned law leaves no doubt that the likeliest set is none: it is not exchanged.
+def _not_outdone(ones: Sequence[Hypothesis], laws: Laws | None) -> list[Hypothesis]:
+    """Return the sets that a learned law leaves a doubt about: others are not gone on with.
 
-    Four effects that do less than one law imitate it, and so do any others in their places.
+    Effects that do less than one law imitate it, and so do any others in their places.
     """
-    if laws is None or not laws.fitted:
-        return False
-    learned = [weighed_under(one, best.best.noises) for one in laws.fitted]
-    return not in_reach([best], learned)
+    if laws is None or not laws.fitted or not ones:
+        return list(ones)
+    return in_reach(ones, [weighed_under(one, ones[0].best.noises) for one in laws.fitted])
 
 
 def _compared(sets: Sets, names: int, seed: int) -> list[Weighed]:
