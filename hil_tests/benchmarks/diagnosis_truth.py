@@ -45,7 +45,7 @@ def over_truth(case: Case, recordings: Sequence[Recording], found: Diagnosis) ->
         left = one.measured - getattr(trajectory, one.quantity)
         if one.quantity.endswith("_rad"):  # an encoder's zero is known to a fraction of a count
             left -= left.mean()
-        ratios.append(gap.after / float(np.sqrt(np.mean(left[one.held_out] ** 2))))
+        ratios.append(gap.after / float(np.sqrt(np.mean(left**2))))
     return max(ratios)
 
 

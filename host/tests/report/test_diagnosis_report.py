@@ -68,7 +68,6 @@ def named_diagnosis() -> Diagnosis:
     extended = MODEL.with_effect("gravity_imbalance", {"amplitude_nm": 0.03, "phase_rad": 0.8})
     recording = run_of(extended)
     before, after = (simulate_recording(one, MODE, recording) for one in (MODEL, extended))
-    held_out = recording.time_s % 4.0 > 2.0
     series = tuple(
         Series(
             source=recording.source,
@@ -78,7 +77,6 @@ def named_diagnosis() -> Diagnosis:
             before=getattr(before, name),
             after=getattr(after, name),
             sigma=np.full(recording.time_s.size, sigma),
-            held_out=held_out,
         )
         for name, sigma in SIGMA.items()
     )

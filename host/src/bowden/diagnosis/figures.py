@@ -50,7 +50,6 @@ def series_of(material: Material, before: Weighed, after: Weighed) -> tuple[Seri
                     before=first[name],
                     after=then[name],
                     sigma=sigma,
-                    held_out=np.ones(recording.time_s.size, dtype=np.bool_),
                 )
             )
     return tuple(found)

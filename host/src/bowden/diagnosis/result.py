@@ -21,7 +21,6 @@ from bowden.estimation.posterior import Estimate
 from bowden.model import Mode, Model
 
 _Floats = NDArray[np.float64]
-_Flags = NDArray[np.bool_]
 
 Verdict = Literal[
     "named", "complete", "unlisted", "ambiguous", "insufficient_excitation", "bad_data"
@@ -93,8 +92,8 @@ class Series:
     ----------
     source, quantity : str
     time_s, measured, before, after, sigma : ndarray of shape (n,)
-        What is predicted has its zero where it fits best, within what is known of an encoder's.
-    held_out : ndarray of shape (n,), bool
+        `before` and `after` are predicted by fits that have not seen the stretch, with the zero
+        where it fits best, within what is known of an encoder's.
     """
 
     source: str
@@ -104,7 +103,6 @@ class Series:
     before: _Floats
     after: _Floats
     sigma: _Floats
-    held_out: _Flags
 
 
 @dataclass(frozen=True)

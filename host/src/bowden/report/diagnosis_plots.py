@@ -28,7 +28,7 @@ _Floats = NDArray[np.float64]
 
 BEFORE = {"color": "#d55e00", "width": 1.4}
 AFTER = SIMULATED | {"width": 1.4}
-_NOISE, _HELD_OUT = "rgba(92,96,102,0.22)", "rgba(0,114,178,0.07)"
+_NOISE = "rgba(92,96,102,0.22)"
 _BLUE, _GREY, _LIGHT = "#0072b2", "#9aa1aa", "#c9cdd2"
 _DIVERGING = [
     [0.0, "#b2182b"],
@@ -67,7 +67,6 @@ def before_and_after(one: Series, points: int, *, improved: bool) -> go.Figure:
         rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.11, row_heights=[0.5, 0.5]
     )
     dress(plot, height=640)
-    _shade_held_out(plot, one)
     for text, values, line in curves:
         draw(plot, (one.time_s, values), text, dict(line), points=points, row=1)
     _noise_band(plot, one, scale, points)
@@ -106,28 +105,12 @@ def _noise_band(plot: go.Figure, one: Series, scale: float, points: int) -> None
     )
 
 
-def _shade_held_out(plot: go.Figure, one: Series) -> None:
-    """Shade what was held out, if part of the recording was fitted."""
-    if one.held_out.all() or not one.held_out.any():
-        return
-    (edges,) = np.nonzero(np.diff(np.concatenate([[False], one.held_out, [False]])))
-    for number, (start, stop) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-        plot.add_vrect(
-            x0=float(one.time_s[start]),
-            x1=float(one.time_s[stop - 1]),
-            fillcolor=_HELD_OUT,
-            line_width=0,
-            layer="below",
-            **({"annotation_text": "held out", "row": 1, "col": 1} if number == 0 else {}),
-        )
-
-
 def _window(one: Series) -> list[float]:
     """Choose the stretch to show first: where the calibrated model is worst; the rest is a zoom."""
     time_s = one.time_s
     if float(np.ptp(time_s)) <= 1.5 * WINDOW_S:
         return [float(time_s[0]), float(time_s[-1])]
-    square = np.cumsum(((one.measured - one.before) / one.sigma) ** 2 * one.held_out)
+    square = np.cumsum(((one.measured - one.before) / one.sigma) ** 2)
     starts = np.arange(float(time_s[0]), float(time_s[-1]) - WINDOW_S, 0.5)
     held = np.interp(starts + WINDOW_S, time_s, square) - np.interp(starts, time_s, square)
     start = float(starts[int(np.argmax(held))])
