@@ -186,26 +186,26 @@ def test_a_law_far_behind_one_on_top_of_another_set_is_given_up(
     )
 
 
-@pytest.mark.parametrize(
-    ("cost", "discrepancy", "likelier"),
-    [(-1000.0, 0.5, True), (-1000.0, 5.0, False), (-100.0, 0.5, False)],
-)
-def test_a_law_explains_more_where_it_leaves_little_and_is_likelier(
-    monkeypatch: pytest.MonkeyPatch, cost: float, discrepancy: float, likelier: bool
-) -> None:
-    monkeypatch.setattr(learn, "Screen", lambda _: None)
-    monkeypatch.setattr(learn, "laws_over", lambda _: [])
-    monkeypatch.setattr(learn, "_screened", lambda *_: [])
-    monkeypatch.setattr(learn, "_laws", lambda *_, **__: [law(cost, discrepancy)])
-    material = cast(Material, SimpleNamespace(coarse=()))
-    found = learn.learn(material, MODEL, [law(0.0, 9.0)], [law(-500.0, 9.0)], TimeLimit())
-    assert found.likelier is likelier
-
-
 def weighed(one: Hypothesis, beyond: float) -> Weighed:
     nothing = np.zeros(2)
     unseen = UnseenPrediction(nothing, nothing, nothing, nothing, (), (), ())
     return Weighed(one, unseen, 1.0 - beyond, beyond)
+
+
+@pytest.mark.parametrize(
+    ("cost", "discrepancy", "could"),
+    [(-1000.0, 0.5, True), (-499.0, 0.5, True), (-1000.0, 5.0, False), (-100.0, 0.5, False)],
+    ids=["likelier", "nearly as likely", "leaves much", "far less likely"],
+)
+def test_a_law_could_explain_what_it_leaves_little_of_and_no_set_outdoes(
+    tried: list[str], monkeypatch: pytest.MonkeyPatch, cost: float, discrepancy: float, could: bool
+) -> None:
+    del tried
+    monkeypatch.setattr(learn, "weighed_under", lambda each, _: each)
+    best = law(-500.0, 0.0)
+    one = Laws((), (), (law(cost, discrepancy),))
+    assert learn.could_explain(Found((weighed(best, 0.0),), best, best, (), laws=one)) is could
+    assert not learn.could_explain(Found((weighed(best, 0.0),), best, best, ()))
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_laws_of_two_arguments_follow_where_laws_of_one_leave_something_unlisted
 
     monkeypatch.setattr(learn, "_weighed", weigh)
     before = (weighed(base, beyond),)
-    learned = Laws((base,), (), (one,) * laws, likelier=False)
+    learned = Laws((base,), (), (one,) * laws)
     searched = Found(before, base, base, (), laws=learned)
     found = learn.with_laws(ONE_BY_ONE, MODEL, searched, 0, limit=limit)
     assert found.in_time is not limit.cut

@@ -174,7 +174,7 @@ def test_laws_are_learned_once_where_no_two_effects_explain_the_data(
 
     def learn(*args: object) -> Laws:
         asked.append(args)
-        return Laws((), (), (), likelier=False)
+        return Laws((), (), ())
 
     monkeypatch.setattr("bowden.diagnosis.search.learn", learn)
     found = search(cast(Material, None), MODEL, [GAIN], seed=1)
@@ -189,7 +189,7 @@ def test_a_set_that_a_learned_law_outdoes_is_not_gone_on_with(
     """An effect's exchange gains some nats; what is hundreds behind one law is no such set."""
     best = _fitted(sets, GAIN, OFFSET)
     learned = [] if ahead is None else [replace(best)]
-    laws = Laws((), (), tuple(learned), likelier=False)
+    laws = Laws((), (), tuple(learned))
     costs = {id(best): 0.0, **{id(one): -(ahead or 0.0) for one in learned}}
     monkeypatch.setattr("bowden.diagnosis.search.weighed_under", lambda one, _noises: one)
     monkeypatch.setattr("bowden.diagnosis.reach.fall", lambda _: 0.0)
@@ -239,9 +239,7 @@ def test_three_effects_are_sought_where_a_law_explains_more_than_two(
     monkeypatch.setattr("bowden.diagnosis.search._compared", lambda *_: [])
     monkeypatch.setattr("bowden.diagnosis.search.weighed_under", lambda one, _noises: one)
     law = of(1)
-    monkeypatch.setattr(
-        "bowden.diagnosis.search.learn", lambda *_: Laws((), (), (law,), likelier=True)
-    )
+    monkeypatch.setattr("bowden.diagnosis.search.learn", lambda *_: Laws((), (), (law,)))
     monkeypatch.setattr(
         "bowden.diagnosis.search.in_reach",
         lambda ones, rivals: list(ones) if promising and rivals == [law] else [],

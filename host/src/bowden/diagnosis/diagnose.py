@@ -19,7 +19,7 @@ from bowden.diagnosis.excitation import excitation
 from bowden.diagnosis.figures import gap_in, learned_of, series_of
 from bowden.diagnosis.found import Found
 from bowden.diagnosis.law_candidates import learned_among
-from bowden.diagnosis.learn import with_laws
+from bowden.diagnosis.learn import could_explain, with_laws
 from bowden.diagnosis.localise import Where, localise
 from bowden.diagnosis.material import make_material
 from bowden.diagnosis.next_experiment import NextExperiment, next_experiment
@@ -94,7 +94,7 @@ def diagnose(
             progress=tell,
         )
         decision = decide(found)
-        if found.in_time and (decision.verdict == "unlisted" or found.explained_by_laws):
+        if found.in_time and (decision.verdict == "unlisted" or could_explain(found)):
             found = with_laws(material, model, found, seed, limit=limit, progress=tell)
             decision = decide(found)
         tell("computing the verdict", 0.95)

@@ -23,14 +23,11 @@ class Laws:
         Every law on top of the calibrated model.
     fitted : tuple of Hypothesis
         Those that could be as likely as any set of effects.
-    likelier : bool
-        Whether one leaves little and is likelier than the likeliest set.
     """
 
     parents: tuple[Hypothesis, ...]
     screened: tuple[ScreenedCandidate, ...]
     fitted: tuple[Hypothesis, ...]
-    likelier: bool
 
 
 @dataclass(frozen=True)
@@ -59,8 +56,3 @@ class Found:
     screened: tuple[ScreenedCandidate, ...]
     in_time: bool = True
     laws: Laws | None = None
-
-    @property
-    def explained_by_laws(self) -> bool:
-        """Whether a learned law leaves little and is likelier than every set."""
-        return self.laws is not None and self.laws.likelier

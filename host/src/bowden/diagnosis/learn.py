@@ -2,11 +2,11 @@
 
 Where no two effects explain the data, every place and argument is screened on top of the calibrated
 model, and the most promising laws are fitted with the simulator inside, alone and beside the
-likeliest effect, as long as they could still be the likeliest. Where such a law is likelier
-than every set of effects, or something unlisted is there, laws are compared with the sets. The law
-is the one that predicts unseen stretches best; the evidence sets its smoothness. Where it, too,
-leaves what is unlisted, laws of two arguments follow. `law_candidates` lists what is tried,
-`search` asks for it, `verdict` words it.
+likeliest effect, as long as they could still be the likeliest. Where such a law could still be
+likelier than the likeliest set at the end, or something unlisted is there, laws are compared with
+the sets. The law is the one that predicts unseen stretches best; the evidence sets its smoothness.
+Where it, too, leaves what is unlisted, laws of two arguments follow. `law_candidates` lists what is
+tried, `search` asks for it, `verdict` words it.
 """
 
 from __future__ import annotations
@@ -79,9 +79,16 @@ def learn(
     recordings = [data.estimates.recording for data in material.coarse]
     screened = _screened(material, Screen(parents[0]), laws_over(recordings))
     fitted = _laws(material, searched, parents, screened, rivals, limit=limit)
-    least = min(map(merit, rivals))
-    likelier = any(merit(one) < least for one in fitted if holds(one))
-    return Laws(tuple(parents), tuple(screened), tuple(fitted), likelier)
+    return Laws(tuple(parents), tuple(screened), tuple(fitted))
+
+
+def could_explain(found: Found) -> bool:
+    """Whether a law that leaves little could be likelier than the likeliest set."""
+    if found.laws is None:
+        return False
+    likeliest = found.weighed[0].hypothesis
+    laws = [weighed_under(one, likeliest.best.noises) for one in found.laws.fitted]
+    return bool(in_reach([one for one in laws if holds(one)], [likeliest]))
 
 
 def with_laws(
