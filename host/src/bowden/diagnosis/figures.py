@@ -8,6 +8,7 @@ file.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Learned, Series
 from bowden.estimation.gap import Gap
 from bowden.estimation.nuisance import as_read
-from bowden.estimation.observations import Observations
 from bowden.estimation.search import INTERVAL
 from bowden.model import Model
 from bowden.recording.recording import Recording
@@ -35,12 +35,12 @@ def series_of(material: Material, before: Weighed, after: Weighed) -> tuple[Seri
     found = []
     for k, data in enumerate(material.coarse):
         recording, seen = data.estimates.recording, data.observations
-        first, then = _unseen(before, k), _unseen(after, k)
+        first, then = material.pool.map(partial(_unseen, k), (before, after))
         for channel, name in enumerate(PREDICTED[material.mode]):
-            rows = np.flatnonzero(seen.channel == channel)
+            rows = seen.rows_of(channel)
             if not rows.size:
                 continue
-            sigma = _between(seen, rows, after.hypothesis.best.noises[k].sigma, recording.time_s)
+            sigma = after.hypothesis.best.noises[k].sigma[rows]
             found.append(
                 Series(
                     source=recording.source,
@@ -49,13 +49,13 @@ def series_of(material: Material, before: Weighed, after: Weighed) -> tuple[Seri
                     measured=recording[name],
                     before=first[name],
                     after=then[name],
-                    sigma=sigma,
+                    sigma=np.interp(recording.time_s, seen.time_s[rows], sigma),
                 )
             )
     return tuple(found)
 
 
-def _unseen(weighed: Weighed, number: int) -> dict[str, _Floats]:
+def _unseen(number: int, weighed: Weighed) -> dict[str, _Floats]:
     """Return what fits that have not seen a stretch predict of it, the ones that were weighed.
 
     They say it of the observations; between those it goes as at the optimum, which the fine model
@@ -68,21 +68,12 @@ def _unseen(weighed: Weighed, number: int) -> dict[str, _Floats]:
     more = seen.measured - weighed.prediction.residuals[number] - data.read(run, numbers)
     found = {}
     for channel, name in enumerate(PREDICTED[data.mode]):
-        rows = np.flatnonzero(seen.channel == channel)
-        if rows.size:
+        if (rows := seen.rows_of(channel)).size:
             mine = [pair for pair in numbers if pair[0].channel == name]
             there = as_read(run.time_s, getattr(run, name), mine)
             found[name] = np.interp(recording.time_s, run.time_s, there)
-            found[name] += _between(seen, rows, more, recording.time_s)
+            found[name] += np.interp(recording.time_s, seen.time_s[rows], more[rows])
     return found
-
-
-def _between(
-    seen: Observations, rows: NDArray[np.intp], values: _Floats, time_s: _Floats
-) -> _Floats:
-    """Return values that observations have at other times; `rows`: of one channel."""
-    order = rows[np.argsort(seen.time_s[rows], kind="stable")]
-    return np.interp(time_s, seen.time_s[order], values[order])
 
 
 def gap_in(name: str, series: Sequence[Series]) -> Gap:

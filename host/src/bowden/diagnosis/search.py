@@ -92,7 +92,7 @@ def search(
 
 
 def _not_outdone(ones: Sequence[Hypothesis], laws: Laws | None) -> list[Hypothesis]:
-    """Return the sets that a learned law leaves a doubt about: others are not gone on with.
+    """Return the sets that could be the likeliest beside learned laws; all where there are none.
 
     Effects that do less than one law imitate it, and so do any others in their places.
     """

@@ -315,8 +315,7 @@ def _largest_near(seen: Observations, variance: _Floats) -> _Floats:
     """
     found = np.empty_like(variance)
     for channel in (0, 1):
-        (rows,) = np.nonzero(seen.channel == channel)
-        rows = rows[np.argsort(seen.time_s[rows], kind="stable")]
+        rows = seen.rows_of(channel)
         time_s, own = seen.time_s[rows], variance[rows]
         first = np.searchsorted(time_s, time_s - DISCREPANCY_S)
         last = np.searchsorted(time_s, time_s + DISCREPANCY_S, side="right")

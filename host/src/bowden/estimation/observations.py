@@ -63,6 +63,11 @@ class Observations:
         """Where the blocks lie in arrays that hold one behind the other."""
         return BlockLayout(self.blocks)
 
+    def rows_of(self, channel: int) -> _Index:
+        """Return which rows are those of a channel, in the order of their times."""
+        rows = np.flatnonzero(self.channel == channel)
+        return rows[np.argsort(self.time_s[rows], kind="stable")]
+
     @cached_property
     def correlations(self) -> _Floats:
         """Correlation of an unknown discrepancy over each block's observations: see `layout`."""
