@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bowden.diagnosis.figures import gap_in, series_of
-from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.predict import predict_unseen
-from bowden.estimation.likelihood import Scales
-from bowden.estimation.problem import Optimum
+from bowden.diagnosis.sets import Sets
 from bowden.model import Mode
 from bowden.workers import workers
 
@@ -23,19 +21,8 @@ CHANNELS = ("load_torque_nm", "motor_angle_rad")
 
 
 def weigh(material: Material) -> Weighed:
-    model = as_searched(MODEL)
-    like = Optimum(
-        np.zeros(len(material.nuisances)),
-        0.0,
-        np.zeros((0, 0)),
-        [],
-        material.noise(model, [()]),
-        Scales((0.0, 0.0)),
-    )
-    start = start_of(material, model, [], {}, like)
-    assert start is not None
-    one = start.begun()
-    return Weighed(one, predict_unseen(one))
+    base = Sets(material, as_searched(MODEL)).base
+    return Weighed(base, predict_unseen(base))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import pytest
 from bowden.diagnosis import fitting
 from bowden.diagnosis.candidates import Candidate, candidates
 from bowden.diagnosis.fitting import finish, start_of, weighed_under
-from bowden.diagnosis.found import Laws
+from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.material import Material, as_searched, make_material
 from bowden.diagnosis.odds import Weighed, merit
@@ -136,6 +136,30 @@ def test_a_set_that_predicts_worse_than_a_smaller_one_is_not_grown(
     assert likely_of([larger, smaller], 32, 1) == [larger]
 
 
+def _set_of(size: int, left: float) -> Any:
+    """Return a set of so many effects that leaves so much, in usual noise."""
+    best = SimpleNamespace(scales=Scales((left, 0.0)), noises=[])
+    return SimpleNamespace(effects=(GAIN,) * size, key=frozenset({size}), best=best)
+
+
+def _searched(monkeypatch: pytest.MonkeyPatch, base: Any, single: Any, **steps: Any) -> Found:
+    """Search where each step, as `Sets` names it, is replaced; nothing is compared."""
+    fake = SimpleNamespace(
+        limit=TimeLimit(),
+        searched=MODEL,
+        base=base,
+        filed=base,
+        first=SimpleNamespace(here=[]),
+        screen=lambda _: None,
+        first_two=lambda: [base, single],
+        **steps,
+    )
+    monkeypatch.setattr("bowden.diagnosis.search.Sets", lambda *_: fake)
+    monkeypatch.setattr("bowden.diagnosis.search.as_searched", lambda model: model)
+    monkeypatch.setattr("bowden.diagnosis.search._compared", lambda *_: [])
+    return search(cast(Material, None), MODEL, [GAIN], seed=1)
+
+
 @pytest.mark.parametrize(
     ("pairs", "left", "learned"),
     [(True, 5.0, 1), (True, 0.5, 0), (False, 5.0, 0)],
@@ -146,38 +170,26 @@ def test_laws_are_learned_once_where_no_two_effects_explain_the_data(
 ) -> None:
     """Also where a smaller set predicts as well: larger ones are not grown before."""
 
-    def of(size: int) -> Any:
-        best = SimpleNamespace(scales=Scales((left, 0.0)))
-        return SimpleNamespace(effects=(GAIN,) * size, key=frozenset({size}), best=best)
-
-    base, single, pair = map(of, range(3))
+    base, single, pair = (_set_of(size, left) for size in range(3))
     asked: list[object] = []
     grown = iter([[single, base], [pair, single] if pairs else [single], [single]])
     places = iter([[0], []])
-    fake = SimpleNamespace(
-        limit=TimeLimit(),
-        searched=MODEL,
-        base=base,
-        filed=base,
-        first=SimpleNamespace(here=[]),
-        screen=lambda _: None,
-        added=lambda _: [],
-        not_exchanged=lambda _: next(places),
-        exchanged=lambda *_: [],
-        weighed=lambda *_: next(grown),
-        first_two=lambda: [base, single],
-    )
-    monkeypatch.setattr("bowden.diagnosis.search.Sets", lambda *_: fake)
-    monkeypatch.setattr("bowden.diagnosis.search.as_searched", lambda model: model)
     monkeypatch.setattr("bowden.diagnosis.search.likely_of", lambda *_: [single])
-    monkeypatch.setattr("bowden.diagnosis.search._compared", lambda *_: [])
 
     def learn(*args: object) -> Laws:
         asked.append(args)
         return Laws((), (), ())
 
     monkeypatch.setattr("bowden.diagnosis.search.learn", learn)
-    found = search(cast(Material, None), MODEL, [GAIN], seed=1)
+    found = _searched(
+        monkeypatch,
+        base,
+        single,
+        added=lambda _: [],
+        not_exchanged=lambda _: next(places),
+        exchanged=lambda *_: [],
+        weighed=lambda *_: next(grown),
+    )
     assert len(asked) == learned
     assert (found.laws is not None) is bool(learned)
 
@@ -208,43 +220,30 @@ def test_three_effects_are_sought_where_a_law_explains_more_than_two(
 ) -> None:
     """A law of many numbers imitates several effects, which do better together than it does."""
 
-    def of(size: int) -> Any:
-        best = SimpleNamespace(scales=Scales((5.0, 0.0)), noises=[])
-        return SimpleNamespace(effects=(GAIN,) * size, key=frozenset({size}), best=best)
-
-    base, single, pair, triple = map(of, range(4))
+    base, single, pair, triple = (_set_of(size, 5.0) for size in range(4))
     fitted: list[list[Any]] = []
 
     def weighed(likely: Sequence[Any], children: Sequence[Any]) -> list[Any]:
         fitted.append(list(children))
         return [*children, *likely]
 
-    fake = SimpleNamespace(
-        limit=TimeLimit(),
-        searched=MODEL,
-        base=base,
-        filed=base,
-        first=SimpleNamespace(here=[]),
-        screen=lambda _: None,
-        added=lambda parents: {0: [single], 1: [pair], 2: [triple]}.get(
-            len(parents[0].effects), []
-        ),
-        not_exchanged=lambda _: [],
-        weighed=weighed,
-        first_two=lambda: [base, single],
-    )
-    monkeypatch.setattr("bowden.diagnosis.search.Sets", lambda *_: fake)
-    monkeypatch.setattr("bowden.diagnosis.search.as_searched", lambda model: model)
+    added = {base.key: [single], single.key: [pair], pair.key: [triple]}
     monkeypatch.setattr("bowden.diagnosis.search.likely_of", lambda grown, *_: grown[:1])
-    monkeypatch.setattr("bowden.diagnosis.search._compared", lambda *_: [])
     monkeypatch.setattr("bowden.diagnosis.search.weighed_under", lambda one, _noises: one)
-    law = of(1)
+    law = _set_of(1, 5.0)
     monkeypatch.setattr("bowden.diagnosis.search.learn", lambda *_: Laws((), (), (law,)))
     monkeypatch.setattr(
         "bowden.diagnosis.search.in_reach",
         lambda ones, rivals: list(ones) if promising and rivals == [law] else [],
     )
-    search(cast(Material, None), MODEL, [GAIN], seed=1)
+    _searched(
+        monkeypatch,
+        base,
+        single,
+        added=lambda parents: added.get(parents[0].key, []),
+        not_exchanged=lambda _: [],
+        weighed=weighed,
+    )
     assert [triple] in fitted if promising else [triple] not in fitted
 
 
