@@ -42,6 +42,16 @@ def test_a_model_that_is_far_from_the_rig_has_no_wrong_clock() -> None:
     assert "stop" not in {one.severity for one in found}
 
 
+def test_friction_far_beyond_the_models_is_no_wrong_unit() -> None:
+    """A wrap angle adds as much again; with a motor torque of next to nothing the load alone does.
+
+    As a unit that was more than 100 times as likely, beside friction that is a third more at most.
+    """
+    case = excited(Job(1201331000, "single", ("wrap_angle_change",)))
+    found = check_data(parse_model(case.model_yaml), recordings_of(case), Mode.TORQUE_POSITION)
+    assert "stop" not in {one.severity for one in found}
+
+
 def test_a_locked_load_and_strokes_of_one_rig_are_of_one_rig() -> None:
     """A tenth more or less friction decides how much of the motor's torque a locked load feels."""
     case = excited(Job(571913200, "complete", (), 20.0, recordings=4))

@@ -6,8 +6,9 @@ thinned recordings; returns `explain.ChannelReading`s.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from bowden.estimation.gate.encoders import ANGLES
 from bowden.estimation.gate.explain import Arguments, ChannelReading, Prediction
 from bowden.estimation.gate.finding import TORQUES
-from bowden.model import Mode, Model, ModelError, Trajectory
+from bowden.model import Mode, Model, ModelError
 from bowden.recording.recording import Recording
 from bowden.signals.noise import noise_sigma
 from bowden.signals.prediction import PREDICTED, simulate_recording
@@ -28,6 +29,8 @@ LONGEST_S = 60.0  # of a recording that units are read from: they do not change 
 PLAY_RAD = 0.03  # at the load: what backlash and eccentric wheels may add to an angle
 LEAST_NM = 0.01  # below it no difference of a torque is explained
 FRICTION_SIGMA = 0.3  # of the logarithm of friction: rigs of one kind, and effects on it
+#: Of friction, likewise: about the model's own, and as far as a wrap angle that it lacks adds.
+NEAR, FAR_TOO = (0,), (0, -1, 1, -2, 2)
 
 
 @dataclass(frozen=True)
@@ -40,12 +43,19 @@ class Answer:
         What was asked: thinned, corrected.
     simulated : dict of str to ndarray of shape (n,)
         The predicted channels that the recording has.
-    channels : dict of str to ChannelReading
+    rigs : sequence of (float, dict of str to ChannelReading)
+        By their friction: the logarithm of how likely it is, over that of the model's own, and the
+        predicted channels; the model's own rig first.
     """
 
     recording: Recording
     simulated: dict[str, _Floats]
-    channels: dict[str, ChannelReading]
+    rigs: Sequence[tuple[float, dict[str, ChannelReading]]]
+
+    @property
+    def channels(self) -> dict[str, ChannelReading]:
+        """Those of the model's own friction."""
+        return self.rigs[0][1]
 
 
 def thinned(one: Recording, longest_s: float = np.inf) -> Recording:
@@ -79,16 +89,27 @@ def arguments_of(mode: Mode, one: Recording) -> Arguments:
     return Arguments.of(one.time_s, moving, torques)
 
 
-def _other_rigs(model: Model, mode: Mode, one: Recording) -> Iterator[Trajectory]:
-    """Yield what rigs with more and with less friction do; none where the model cannot run them."""
+def _with_friction(model: Model, sigmas: int) -> Model:
     friction = model.document.friction
     known = {"friction.mu_d": friction.mu_d, "friction.mu_s": friction.mu_s}
-    for factor in (math.exp(FRICTION_SIGMA), math.exp(-FRICTION_SIGMA)):
-        values = {path: factor * mu.value for path, mu in known.items() if mu is not None}
+    factor = math.exp(sigmas * FRICTION_SIGMA)
+    return model.with_values({path: factor * mu.value for path, mu in known.items() if mu})
+
+
+def _runs(
+    model: Model, mode: Mode, one: Recording, sigmas: Iterable[int]
+) -> dict[int, dict[str, _Floats]]:
+    """Return what rigs of the kind do, by their friction; without those that cannot run."""
+    runs = {}
+    for off in sigmas:
         try:
-            yield simulate_recording(model.with_values(values), mode, one)
+            run = simulate_recording(_with_friction(model, off), mode, one)
         except ModelError:
             continue
+        values = {name: getattr(run, name) for name in PREDICTED[mode] if name in one.channels}
+        if all(np.all(np.isfinite(each)) for each in values.values()):
+            runs[off] = values
+    return runs
 
 
 def answer(
@@ -97,39 +118,41 @@ def answer(
     one: Recording,
     arguments: Arguments | None = None,
     *,
-    any_friction: bool = False,
+    frictions: Sequence[int] = (),
 ) -> Answer | None:
     """Simulate a recording; None where the model cannot run it.
 
-    `any_friction`: more or less friction counts as the model, for checks of units. A fault during
-    the recording, such as a clipped cell, could be mistaken for less friction.
+    `frictions`: about which rigs with more and with less friction count, too, for checks of units.
+    A fault during the recording, such as a clipped cell, could be mistaken for less friction.
     """
-    try:
-        trajectory = simulate_recording(model, mode, one)
-    except ModelError:
+    near = {off: (off + 1, off - 1) for off in frictions}
+    runs = _runs(model, mode, one, {0, *near, *itertools.chain(*near.values())})
+    if 0 not in runs:
         return None
-    others = list(_other_rigs(model, mode, one)) if any_friction else []
     arguments = arguments or arguments_of(mode, one)
     ratio = model.transmission.pulley_ratio
-    simulated, channels = {}, {}
-    for name in PREDICTED[mode]:
-        if name not in one.channels:
-            continue
-        values: _Floats = getattr(trajectory, name)
-        if not np.all(np.isfinite(values)):
-            return None
-        geometry = np.zeros(values.size)
-        least = LEAST_NM
-        if name in ANGLES:
-            at_motor = name == ANGLES[0]
-            other = one[ANGLES[1]] * ratio if at_motor else one[ANGLES[0]] / ratio
-            geometry = other - other.mean()
-            least = PLAY_RAD * (ratio if at_motor else 1.0)
-        noise = noise_sigma(one[name], one.time_s)
-        simulated[name] = values
-        rigs = tuple(getattr(other, name) - values for other in others)
-        rigs = tuple(each for each in rigs if np.all(np.isfinite(each)))
-        channels[name] = ChannelReading(
-            one[name], noise, Prediction(geometry, values - geometry, rigs), arguments, least
-        )
-    return Answer(one, simulated, channels)
+    rigs = []
+    for off in (k for k in near or (0,) if k in runs):
+        beside = [runs[k] for k in (off, *near.get(off, ())) if k in runs]
+        channels = {
+            name: _reading(one, name, [run[name] for run in beside], arguments, ratio)
+            for name in runs[off]
+        }
+        rigs.append((-0.5 * off**2, channels))
+    return Answer(one, runs[0], rigs)
+
+
+def _reading(
+    one: Recording, name: str, simulated: Sequence[_Floats], arguments: Arguments, ratio: float
+) -> ChannelReading:
+    """Set a measured channel beside what rigs do to it: the one that is asked about first."""
+    values, *others = simulated
+    geometry, least = np.zeros(values.size), LEAST_NM
+    if name in ANGLES:
+        at_motor = name == ANGLES[0]
+        other = one[ANGLES[1]] * ratio if at_motor else one[ANGLES[0]] / ratio
+        geometry = other - other.mean()
+        least = PLAY_RAD * (ratio if at_motor else 1.0)
+    predicted = Prediction(geometry, values - geometry, tuple(other - values for other in others))
+    noise = noise_sigma(one[name], one.time_s)
+    return ChannelReading(one[name], noise, predicted, arguments, least)

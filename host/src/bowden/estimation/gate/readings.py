@@ -7,12 +7,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from bowden.estimation.gate.answer import Answer, answer, arguments_of
+from bowden.estimation.gate.answer import FAR_TOO, NEAR, Answer, answer, arguments_of
 from bowden.estimation.gate.explain import GAIN_SIGMA, ChannelReading, Explained
 from bowden.estimation.gate.finding import TORQUES
 from bowden.estimation.gate.mistakes import RARE, RIGHT, Mistake, mistakes_of, of_free_scale
@@ -42,7 +42,7 @@ class Readings:
         self.model, self.mode, self.one, self.as_read = model, mode, one, as_read
         self.arguments = arguments_of(mode, one)
         self.mistakes = tuple(mistakes_of(model, one))
-        self._asked: dict[object, Answer | None] = {_key({}, {}): as_read}
+        self._asked: dict[object, Answer | None] = {_key(RIGHT, NEAR): as_read}
         self._independent = {
             channel: effective_samples(found.explained(1.0).residual)
             for channel, found in ({} if as_read is None else as_read.channels).items()
@@ -89,7 +89,10 @@ class Readings:
         return True
 
     def likeliest(self) -> tuple[Mistake, float]:
-        """Return the likeliest mistake and its log odds against a recording that is right."""
+        """Return the likeliest mistake and its log odds against a recording that is right.
+
+        Before it stops a recording both are weighed with friction that may be far off, too.
+        """
         right = self._right()
         tried = [(self.log_posterior(one), right, one) for one in self.mistakes]
         best, _, mistake = max(tried, key=lambda each: each[0])
@@ -100,44 +103,54 @@ class Readings:
                 if name in self.one.channels:
                     tried += self._free_scale(name, right)
         best, right, mistake = max(tried, key=lambda each: each[0])
+        if best - right > STOP_LOG_ODDS:
+            best = max(best, self.log_posterior(mistake, FAR_TOO))
+            right = max(right, self._right(FAR_TOO))
         return mistake, best - right
 
-    def _right(self) -> float:
+    def _right(self, frictions: Sequence[int] = NEAR) -> float:
         """Return how likely it is that no channel is written wrongly."""
-        return -1e6 if self.as_read is None else near_or_far(self.as_read.channels)
+        asked = self._ask(RIGHT, frictions)
+        if asked is None:
+            return -1e6
+        return max(prior + near_or_far(channels) for prior, channels in asked.rigs)
 
-    def log_posterior(self, mistake: Mistake) -> float:
+    def log_posterior(self, mistake: Mistake, frictions: Sequence[int] = NEAR) -> float:
         """Return how likely a mistake is, up to a constant; -inf where the model cannot run it."""
-        predicted, asked = self._split(mistake)
+        predicted, asked = self._split(mistake, frictions)
         if asked is None:
             return -math.inf if mistake.kind != "none" else -1e6
-        return mistake.log_prior + sum(
-            one.explained(predicted.get(name, 1.0)).log_likelihood
-            for name, one in asked.channels.items()
+        return mistake.log_prior + max(
+            prior
+            + sum(one.explained(predicted.get(k, 1.0)).log_likelihood for k, one in rig.items())
+            for prior, rig in asked.rigs
         )
 
-    def _split(self, mistake: Mistake) -> tuple[dict[str, float], Answer | None]:
+    def _split(
+        self, mistake: Mistake, frictions: Sequence[int] = NEAR
+    ) -> tuple[dict[str, float], Answer | None]:
         """Return the factors of what is predicted, and the answer to what is given."""
         predicted = {k: f for k, f in mistake.factors.items() if k not in self.mode.columns}
         given = {k: f for k, f in mistake.factors.items() if k in self.mode.columns}
-        return predicted, self._ask(replace(mistake, factors=given))
+        return predicted, self._ask(replace(mistake, factors=given), frictions)
 
-    def _ask(self, mistake: Mistake) -> Answer | None:
+    def _ask(self, mistake: Mistake, frictions: Sequence[int]) -> Answer | None:
         """Return the model's answer to the given channels without the mistake."""
-        key = _key(mistake.factors, mistake.swapped)
+        key = _key(mistake, frictions)
         if key not in self._asked:
             right = mistake.undone(self.one)
             self._asked[key] = answer(
-                self.model, self.mode, right, self.arguments, any_friction=True
+                self.model, self.mode, right, self.arguments, frictions=frictions
             )
             self._weigh(self._asked[key])
         return self._asked[key]
 
     def _weigh(self, found: Answer | None) -> None:
         """Count only what is independent in the recording's own residual, under every mistake."""
-        for name, channel in ({} if found is None else found.channels).items():
-            most = self._independent.get(name, channel.independent)
-            channel.independent = float(np.clip(most, FEWEST, channel.independent))
+        for _, channels in () if found is None else found.rigs:
+            for name, channel in channels.items():
+                most = self._independent.get(name, channel.independent)
+                channel.independent = float(np.clip(most, FEWEST, channel.independent))
 
     def _free_scale(self, name: str, right: float) -> Iterator[tuple[float, float, Mistake]]:
         """Find the likeliest scale of a torque, and the named units that may be meant by it.
@@ -158,12 +171,13 @@ class Readings:
         for one in self.mistakes:
             if one.kind == "units" and set(one.factors) == {name}:
                 off = (scale - math.log(one.factors[name])) / TORQUE_SIGMA
-                named = replace(one, factors=best.factors)
-                yield likelihood + one.log_prior - 0.5 * off**2, right, named
+                prior = one.log_prior - 0.5 * off**2
+                named = replace(one, factors=best.factors, log_prior=prior)
+                yield likelihood + prior, right, named
 
 
-def _key(factors: Mapping[str, float], swapped: Mapping[str, str]) -> object:
-    return (tuple(sorted(factors.items())), tuple(sorted(swapped.items())))
+def _key(given: Mistake, frictions: Sequence[int]) -> object:
+    return (*sorted(given.factors.items()), *sorted(given.swapped.items()), *frictions)
 
 
 def near_or_far(channels: Mapping[str, ChannelReading]) -> float:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from bowden.estimation.gate.answer import LONGEST_S, Answer, answer, thinned, usable_mode
+from bowden.estimation.gate.answer import LONGEST_S, NEAR, Answer, answer, thinned, usable_mode
 from bowden.estimation.gate.finding import NAMES, TORQUES, Finding
 from bowden.model import Mode, Model
 from bowden.recording.recording import Recording
@@ -48,7 +48,7 @@ def _answer(model: Model, mode: Mode, one: Recording) -> Answer | None:
     used = usable_mode(one, mode)
     if used is None:
         return None
-    return answer(model, used, thinned(one, LONGEST_S), any_friction=True)
+    return answer(model, used, thinned(one, LONGEST_S), frictions=NEAR)
 
 
 def _log_gain(found: Answer | None, name: str, pulley_ratio: float) -> tuple[float, float] | None:

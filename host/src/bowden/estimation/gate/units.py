@@ -15,6 +15,7 @@ import numpy as np
 
 from bowden.estimation.gate.answer import (
     LONGEST_S,
+    NEAR,
     PLAY_RAD,
     Answer,
     answer,
@@ -48,14 +49,14 @@ def check_against_model(model: Model, mode: Mode, one: Recording, name: str) -> 
     if used is None:
         return
     thin = thinned(one, LONGEST_S)
-    as_read = answer(model, used, thin, any_friction=True)
+    as_read = answer(model, used, thin, frictions=NEAR)
     still = dict(_still(thin, as_read, used, name))
     yield from still.values()
     if any(one.severity == "stop" for one in still.values()):
         return
     if still:  # noise has no unit
         thin = thin.without_channels(still)
-        as_read = answer(model, used, thin, any_friction=True)
+        as_read = answer(model, used, thin, frictions=NEAR)
     reading = Readings(model, used, thin, as_read)
     worst = reading.worst()
     if worst > EXPLAINED:
