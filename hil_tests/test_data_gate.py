@@ -52,6 +52,13 @@ def test_friction_far_beyond_the_models_is_no_wrong_unit() -> None:
     assert "stop" not in {one.severity for one in found}
 
 
+def test_a_torque_that_just_arrives_at_a_locked_load_has_no_other_unit() -> None:
+    """With a sixth less friction 0.03 N m do, and 0.002 as the model file has it."""
+    case = excited(Job(1211347000, "single", ("load_cell_drift",), 20.0, recordings=3))
+    found = check_data(parse_model(case.model_yaml), recordings_of(case), Mode.TORQUE_POSITION)
+    assert "stop" not in {one.severity for one in found}
+
+
 def test_a_locked_load_and_strokes_of_one_rig_are_of_one_rig() -> None:
     """A tenth more or less friction decides how much of the motor's torque a locked load feels."""
     case = excited(Job(571913200, "complete", (), 20.0, recordings=4))

@@ -6,9 +6,8 @@ thinned recordings; returns `explain.ChannelReading`s.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,8 +28,9 @@ LONGEST_S = 60.0  # of a recording that units are read from: they do not change 
 PLAY_RAD = 0.03  # at the load: what backlash and eccentric wheels may add to an angle
 LEAST_NM = 0.01  # below it no difference of a torque is explained
 FRICTION_SIGMA = 0.3  # of the logarithm of friction: rigs of one kind, and effects on it
-#: Of friction, likewise: about the model's own, and as far as a wrap angle that it lacks adds.
-NEAR, FAR_TOO = (0,), (0, -1, 1, -2, 2)
+#: In such sigmas, the rigs that are asked: each between two others counts. So far as a wrap angle
+#: that a model lacks adds to friction, and so near that a torque which just arrives is told.
+NEAR, FAR_TOO = (-1.0, 0.0, 1.0), tuple(0.5 * k for k in range(-5, 6))
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def arguments_of(mode: Mode, one: Recording) -> Arguments:
     return Arguments.of(one.time_s, moving, torques)
 
 
-def _with_friction(model: Model, sigmas: int) -> Model:
+def _with_friction(model: Model, sigmas: float) -> Model:
     friction = model.document.friction
     known = {"friction.mu_d": friction.mu_d, "friction.mu_s": friction.mu_s}
     factor = math.exp(sigmas * FRICTION_SIGMA)
@@ -97,8 +97,8 @@ def _with_friction(model: Model, sigmas: int) -> Model:
 
 
 def _runs(
-    model: Model, mode: Mode, one: Recording, sigmas: Iterable[int]
-) -> dict[int, dict[str, _Floats]]:
+    model: Model, mode: Mode, one: Recording, sigmas: Sequence[float]
+) -> dict[float, dict[str, _Floats]]:
     """Return what rigs of the kind do, by their friction; without those that cannot run."""
     runs = {}
     for off in sigmas:
@@ -118,28 +118,29 @@ def answer(
     one: Recording,
     arguments: Arguments | None = None,
     *,
-    frictions: Sequence[int] = (),
+    frictions: Sequence[float] = (0.0,),
 ) -> Answer | None:
     """Simulate a recording; None where the model cannot run it.
 
-    `frictions`: about which rigs with more and with less friction count, too, for checks of units.
-    A fault during the recording, such as a clipped cell, could be mistaken for less friction.
+    `frictions`: those of rigs that count, too, for checks of units: each between two others. A
+    fault during the recording, such as a clipped cell, could be mistaken for less friction.
     """
-    near = {off: (off + 1, off - 1) for off in frictions}
-    runs = _runs(model, mode, one, {0, *near, *itertools.chain(*near.values())})
-    if 0 not in runs:
+    runs = _runs(model, mode, one, frictions)
+    if 0.0 not in runs:
         return None
     arguments = arguments or arguments_of(mode, one)
     ratio = model.transmission.pulley_ratio
+    threes = zip(frictions, frictions[1:], frictions[2:], strict=False)
+    beside: dict[float, Sequence[float]] = {off: (more, less) for less, off, more in threes}
     rigs = []
-    for off in (k for k in near or (0,) if k in runs):
-        beside = [runs[k] for k in (off, *near.get(off, ())) if k in runs]
+    for off in sorted(runs.keys() & (beside or {0.0}), key=abs):
+        near = [runs[k] for k in (off, *beside.get(off, ())) if k in runs]
         channels = {
-            name: _reading(one, name, [run[name] for run in beside], arguments, ratio)
+            name: _reading(one, name, [run[name] for run in near], arguments, ratio)
             for name in runs[off]
         }
         rigs.append((-0.5 * off**2, channels))
-    return Answer(one, runs[0], rigs)
+    return Answer(one, runs[0.0], rigs)
 
 
 def _reading(

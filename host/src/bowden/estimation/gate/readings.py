@@ -108,14 +108,14 @@ class Readings:
             right = max(right, self._right(FAR_TOO))
         return mistake, best - right
 
-    def _right(self, frictions: Sequence[int] = NEAR) -> float:
+    def _right(self, frictions: Sequence[float] = NEAR) -> float:
         """Return how likely it is that no channel is written wrongly."""
         asked = self._ask(RIGHT, frictions)
         if asked is None:
             return -1e6
         return max(prior + near_or_far(channels) for prior, channels in asked.rigs)
 
-    def log_posterior(self, mistake: Mistake, frictions: Sequence[int] = NEAR) -> float:
+    def log_posterior(self, mistake: Mistake, frictions: Sequence[float] = NEAR) -> float:
         """Return how likely a mistake is, up to a constant; -inf where the model cannot run it."""
         predicted, asked = self._split(mistake, frictions)
         if asked is None:
@@ -127,14 +127,14 @@ class Readings:
         )
 
     def _split(
-        self, mistake: Mistake, frictions: Sequence[int] = NEAR
+        self, mistake: Mistake, frictions: Sequence[float] = NEAR
     ) -> tuple[dict[str, float], Answer | None]:
         """Return the factors of what is predicted, and the answer to what is given."""
         predicted = {k: f for k, f in mistake.factors.items() if k not in self.mode.columns}
         given = {k: f for k, f in mistake.factors.items() if k in self.mode.columns}
         return predicted, self._ask(replace(mistake, factors=given), frictions)
 
-    def _ask(self, mistake: Mistake, frictions: Sequence[int]) -> Answer | None:
+    def _ask(self, mistake: Mistake, frictions: Sequence[float]) -> Answer | None:
         """Return the model's answer to the given channels without the mistake."""
         key = _key(mistake, frictions)
         if key not in self._asked:
@@ -176,7 +176,7 @@ class Readings:
                 yield likelihood + prior, right, named
 
 
-def _key(given: Mistake, frictions: Sequence[int]) -> object:
+def _key(given: Mistake, frictions: Sequence[float]) -> object:
     return (*sorted(given.factors.items()), *sorted(given.swapped.items()), *frictions)
 
 
