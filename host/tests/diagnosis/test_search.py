@@ -266,15 +266,18 @@ def _misled(monkeypatch: pytest.MonkeyPatch, levels: Sequence[object]) -> list[o
     return tried
 
 
-def test_where_coarse_steps_lead_up_shorter_ones_lead(
-    sets: Sets, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("misleading", [1, 2])
+def test_where_steps_lead_up_the_next_shorter_ones_lead(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch, misleading: int
 ) -> None:
-    coarse, short = sets.material.coarse, sets.material.dear
+    material = sets.material
+    ladder = [material.coarse, material.half, material.dear]
+    coarse, short = ladder[0], ladder[misleading]
     right = _fitted(sets, GAIN, OFFSET)
     assert right.problem.data is coarse
     away = replace(right, best=replace(right.best, x=right.best.x + 0.1 * right.problem.unit))
-    tried = _misled(monkeypatch, [coarse])
-    (found,) = finish(sets.material, [away], sets.noises)
+    tried = _misled(monkeypatch, ladder[:misleading])
+    (found,) = finish(material, [away], sets.noises)
     assert found.problem.data is short
     assert tried[0] is coarse
     # Corrected, both are the same model: the optimum differs by where each search ends.
@@ -285,7 +288,8 @@ def test_a_fit_that_no_steps_lead_down_from_stays_where_it_is(
     sets: Sets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     right = _fitted(sets, GAIN, OFFSET)
-    _misled(monkeypatch, [sets.material.coarse, sets.material.dear])
+    material = sets.material
+    _misled(monkeypatch, [material.coarse, material.half, material.dear])
     (found,) = finish(sets.material, [right], sets.noises)
     np.testing.assert_array_equal(found.best.x, right.best.x)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from bowden.estimation.samples import PARTS, STRAIGHT, cut, simulated_samples
 from bowden.model import Mode, parse_model
 from bowden.model.experiments.variants import with_segments
@@ -48,16 +49,17 @@ def test_lines_over_eight_samples_or_more_are_near_them(start_s: float, step_s: 
         assert np.all(np.abs(off)[:-1][long] <= near[:-1][long])
 
 
-def test_every_interval_is_cut_in_four() -> None:
+@pytest.mark.parametrize("parts", [PARTS // 2, PARTS])
+def test_every_interval_is_cut_in_as_many_parts(parts: int) -> None:
     """Where not, what is first order in its length is extrapolated too far or too little."""
     estimates = strokes(0.05)
     kept = simulated_samples(estimates, STEP_S, MODE)
-    fine = cut(kept)
+    fine = cut(kept, parts)
     within = np.diff(np.searchsorted(fine, kept))
     length = np.diff(kept)
-    assert np.all(within == np.minimum(length, PARTS))
+    assert np.all(within == np.minimum(length, parts))
     # Only turns, which no grid foresees, leave intervals of fewer samples.
-    assert np.sum(length < PARTS) <= 8
+    assert np.sum(length < parts) <= 8
 
 
 def test_every_extreme_is_among_them() -> None:

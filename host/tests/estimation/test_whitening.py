@@ -99,7 +99,7 @@ def test_data_of_other_steps_share_factors_for_they_have_the_same_observations(
 ) -> None:
     data, noise = known()
     made = counted_factors(monkeypatch)
-    for one in (data, data.sampled(16e-3), data.cut()):
+    for one in (data, data.sampled(16e-3), data.cut(2)):
         whitened(one, noise)
     assert len(made) == len(data.observations.blocks)
 

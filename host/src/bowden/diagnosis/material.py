@@ -7,6 +7,7 @@ solved more coarsely than another.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from bowden.estimation.covariance import Covariance, Data, covariance, is_dear
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
 from bowden.estimation.problem import Problem
+from bowden.estimation.samples import PARTS
 from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
@@ -39,10 +41,11 @@ class Material:
     Parameters
     ----------
     mode : Mode
-    coarse, fine, dear : tuple of Data
+    coarse, half, fine, dear : tuple of Data
         One a recording, with the same observations; fine ones for laws that are quick to simulate,
         dear ones for those of the implicit solver: each interval of the coarse ones cut in four.
-        Where the coarse ones mislead a fit it is searched for on the dear ones, too.
+        Where the coarse ones mislead a fit it is searched for on those of half their steps, and
+        where these do, too, on the dear ones.
     nuisances : tuple of Nuisance
         An encoder's zero to half a count, its hysteresis: what no effect of the catalogue is.
     pool : Workers
@@ -50,6 +53,7 @@ class Material:
 
     mode: Mode
     coarse: tuple[Data, ...]
+    half: tuple[Data, ...]
     fine: tuple[Data, ...]
     dear: tuple[Data, ...]
     nuisances: tuple[Nuisance, ...]
@@ -130,7 +134,8 @@ class Material:
 
     def shorter(self, data: tuple[Data, ...]) -> tuple[Data, ...] | None:
         """Return the recordings to search on where those at some steps mislead; None: none are."""
-        return self.dear if data is self.coarse else None
+        ladder = (self.coarse, self.half, self.dear)
+        return next((b for a, b in itertools.pairwise(ladder) if a is data), None)
 
     def noise(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
@@ -161,7 +166,7 @@ def make_material(
 
     coarse = tuple(pool.map(one, enumerate(recordings)))
     fine = tuple(one.sampled(FINE_STEP_S) for one in coarse)
-    dear = tuple(one.cut() for one in coarse)
+    half, dear = (tuple(one.cut(parts) for one in coarse) for parts in (PARTS // 2, PARTS))
     nuisances = []
     for data in coarse:
         for name, channel in data.estimates.channels.items():
@@ -169,7 +174,7 @@ def make_material(
                 continue
             if name in PREDICTED[mode]:
                 nuisances.append(Nuisance("zero", name, (data.number,), HALF * channel.quantum))
-    return Material(mode, coarse, fine, dear, tuple(nuisances), pool)
+    return Material(mode, coarse, half, fine, dear, tuple(nuisances), pool)
 
 
 def _whole(steps: int, finer: int) -> float:

@@ -100,9 +100,9 @@ class Data:
         """Return the same observations of a simulation with samples so far apart."""
         return self._of(simulated_samples(self.estimates, step_s, self.mode))
 
-    def cut(self) -> Data:
-        """Return the same observations of a simulation with four steps in the place of each."""
-        return self._of(cut(self.kept))
+    def cut(self, parts: int) -> Data:
+        """Return the same observations of a simulation with so many steps in the place of each."""
+        return self._of(cut(self.kept, parts))
 
     def _of(self, kept: _Index) -> Data:
         return replace(self, kept=kept, given=_selected(self.estimates.recording, kept))

@@ -46,7 +46,7 @@ def simulated_samples(estimates: Estimates, step_s: float, mode: Mode) -> _Index
         kept = np.union1d(kept, (kept[bent - 1] + kept[bent]) // 2)
 
 
-def cut(kept: _Index) -> _Index:
-    """Return the samples that cut each interval into four, where the recording has them."""
+def cut(kept: _Index, parts: int) -> _Index:
+    """Return the samples that cut each interval into parts, where the recording has them."""
     length = np.diff(kept)[:, None]
-    return np.unique(np.append(kept[:-1, None] + length * np.arange(PARTS) // PARTS, kept[-1]))
+    return np.unique(np.append(kept[:-1, None] + length * np.arange(parts) // parts, kept[-1]))
