@@ -271,12 +271,12 @@ def test_where_steps_lead_up_the_next_shorter_ones_lead(
     sets: Sets, monkeypatch: pytest.MonkeyPatch, misleading: int
 ) -> None:
     material = sets.material
-    ladder = [material.coarse, material.half, material.dear]
-    coarse, short = ladder[0], ladder[misleading]
+    levels = [material.coarse, material.half, material.dear]
+    coarse, short = levels[0], levels[misleading]
     right = _fitted(sets, GAIN, OFFSET)
     assert right.problem.data is coarse
     away = replace(right, best=replace(right.best, x=right.best.x + 0.1 * right.problem.unit))
-    tried = _misled(monkeypatch, ladder[:misleading])
+    tried = _misled(monkeypatch, levels[:misleading])
     (found,) = finish(material, [away], sets.noises)
     assert found.problem.data is short
     assert tried[0] is coarse

@@ -134,8 +134,8 @@ class Material:
 
     def shorter(self, data: tuple[Data, ...]) -> tuple[Data, ...] | None:
         """Return the recordings to search on where those at some steps mislead; None: none are."""
-        ladder = (self.coarse, self.half, self.dear)
-        return next((b for a, b in itertools.pairwise(ladder) if a is data), None)
+        levels = (self.coarse, self.half, self.dear)
+        return next((b for a, b in itertools.pairwise(levels) if a is data), None)
 
     def noise(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
