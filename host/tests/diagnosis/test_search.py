@@ -90,6 +90,20 @@ def test_no_effect_is_exchanged_twice_beside_the_same_others(sets: Sets) -> None
     assert sets.not_exchanged(_fitted(sets, GAIN, CELL)) == [0, 1]
 
 
+def test_what_came_first_is_tried_beside_the_others_that_were_fitted(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may have grown to do what another effect does: then that seems to do nothing beside it."""
+    monkeypatch.setattr(sets, "done", {sets.base.key: sets.base})
+    chosen: list[tuple[Candidate, ...]] = [(OFFSET,), (GAIN,), (CELL,), (GAIN, OFFSET)]
+    first, other, wrong, both = (_fitted(sets, *effects) for effects in chosen)
+    begun = sets.joined(first, [first, other, sets.base], [])
+    assert [one.key for one in begun] == [both.key]
+    assert begun[0].best.cost < min(first.best.cost, other.best.cost)
+    assert not sets.joined(first, [first, other], begun)  # seen beside the first, too
+    assert not sets.joined(both, [both, wrong], [])  # it leaves nothing
+
+
 def _weighed(one: Hypothesis, share: float) -> Weighed:
     nothing = np.zeros(4)
     return Weighed(one, UnseenPrediction(nothing, nothing, nothing, nothing, (), (), ()), share)
@@ -152,6 +166,7 @@ def _searched(monkeypatch: pytest.MonkeyPatch, base: Any, single: Any, **steps: 
         first=SimpleNamespace(here=[]),
         screen=lambda _: None,
         first_two=lambda: [base, single],
+        joined=lambda *_: [],
         **steps,
     )
     monkeypatch.setattr("bowden.diagnosis.search.Sets", lambda *_: fake)

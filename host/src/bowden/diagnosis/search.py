@@ -3,7 +3,7 @@
 Every candidate is screened from the calibrated model, the most promising ones are fitted, and the
 sets that could be the likeliest by what they predict are grown. What a candidate does to a rig
 depends on what else the rig has: candidates are screened again from each set that leaves something
-or strains its tolerances.
+or strains its tolerances, and what came first is tried beside what it may hide.
 Where no addition helps the likeliest set, each of its effects is exchanged for others: it is named
 only where none does as well in its place. Where no two effects explain the data a law that no name
 fits is learned: it is likelier beforehand than three effects. Sets that it leaves no doubt about
@@ -61,13 +61,15 @@ def search(
     sets.screen(every)
     names = len({one.name for one in every})
     laws: Laws | None = None
-    likely, added = [sets.base], set[Key]()
+    likely = grown = [sets.base]
+    added = set[Key]()
     while sets.limit.has_time():
         best = likely[0]
         size = max(len(one.effects) for one in likely)
         if parents := [one for one in likely if one.key not in added]:
             tell(f"sets of {min(size + 1, MOST)}", 0.2 + 0.12 * min(size + 1, MOST))
-            children = _not_outdone(sets.added(parents), laws)
+            children = sets.added(parents)
+            children = _not_outdone([*children, *sets.joined(best, grown, children)], laws)
             added.update(one.key for one in parents)
         elif (places := sets.not_exchanged(best)) and _not_outdone([best], laws):
             tell("exchanging effects", 0.8)

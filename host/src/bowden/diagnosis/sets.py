@@ -127,6 +127,30 @@ class Sets:
                 found += self._begun(less, Screening(Screen(less), self.first.here, []))
         return found
 
+    def joined(
+        self,
+        likeliest: Hypothesis,
+        fitted: Sequence[Hypothesis],
+        begun: Sequence[Hypothesis],
+    ) -> list[Hypothesis]:
+        """Begin to fit the effects of the likeliest set beside those of the others fitted.
+
+        What came first may have grown to do what another effect does: beside it that seems to do
+        nothing, and beside the other both are seen. Without the names that are `begun` already.
+        """
+        found: list[Hypothesis] = []
+        known = {frozenset(one.names) for one in begun}
+        others = [one for one in fitted if not one.key <= likeliest.key]
+        for one in others if leaves_something(likeliest) else []:
+            mine = frozenset(one.names)
+            names = {name for name in likeliest.names if mine | {name} not in {mine, *known}}
+            if names and len(one.effects) < MOST and self.limit.has_time():
+                screen = Screen(one)
+                before = [each for each in self.first.here if each.candidate.name in names]
+                here = anew(self.material, before, screen)
+                found += self._begun(one, Screening(screen, here, []))
+        return found
+
     def _begun(self, parent: Hypothesis, screening: Screening) -> list[Hypothesis]:
         proposals = proposed(self.material, screening)
         return begun_from(
