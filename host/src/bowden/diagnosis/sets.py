@@ -143,7 +143,7 @@ class Sets:
         others = [one for one in fitted if not one.key <= likeliest.key]
         for one in others if leaves_something(likeliest) else []:
             mine = frozenset(one.names)
-            names = {name for name in likeliest.names if mine | {name} not in {mine, *known}}
+            names = {name for name in likeliest.names if mine | {name} not in known} - mine
             if names and len(one.effects) < MOST and self.limit.has_time():
                 screen = Screen(one)
                 before = [each for each in self.first.here if each.candidate.name in names]
