@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Final
+
 import numpy as np
+from bowden.diagnosis.candidates import Candidate, candidates
+from bowden.diagnosis.fitting import finish, start_of
+from bowden.diagnosis.hypothesis import Hypothesis
+from bowden.diagnosis.material import Material, make_material
+from bowden.diagnosis.sets import Sets
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.recording.recording import Recording
+from bowden.workers import Workers
 
 from ..rigs import TABLE_1
+
+(GAIN,) = candidates(("load_cell_gain",))
+(OFFSET,) = candidates(("motor_torque_offset",))
+(CELL,) = candidates(("load_cell_offset",))
+HIDDEN: Final = {GAIN: {"g": 0.02}, OFFSET: {"offset_nm": 0.03}}
 
 # The truth has another mesh and other numbers, within their tolerances: 0.6 and -0.33 sigma off.
 MODEL = parse_model(TABLE_1.replace("segments: 50", "segments: 30"))
@@ -30,3 +44,20 @@ def measured(model: Model) -> Recording:
         load_torque_nm=run.load_torque_nm + np.random.default_rng(1).normal(0.0, 5e-4, time_s.size),
         source="run.csv",
     )
+
+
+def material_with(pool: Workers, hidden: Mapping[Candidate, Mapping[str, float]]) -> Material:
+    """Make a recording ready in which some effects are hidden."""
+    truth = TRUTH
+    for effect, values in hidden.items():
+        truth = effect.added_to(truth, values)
+    return make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
+
+
+def fitted_in(sets: Sets, *effects: Candidate) -> Hypothesis:
+    """Fit a set of effects to the end, from the hidden numbers."""
+    values = [(one, HIDDEN.get(one, {"offset_nm": 0.01})) for one in effects]
+    start = start_of(sets.material, sets.searched, values, {}, sets.base.best)
+    assert start is not None
+    (found,) = finish(sets.material, [start.begun()], sets.noises)
+    return found

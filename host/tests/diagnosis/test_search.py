@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, Final, cast
 
 import numpy as np
 import pytest
-from bowden.diagnosis import fitting
-from bowden.diagnosis.candidates import Candidate, candidates
-from bowden.diagnosis.fitting import finish, start_of, weighed_under
+from bowden.diagnosis.candidates import Candidate
+from bowden.diagnosis.fitting import start_of
 from bowden.diagnosis.found import Found, Laws
 from bowden.diagnosis.hypothesis import Hypothesis
-from bowden.diagnosis.material import Material, as_searched, make_material
+from bowden.diagnosis.material import Material
 from bowden.diagnosis.odds import Weighed, merit
 from bowden.diagnosis.search import _not_outdone, likely_of, rivals_of, search
 from bowden.diagnosis.sets import Sets
@@ -22,49 +21,20 @@ from bowden.diagnosis.time_limit import TimeLimit
 from bowden.diagnosis.unseen import UnseenPrediction
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.likelihood import Scales
-from bowden.estimation.problem import Problem
-from bowden.model import Mode
-from bowden.workers import Workers, workers
+from bowden.workers import workers
 from numpy.typing import NDArray
 
 from ..triangles import matrices
-from .lab import MODEL, TRUTH, measured
+from .lab import CELL, GAIN, MODEL, OFFSET, fitted_in, material_with
 
 _Floats = NDArray[np.float64]
 
-(GAIN,) = candidates(("load_cell_gain",))
-(OFFSET,) = candidates(("motor_torque_offset",))
-(CELL,) = candidates(("load_cell_offset",))
-HIDDEN: Final = {GAIN: {"g": 0.02}, OFFSET: {"offset_nm": 0.03}}
 LARGE_GAIN: Final = {GAIN: {"g": 0.25}}
-
-
-def _material(pool: Workers, hidden: dict[Candidate, dict[str, float]]) -> Material:
-    truth = TRUTH
-    for effect, values in hidden.items():
-        truth = effect.added_to(truth, values)
-    return make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
-
-
-@pytest.fixture(scope="module")
-def sets() -> Iterator[Sets]:
-    with workers(1) as pool:
-        found = Sets(_material(pool, HIDDEN), as_searched(MODEL))
-        found.screen([GAIN, OFFSET, CELL])
-        yield found
-
-
-def _fitted(sets: Sets, *effects: Candidate) -> Hypothesis:
-    values = [(one, HIDDEN.get(one, {"offset_nm": 0.01})) for one in effects]
-    start = start_of(sets.material, sets.searched, values, {}, sets.base.best)
-    assert start is not None
-    (found,) = finish(sets.material, [start.begun()], sets.noises)
-    return found
 
 
 def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
     """Nothing that is added to two effects mends that one of them is the wrong one."""
-    wrong = _fitted(sets, OFFSET, CELL)
+    wrong = fitted_in(sets, OFFSET, CELL)
     found = sets.weighed([wrong], sets.exchanged(wrong, [0, 1]))
     assert set(found[0].effects) == {GAIN, OFFSET}
     assert found[0].best.cost < wrong.best.cost - 100.0
@@ -73,7 +43,7 @@ def test_an_effect_that_stands_in_for_another_is_exchanged(sets: Sets) -> None:
 
 def test_a_single_effect_is_exchanged_from_the_calibrated_numbers_beside_it(sets: Sets) -> None:
     """What does as well in its place may have begun in another valley of them."""
-    one = _fitted(sets, OFFSET)
+    one = fitted_in(sets, OFFSET)
     begun = sets.exchanged(one, [0])
     assert {each.names for each in begun} >= {(GAIN.name,), (CELL.name,)}
     assert not sets.not_exchanged(sets.base)
@@ -81,13 +51,13 @@ def test_a_single_effect_is_exchanged_from_the_calibrated_numbers_beside_it(sets
 
 def test_no_effect_is_exchanged_twice_beside_the_same_others(sets: Sets) -> None:
     """What took the place of another did better there than all that were tried."""
-    one, other = _fitted(sets, CELL, OFFSET), _fitted(sets, GAIN, OFFSET)
+    one, other = fitted_in(sets, CELL, OFFSET), fitted_in(sets, GAIN, OFFSET)
     sets._exchanged.clear()
     assert sets.not_exchanged(one) == [0, 1]
     sets.exchanged(one, [0])
     assert sets.not_exchanged(one) == [1]
     assert sets.not_exchanged(other) == [1]  # an exchange beside the offset has been tried
-    assert sets.not_exchanged(_fitted(sets, GAIN, CELL)) == [0, 1]
+    assert sets.not_exchanged(fitted_in(sets, GAIN, CELL)) == [0, 1]
 
 
 def test_what_came_first_is_tried_beside_the_others_that_were_fitted(
@@ -96,7 +66,7 @@ def test_what_came_first_is_tried_beside_the_others_that_were_fitted(
     """It may have grown to do what another effect does: then that seems to do nothing beside it."""
     monkeypatch.setattr(sets, "done", {sets.base.key: sets.base})
     chosen: list[tuple[Candidate, ...]] = [(OFFSET,), (GAIN,), (CELL,), (GAIN, OFFSET)]
-    first, other, wrong, both = (_fitted(sets, *effects) for effects in chosen)
+    first, other, wrong, both = (fitted_in(sets, *effects) for effects in chosen)
     begun = sets.joined(first, [first, other, sets.base], [])
     assert [one.key for one in begun] == [both.key]
     assert begun[0].best.cost < min(first.best.cost, other.best.cost)
@@ -112,9 +82,9 @@ def _weighed(one: Hypothesis, share: float) -> Weighed:
 def test_of_forms_of_the_same_effects_one_is_grown(sets: Sets) -> None:
     """They share what their names carry, and the likeliest stands for them."""
     right, same, other = (
-        _fitted(sets, GAIN, OFFSET),
-        _fitted(sets, GAIN, OFFSET),
-        _fitted(sets, OFFSET, CELL),
+        fitted_in(sets, GAIN, OFFSET),
+        fitted_in(sets, GAIN, OFFSET),
+        fitted_in(sets, OFFSET, CELL),
     )
     every = [_weighed(right, 0.90), _weighed(other, 0.06), _weighed(same, 0.04)]
     assert rivals_of(every) == [right, other]
@@ -126,7 +96,7 @@ def test_of_forms_of_the_same_effects_one_is_grown(sets: Sets) -> None:
 
 
 def test_a_set_that_carries_nothing_beside_the_likeliest_is_not_grown(sets: Sets) -> None:
-    right, wrong = _fitted(sets, GAIN, OFFSET), _fitted(sets, OFFSET, CELL)
+    right, wrong = fitted_in(sets, GAIN, OFFSET), fitted_in(sets, OFFSET, CELL)
     assert wrong.best.cost > right.best.cost + 100.0
     assert likely_of([right, wrong], 32, 1) == [right]
 
@@ -135,7 +105,7 @@ def test_a_set_that_predicts_worse_than_a_smaller_one_is_not_grown(
     sets: Sets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However much better it fits what it has seen."""
-    larger, smaller = _fitted(sets, GAIN, OFFSET), _fitted(sets, OFFSET)
+    larger, smaller = fitted_in(sets, GAIN, OFFSET), fitted_in(sets, OFFSET)
     assert merit(larger) < merit(smaller) - 100.0
     density = {id(larger): np.full(12, 0.0), id(smaller): np.full(12, 10.0)}
 
@@ -214,7 +184,7 @@ def test_a_set_that_a_learned_law_outdoes_is_not_gone_on_with(
     sets: Sets, monkeypatch: pytest.MonkeyPatch, ahead: float | None, outdone: bool
 ) -> None:
     """An effect's exchange gains some nats; what is hundreds behind one law is no such set."""
-    best = _fitted(sets, GAIN, OFFSET)
+    best = fitted_in(sets, GAIN, OFFSET)
     learned = [] if ahead is None else [replace(best)]
     laws = Laws((), (), tuple(learned))
     costs = {id(best): 0.0, **{id(one): -(ahead or 0.0) for one in learned}}
@@ -262,76 +232,10 @@ def test_three_effects_are_sought_where_a_law_explains_more_than_two(
     assert [triple] in fitted if promising else [triple] not in fitted
 
 
-def _misled(monkeypatch: pytest.MonkeyPatch, levels: Sequence[object]) -> list[object]:
-    """Let descents at these levels end half a unit step off; return at which each was tried."""
-    tried: list[object] = []
-    descend = fitting.descend
-
-    def descended(
-        problem: Problem, x: _Floats, noises: Sequence[Covariance], *rest: Any, **named: Any
-    ) -> Any:
-        tried.append(problem.data)
-        found = descend(problem, x, noises, *rest, **named)
-        if found is None or not any(problem.data is one for one in levels):
-            return found
-        off = problem.feasible(x + 0.5 * problem.unit)
-        return replace(found, x=off, residuals=problem.residuals(off, noises))
-
-    monkeypatch.setattr(fitting, "descend", descended)
-    return tried
-
-
-@pytest.mark.parametrize("misleading", [1, 2])
-def test_where_steps_lead_up_the_next_shorter_ones_lead(
-    sets: Sets, monkeypatch: pytest.MonkeyPatch, misleading: int
-) -> None:
-    material = sets.material
-    levels = [material.coarse, material.half, material.dear]
-    coarse, short = levels[0], levels[misleading]
-    right = _fitted(sets, GAIN, OFFSET)
-    assert right.problem.data is coarse
-    away = replace(right, best=replace(right.best, x=right.best.x + 0.1 * right.problem.unit))
-    tried = _misled(monkeypatch, levels[:misleading])
-    (found,) = finish(material, [away], sets.noises)
-    assert found.problem.data is short
-    assert tried[0] is coarse
-    # Corrected, both are the same model: the optimum differs by where each search ends.
-    assert found.best.cost == pytest.approx(right.best.cost, abs=1.0)
-
-
-def test_a_fit_that_no_steps_lead_down_from_stays_where_it_is(
-    sets: Sets, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    right = _fitted(sets, GAIN, OFFSET)
-    material = sets.material
-    _misled(monkeypatch, [material.coarse, material.half, material.dear])
-    (found,) = finish(sets.material, [right], sets.noises)
-    np.testing.assert_array_equal(found.best.x, right.best.x)
-
-
-def test_what_laws_are_doubted_by_does_not_keep_a_fit_going(
-    sets: Sets, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Doubt follows the fit and the fit follows the doubt: two that alternate would never end."""
-    right = _fitted(sets, GAIN, OFFSET)
-    away = replace(right, best=replace(right.best, x=right.best.x + 0.2 * right.problem.unit))
-    doubts: list[float] = []
-
-    def alternating(_one: Hypothesis, noises: Sequence[Covariance]) -> list[Covariance]:
-        doubts.append(0.3 if len(doubts) % 2 else 3.0)
-        return [replace(noise, law=doubts[-1] * np.sqrt(noise.own)) for noise in noises]
-
-    monkeypatch.setattr(fitting, "_with_laws_doubted", alternating)
-    (found,) = finish(sets.material, [away], sets.noises)
-    assert doubts == [3.0, 0.3]
-    (noise,) = found.best.noises
-    np.testing.assert_allclose(noise.law, 0.3 * np.sqrt(noise.own))
-
-
 def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest() -> None:
     """A gain of the load cell makes (1 + g)^2 of the variance of what the inputs do."""
     with workers(2) as pool:
-        material = _material(pool, LARGE_GAIN)
+        material = material_with(pool, LARGE_GAIN)
         found = search(material, MODEL, [GAIN, OFFSET], seed=1)
         best = found.weighed[0].hypothesis
         assert best.effects == (GAIN,)
@@ -353,45 +257,11 @@ def test_what_is_compared_is_compared_under_the_covariance_about_the_likeliest()
     assert grown == pytest.approx(1.25**2, rel=0.1)
 
 
-def test_a_set_is_weighed_where_it_is_under_another_covariance(sets: Sets) -> None:
-    """With more noise it is less likely by the determinant; its residuals stay."""
-    one = _fitted(sets, GAIN, OFFSET)
-    same = weighed_under(one, one.best.noises)
-    assert same.best.cost == pytest.approx(one.best.cost, abs=1e-6)
-    other = _fitted(sets, OFFSET, CELL)
-    there = weighed_under(other, one.best.noises)
-    assert there.best.residuals is other.best.residuals
-    for noise, mine, before in zip(
-        there.best.noises, one.best.noises, other.best.noises, strict=True
-    ):
-        assert noise.inputs is mine.inputs
-        assert noise.offset is before.offset
-
-
-def test_a_fit_that_was_begun_is_weighed_with_the_correction_of_where_it_has_come_to(
-    sets: Sets,
-) -> None:
-    """That of its start was 25 nats off where a torque constant was found from nothing."""
-    start = start_of(sets.material, sets.searched, [(GAIN, {"g": 1e-4})], {}, sets.base.best)
-    assert start is not None
-    there = start.begun()
-    assert there.values(0)["g"] > 0.01
-    # A fit that starts where this one has come to has its correction from the start.
-    effects, coordinates = [(GAIN, there.values(0))], there.coordinates()
-    same = start_of(sets.material, sets.searched, effects, coordinates, there.best)
-    assert same is not None
-    (mine,), (other,) = there.best.noises, same.here.noises
-    np.testing.assert_allclose(mine.offset, other.offset, rtol=0.0, atol=1e-9)
-    assert there.best.cost == pytest.approx(
-        same.here.cost, abs=0.1
-    )  # of nats; scales lie on a grid
-
-
 def test_a_set_that_ended_in_a_notch_starts_again_from_the_likeliest(
     sets: Sets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else an effect that does nothing would seem to gain what is only the way out."""
-    base, right = sets.base, _fitted(sets, GAIN, OFFSET)
+    base, right = sets.base, fitted_in(sets, GAIN, OFFSET)
     numbers = base.coordinates() | {"friction.mu_d": base.coordinates()["friction.mu_d"] + 0.2}
     start = start_of(sets.material, sets.searched, [], numbers, base.best)
     assert start is not None

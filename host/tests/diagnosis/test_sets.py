@@ -29,11 +29,8 @@ from bowden.workers import workers
 from numpy.typing import NDArray
 
 from ..rigs import TABLE_1
-from .lab import MODEL, TRUTH, measured
+from .lab import CELL, GAIN, MODEL, OFFSET, TRUTH, material_with, measured
 
-(OFFSET,) = candidates(("motor_torque_offset",))
-(CELL,) = candidates(("load_cell_offset",))
-(GAIN,) = candidates(("load_cell_gain",))
 (WRAP,) = candidates(("wrap_angle_change",))
 SPRING = candidates(("conduit_compliance",))[0]
 PRESLIDING = candidates(("presliding_compliance",))[0]
@@ -44,9 +41,8 @@ _Numbers = Sequence[Sequence[tuple[Nuisance, float]]]
 
 @pytest.fixture(scope="module")
 def material() -> Iterator[Material]:
-    truth = TRUTH.with_effect(OFFSET.name, {"offset_nm": HIDDEN_NM})
     with workers(1) as pool:
-        yield make_material([measured(truth)], MODEL, Mode.TORQUE_POSITION, 1, pool)
+        yield material_with(pool, {OFFSET: {"offset_nm": HIDDEN_NM}})
 
 
 @pytest.fixture(scope="module")
