@@ -56,6 +56,26 @@ def test_constant_speed_slides_at_mu_d_and_shows_no_spikes(step_s: float) -> Non
     assert np.ptp(found.load_torque_nm[sliding]) < 1e-9
 
 
+@pytest.mark.parametrize("segments", [10, 50])
+@pytest.mark.parametrize("more", [1e-9, 1e-7, 1e-5])
+def test_stiction_of_nearly_nothing_is_none(more: float, segments: int) -> None:
+    """Pulled, then let go: fronts meet segments that never slid, above the pretension and below."""
+    torque = through(0, 0.4, -0.4, 0.4, steps=1000)
+    still, pair = np.zeros_like(torque), printed(segments)
+    found = simulate_mesh(
+        printed(segments, mu_s=MU * (1 + more), stiction_length_m=0.1),
+        TP,
+        times(torque),
+        torque,
+        still,
+    )
+    expected = simulate_mesh(pair, TP, times(torque), torque, still)
+    # The last segment that gives way moves the motor by the step that it held, one of N.
+    step = more * MU * 0.1 / RADIUS_M
+    allowed = 10 * step * np.ptp(expected.motor_angle_rad) + 1e-9
+    assert np.abs(found.motor_angle_rad - expected.motor_angle_rad).max() < allowed
+
+
 @pytest.mark.parametrize("segments", [5, 10, 50])
 def test_breakaway_of_the_whole_cable_as_printed_depends_on_the_mesh(segments: int) -> None:
     """T0 exp(m (1 - 1/N) + mu_s L/(R N)): 8.2, 6.0, 4.8 times T0; it tends to e^m, not to 90."""

@@ -68,6 +68,18 @@ def test_exact_steps_agree_with_implicit_ones(law: str, mode: Mode) -> None:
     assert np.abs(factor - 1.0).max() > 0.3  # and there was something to agree on
 
 
+@pytest.mark.parametrize("segments", [10, 50])
+def test_friction_that_hardly_changes_changes_nothing(segments: int) -> None:
+    """Pulled, then let go: fronts meet segments that never slid, above the pretension and below."""
+    torque = through(0, 0.4, -0.4, 0.4, steps=400)
+    time_s, still, pair = times(torque), np.zeros_like(torque), printed(segments)
+    tiny = Histories(friction_factor=1.0 + 1e-9 * np.sin(np.arange(torque.size)))
+    found = simulate_mesh(pair, TP, time_s, torque, still, tiny)
+    expected = simulate_mesh(pair, TP, time_s, torque, still)
+    # By a share of 1e-9 of the tensions, each step anew.
+    assert found.motor_angle_rad == pytest.approx(expected.motor_angle_rad, abs=1e-8)
+
+
 @pytest.mark.parametrize("mode", [TP, PP])
 def test_exact_steps_agree_where_friction_differs_by_the_way_a_segment_slides(mode: Mode) -> None:
     angle = swing(400)

@@ -36,13 +36,13 @@ from bowden.model.mesh.zones import (
     SURE,
     free_motion,
     half_stretch,
-    is_virgin,
     node_at,
     other_over_this,
     rate,
     respond,
     slides_whole,
     stiffness,
+    tension_for,
 )
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
@@ -160,16 +160,11 @@ def share_out(t: Tables, s: State, f: FrictionLevel, cable: int) -> None:
         return
     segments = t.half.shape[1]
     for end in range(2):
-        d, motion = s.depth[cable, end], s.motion[cable, end]
+        d = s.depth[cable, end]
         if d == 0:
             s.end_n[cable, end] = s.node_n[cable, node_at(segments, end, 0)]
             continue
-        stretch, half = f.reach_m[cable, end, d], t.half[end, d]
-        if is_virgin(s, segments, cable, end, d):
-            half = t.half_virgin[end, motion, d]
-            stretch -= half_stretch(t, s, cable, end, d, t.pretension_n) - half * t.pretension_n
-        fall = t.decay[cable, end, motion, d]
-        s.end_n[cable, end] = max(stretch / (t.outer[cable, end, motion, d] + half * fall), 0.0)
+        s.end_n[cable, end] = tension_for(t, s, cable, end, f.reach_m[cable, end, d])
 
 
 @compiled_in_place

@@ -251,6 +251,22 @@ def half_stretch(t: Tables, s: State, cable: int, end: int, n: int, tension: flo
 
 
 @compiled_in_place
+def tension_for(t: Tables, s: State, cable: int, end: int, stretch: float) -> float:
+    """Return the tension of an end at which its zone has a stretch, N; not less than 0.
+
+    With the half of the segment at its front, which has a kink at the pretension until it slides.
+    """
+    d, motion = s.depth[cable, end], s.motion[cable, end]
+    fall, outer = t.decay[cable, end, motion, d], t.outer[cable, end, motion, d]
+    if not is_virgin(s, t.half.shape[1], cable, end, d):
+        return float(max(stretch / (outer + t.half[end, d] * fall), 0.0))
+    kink = t.pretension_n / fall
+    over = stretch - outer * kink - half_stretch(t, s, cable, end, d, t.pretension_n)
+    half = t.half_virgin[end, PULL if over > 0 else RELEASE, d]
+    return float(max(kink + over / (outer + half * fall), 0.0))
+
+
+@compiled_in_place
 def is_overloaded(t: Tables, s: State, cable: int, end: int) -> bool:
     """Return whether the segment at the front of a zone bears more than it does sliding."""
     segments, far = t.half.shape[1], 1 - end
@@ -311,15 +327,7 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
     if sticks and shared:
         s.end_n[cable, end] = stretch * stiffness(t, s, cable, end)
     elif sticks:
-        fall = t.decay[cable, end, motion, d + 1]
-        outer = t.outer[cable, end, motion, d + 1]
-        if is_virgin(s, segments, cable, end, d + 1):
-            half = t.half_virgin[end, motion, d + 1]
-            stretch -= half_stretch(t, s, cable, end, d + 1, t.pretension_n)
-            stretch += half * t.pretension_n
-        else:
-            half = t.half[end, d + 1]
-        s.end_n[cable, end] = stretch / (outer + half * fall)
+        s.end_n[cable, end] = tension_for(t, s, cable, end, stretch)
     if shared:
         s.end_n[cable, far] = s.end_n[cable, end] * other_over_this(t, s, cable, end)
 
