@@ -50,6 +50,18 @@ def test_calibration_hides_what_is_within_tolerance() -> None:
     assert found.separation < 25.0
 
 
+def test_a_tolerance_that_reaches_beyond_mu_s_is_tried_below() -> None:
+    """As where calibration found no stiction: mu_d more by half its tolerance is no rig."""
+    coulomb = "{law: coulomb, mu_d: {value: 0.21, tolerance: 10 %}}"
+    assert coulomb in TABLE_1_COARSE
+    law = coulomb.replace("coulomb", "stiction")[:-1] + ", mu_s: 0.212, stiction_length_m: 0.1}"
+    sticks = parse_model(TABLE_1_COARSE.replace(coulomb, law))
+    other = sticks.with_effect("gravity_imbalance", {"amplitude_nm": 0.05, "phase_rad": 1.57})
+    found = next_experiment([("gravity_imbalance", other), ("nothing", sticks)], MODE, SIGMA)
+    assert found is not None
+    assert found.separation > 10.0
+
+
 def test_twins_are_called_twins() -> None:
     found = next_experiment([("a", BASE), ("b", BASE)], MODE, SIGMA)
     assert found is not None

@@ -285,8 +285,8 @@ def _sensitivities(
     if centre is None:
         return np.zeros((0, 0))
     columns = []
-    for path, value, sigma_of_it in model.free_parameters():
-        half = model.with_values({path: value + 0.5 * sigma_of_it})
+    for path, _, sigma_of_it in model.free_parameters():
+        half, _ = model.moved(path, 0.5 * sigma_of_it)
         run = _run(half, protocol)
         if run is not None:
             columns.append(2.0 * _weighted(run, centre, channels, sigma))

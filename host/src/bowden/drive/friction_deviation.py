@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from bowden.model import Model, ModelError
+from bowden.model import Model
 
 STEP: Final = 1e-3  # of its value: by which a number is moved for its part in the friction
 
@@ -49,9 +49,5 @@ def _part(model: Model, path: str) -> float:
     step = STEP * (abs(model.value(path)) or 1.0)
     if friction_n <= 0.0 or not math.isfinite(step):
         return 0.0
-    try:
-        moved = model.with_values({path: model.value(path) + step})
-    except ModelError:  # no such rig; a number at its limit is moved the other way
-        step = -step
-        moved = model.with_values({path: model.value(path) + step})
+    moved, step = model.moved(path, step)
     return (_friction_n(moved) - friction_n) / friction_n / step

@@ -166,6 +166,21 @@ class Model:
             _set(tree, path, float(value))
         return _checked(tree, self.source)
 
+    def moved(self, path: str, step: float) -> tuple[Model, float]:
+        """Return the model with one number moved by a step, and the step.
+
+        A number that is at its limit, as mu_d beside mu_s, is moved the other way.
+
+        Raises
+        ------
+        ModelError
+            A path that holds no number, or no rig either way.
+        """
+        try:
+            return self.with_values({path: self.value(path) + step}), step
+        except ModelError:
+            return self.with_values({path: self.value(path) - step}), -step
+
     def _stretched(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the lengths of the path's pieces for another length of the cable."""
         length = values.get("rig.cable.length_m")
