@@ -44,7 +44,7 @@ from hil_tests.rig_cases import cases as rig_cases
 OURS = "bowden"
 LEARNING, VERDICT = "learning a law that no name fits", "computing the verdict"  # stages
 REDRAWS = 5
-SOURCES = {"continuum": draw_case, "rig": rig_cases.draw_case}
+SOURCES = ("continuum", "rig")
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ class Job:
     length_s: float = 30.0
     source: str = "continuum"
     recordings: int = 1
+    stiction: bool = False
 
 
 def jobs(seed: int, per_effect: int, only: list[str], alike: Job) -> list[Job]:
@@ -91,9 +92,14 @@ def excited(job: Job) -> Case:
         seed = job.seed + 10_000_000 * again
         try:
             if job.recordings > 1:
-                case = sets.draw_set(seed, job.kind, job.names, job.length_s, job.recordings)
+                count, sticks = job.recordings, job.stiction
+                case = sets.draw_set(
+                    seed, job.kind, job.names, job.length_s, count, stiction=sticks
+                )
+            elif job.source == "rig":
+                case = rig_cases.draw_case(seed, job.kind, job.names, job.length_s)
             else:
-                case = SOURCES[job.source](seed, job.kind, job.names, job.length_s)
+                case = draw_case(seed, job.kind, job.names, job.length_s, stiction=job.stiction)
         except ArithmeticError:  # the solver has no answer for this rig
             continue
         if job.kind == "complete" or case.truth.strength >= WEAKEST:
@@ -228,6 +234,9 @@ def main() -> int:
         default=1,
         help="of each rig: locked load, tunnel, nested strokes, multisine; 200 Hz .. 2 kHz",
     )
+    parser.add_argument(
+        "--stiction", action="store_true", help="rigs whose mu_s is above their mu_d"
+    )
     parser.add_argument("--length-s", type=float, default=30.0, help="of each recording")
     parser.add_argument("--jobs", type=int, default=1, help="cases at the same time")
     parser.add_argument("--most-minutes", type=float, default=float("inf"))
@@ -237,7 +246,9 @@ def main() -> int:
     args.output.parent.mkdir(parents=True, exist_ok=True)
     if args.recordings > 1 and args.source != "continuum":
         parser.error(f"--recordings: found {args.recordings}; accepted with --source rig: 1")
-    alike = Job(args.seed, "", (), args.length_s, args.source, args.recordings)
+    if args.stiction and args.source != "continuum":
+        parser.error(f"--stiction: found --source {args.source}; accepted: --source continuum")
+    alike = Job(args.seed, "", (), args.length_s, args.source, args.recordings, args.stiction)
     done = Run(args.seed, [], {})
     if args.resume and args.output.exists():
         try:

@@ -22,6 +22,7 @@ from hil_tests.hidden_effects.recordings import LAW_KINDS, Case
 CALIBRATED = {
     "pretension_n": "rig.cable.pretension_n",
     "mu_d": "friction.mu_d",
+    "mu_s": "friction.mu_s",
     "axial_stiffness_n": "rig.cable.axial_stiffness_n",
 }
 
@@ -53,7 +54,7 @@ def true_model(case: Case) -> Model:
     """Return the lab's model with the true calibration and what is hidden."""
     true = case.truth.calibration["rig"]
     model = parse_model(case.model_yaml).with_values(
-        {path: true[name] for name, path in CALIBRATED.items()}
+        {path: true[name] for name, path in CALIBRATED.items() if name in true}
     )
     for name, values in case.truth.effects:
         model = model.with_effect(name, values)

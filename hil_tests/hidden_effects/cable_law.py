@@ -27,6 +27,9 @@ class Law(NamedTuple):
     with this time constant, and unloads elastically when the sliding turns round (so it never
     drives). These two have a memory of their own, q = -1 .. 1 in dT/ds = q mu T / R, and no stuck
     zones.
+    `breakaway_m`: (mu_s - mu_d) l_s. A place at standstill holds a step of ln T of that over R
+    beside what it bears sliding, so such a step runs before each front. It is at standstill from
+    the start, where its end turns round, and once that end has rested for `rest_s`.
     """
 
     pretension_n: float
@@ -39,6 +42,8 @@ class Law(NamedTuple):
     stiffening_per_n: float = 0.0
     slip_m: float = 0.0
     lag_s: float = 0.0
+    breakaway_m: float = 0.0
+    rest_s: float = 0.02
 
 
 @compiled

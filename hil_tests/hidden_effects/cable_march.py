@@ -36,10 +36,11 @@ FASTEST_M_PER_S = 3.0  # faster is a diverged trial; friction grows no further
 
 
 class Path(NamedTuple):
-    """The cells of a cable from the motor on: length and mu ds / R of each."""
+    """The cells of a cable from the motor on: length, mu ds / R and breakaway step of each."""
 
     length_m: Vector
     wrap_friction: Vector
+    breakaway: Vector
 
 
 @compiled
@@ -54,19 +55,26 @@ def march_front(
     factor: float,
     outward_m: float,
     end_n: float,
+    slid: float,
+    all_slide: bool,
     profile_n: Vector,
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """March in from one end until the tension meets the frozen profile.
+
+    With stiction, until a place holds. The `slid` cells that slide already hold nothing at
+    standstill; `all_slide`: they go on, whatever the profile.
 
     Returns
     -------
     tuple of float
         Displacement left where they meet (zero is wanted), its derivatives by the end's tension,
         m/N, and by `outward_m`, and how many cells were passed (with the share of the last).
-        `profile_n` is written as far as the front reaches.
+        How far a place slides the other way, at most, m. `profile_n` is written as far as the front
+        reaches.
     """
     cells = path.length_m.size
     plain = law.rate_gain == 0.0 and law.tension_exponent == 0.0
+    sticks = law.breakaway_m > 0.0
     direction = 1.0 if outward_m > 0.0 else -1.0
     node = cells if from_load else 0
     step = -1 if from_load else 1
@@ -75,7 +83,7 @@ def march_front(
     soft = tangent(law, tension, compliance)
     difference = strain(law, tension, compliance) - frozen_strain[node]
     gap = direction * (tension - frozen_n[node]) - MEETING * frozen_n[node]
-    above = gap > 0.0
+    above, back = gap > 0.0 or sticks, 0.0
     profile_n[node] = tension
     for passed in range(cells):
         cell = node - 1 if from_load else node
@@ -98,24 +106,30 @@ def march_front(
             new_other -= tension * theta * (by_speed * other_left + by_tension * other)
         node += step
         new_gap = direction * (tension - frozen_n[node]) - MEETING * frozen_n[node]
+        if sticks and passed >= slid:
+            held_n = frozen_n[node] * math.exp(direction * path.breakaway[cell])
+            new_gap = direction * (tension - held_n)
+        elif sticks and all_slide:
+            new_gap = math.inf
         new_difference = strain(law, tension, compliance) - frozen_strain[node]
         if above and new_gap <= 0.0:
             # The cell is counted whole: its far node stays, and the sum over nodes has to
             # agree with the stretch that the profile shows from now on.
-            share = min(gap / (gap - new_gap), 0.999999)
+            share = 0.5 if sticks else min(gap / (gap - new_gap), 0.999999)
             left -= 0.5 * difference * length
             slope_left -= 0.5 * slope * length * soft
             other_left -= 0.5 * other * length * soft
-            return left, slope_left, other_left, passed + share
+            return left, slope_left, other_left, passed + share, back
         above = above or new_gap > 0.0
         left -= 0.5 * (difference + new_difference) * length
+        back = max(back, -direction * left)
         new_soft = tangent(law, tension, compliance)
         slope_left -= 0.5 * (slope * soft + new_slope * new_soft) * length
         other_left -= 0.5 * (other * soft + new_other * new_soft) * length
         soft = new_soft
         difference, gap, slope, other = new_difference, new_gap, new_slope, new_other
         profile_n[node] = tension
-    return left, slope_left, other_left, float(cells + 1)
+    return left, slope_left, other_left, float(cells + 1), back
 
 
 @compiled

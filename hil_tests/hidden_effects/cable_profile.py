@@ -13,7 +13,7 @@ No mesh of sliding blocks, no stick or slip states: nothing here is shared with 
 Read by `pair_motion`; knows only numbers.
 """
 
-# ruff: noqa: PLR0917  (kernels take their arguments by place)
+# ruff: noqa: PLR0912, PLR0917  (kernels take their arguments by place)
 
 from __future__ import annotations
 
@@ -25,14 +25,85 @@ from numpy.typing import NDArray
 from hil_tests.hidden_effects.cable_law import Law
 from hil_tests.hidden_effects.cable_march import Path, march_front, march_whole
 from hil_tests.hidden_effects.compiled import compiled
+from hil_tests.hidden_effects.standstill import turned
 
 Vector = NDArray[np.float64]
+Ends = NDArray[np.float64]
 
 TRIES = 150
 SHORT_TRIES = 8
 DISPLACEMENT_TOLERANCE_M = 5e-12
 MOTION_M = 1e-11  # a smaller step of an end is kept for the next time
 NEAR_ENOUGH_M = 1e-9
+
+
+@compiled
+def _shot(
+    law: Law,
+    path: Path,
+    frozen_n: Vector,
+    frozen_strain: Vector,
+    compliance: float,
+    per_s: float,
+    from_load: bool,
+    factor: float,
+    outward_m: float,
+    guess_n: float,
+    slid: float,
+    all_slide: bool,
+    profile_n: Vector,
+) -> tuple[float, float, float, float, float]:
+    """Return `find_front`'s answer, how far a place slides back, and where a jump is; -1: none.
+
+    The tension nearest to the wanted displacement: there is none in a jump, where a place that
+    holds gives way to the tension.
+    """
+    low, high = 0.0, math.inf
+    tension, stiffness, depth, back = guess_n, 0.0, 0.0, 0.0
+    nearest, least = guess_n, math.inf
+    holds, gives, last = slid, False, False
+    edge = path.length_m[-1] if from_load else path.length_m[0]
+    for tried in range(TRIES + 1):
+        last = last or tried == TRIES
+        if last:
+            tension = nearest
+        left, by_tension, by_outward, depth, back = march_front(
+            law,
+            path,
+            frozen_n,
+            frozen_strain,
+            compliance,
+            per_s,
+            from_load,
+            factor,
+            outward_m,
+            tension,
+            slid,
+            all_slide,
+            profile_n,
+        )
+        by_tension = min(by_tension, -0.25 * edge * compliance)
+        stiffness = -by_outward / by_tension
+        if abs(left) < DISPLACEMENT_TOLERANCE_M:
+            return tension, stiffness, depth, back, -1.0
+        if last:
+            break
+        if abs(left) < least:
+            nearest, least = tension, abs(left)
+        if left * outward_m > 0.0:
+            holds = depth
+        else:
+            gives = True
+        if left > 0.0:
+            low = tension
+        else:
+            high = tension
+        new = tension - left / by_tension
+        if not low < new < high:
+            new = 0.5 * (low + high) if high < math.inf else 2.0 * tension + 1e-6
+        last = abs(new - tension) <= 1e-15 * tension
+        tension = new
+    return tension, stiffness, depth, back, holds if gives else -1.0
 
 
 @compiled
@@ -47,15 +118,18 @@ def find_front(
     factor: float,
     outward_m: float,
     guess_n: float,
+    slid: float,
     profile_n: Vector,
 ) -> tuple[float, float, float]:
-    """Return the end's tension, its stiffness, N/m, and the front's depth in cells."""
-    low, high = 0.0, math.inf
-    tension = guess_n
-    nearest, least = guess_n, math.inf
-    edge = path.length_m[-1] if from_load else path.length_m[0]
-    for _ in range(TRIES):
-        left, by_tension, by_outward, depth = march_front(
+    """Return the end's tension, its stiffness, N/m, and the front's depth in cells.
+
+    With stiction the end's tension falls where a place gives way, so `slid` cells slide on, unless
+    one would slide back; and places give way one by one until a tension has the displacement.
+    """
+    cells, all_slide = path.length_m.size, True
+    tension, stiffness, depth = guess_n, 0.0, 0.0
+    for _ in range(cells + 2):
+        tension, stiffness, depth, back, jump = _shot(
             law,
             path,
             frozen_n,
@@ -65,39 +139,20 @@ def find_front(
             from_load,
             factor,
             outward_m,
-            tension,
+            guess_n,
+            slid,
+            all_slide,
             profile_n,
         )
-        by_tension = min(by_tension, -0.25 * edge * compliance)
-        if abs(left) < DISPLACEMENT_TOLERANCE_M:
-            return tension, -by_outward / by_tension, depth
-        if abs(left) < least:
-            nearest, least = tension, abs(left)
-        if left > 0.0:
-            low = tension
-        else:
-            high = tension
-        new = tension - left / by_tension
-        if not low < new < high:
-            new = 0.5 * (low + high) if high < math.inf else 2.0 * tension + 1e-6
-        if abs(new - tension) <= 1e-15 * tension:
+        if law.breakaway_m == 0.0:
             break
-        tension = new
-    left, by_tension, by_outward, depth = march_front(
-        law,
-        path,
-        frozen_n,
-        frozen_strain,
-        compliance,
-        per_s,
-        from_load,
-        factor,
-        outward_m,
-        nearest,
-        profile_n,
-    )
-    by_tension = min(by_tension, -0.25 * edge * compliance)
-    return nearest, -by_outward / by_tension, depth
+        if 0.0 <= jump < cells:
+            slid = math.floor(jump) + 1.0
+        elif all_slide and back > MOTION_M:
+            all_slide = False
+        else:
+            break
+    return tension, stiffness, depth
 
 
 @compiled
@@ -188,6 +243,8 @@ def advance_cable(
     guess_n: float,
     q_before: Vector,
     q_after: Vector,
+    slides_before: Ends,
+    slides_after: Ends,
     load_front: Vector,
     load_profile_n: Vector,
     profile_n: Vector,
@@ -195,8 +252,9 @@ def advance_cable(
     """Find the profile after both ends moved outward by the given displacements.
 
     `factor_out` belongs to sliding towards the motor, `factor_in` to sliding towards the load.
-    `load_front` (displacement, depth) and `load_profile_n` keep the load's front from one trial of
-    the motor's place to the next; the caller sets `load_front[0]` to nan for a new sample.
+    `load_front` (displacement, depth, cells that slid) and `load_profile_n` keep the load's front
+    from one trial of the motor's place to the next; the caller sets `load_front[0]` to nan for a
+    new sample. `slides_before`, `slides_after`: `standstill`, with stiction only.
 
     Returns
     -------
@@ -209,6 +267,10 @@ def advance_cable(
         motor_outward_m = 0.0  # rounding is no motion
     if abs(load_outward_m) < MOTION_M:
         load_outward_m = 0.0
+    slides_after[:] = slides_before
+    sticks = law.breakaway_m > 0.0
+    if sticks and turned(slides_after, motor_outward_m, load_outward_m, whole_first, cells):
+        whole_first = False
     if motor_outward_m == 0.0 and load_outward_m == 0.0:
         profile_n[:] = frozen_n
         q_after[:] = q_before
@@ -225,53 +287,70 @@ def advance_cable(
             motor_outward_m,
             -load_outward_m,
             guess_n,
-            TRIES if memory else SHORT_TRIES,
+            TRIES if memory or sticks else SHORT_TRIES,
             q_before,
             q_after,
             profile_n,
         )
         if found or memory:
+            slides_after[:, 1] = cells
             return stiffness, True
-    profile_n[:] = frozen_n
     depth_motor, depth_load, stiffness = 0.0, 0.0, 1.0 / (0.25 * path.length_m[0] * compliance)
-    if motor_outward_m != 0.0:
-        factor = factor_out if motor_outward_m > 0.0 else factor_in
-        _, stiffness, depth_motor = find_front(
-            law,
-            path,
-            frozen_n,
-            frozen_strain,
-            compliance,
-            per_s,
-            False,
-            factor,
-            motor_outward_m,
-            guess_n,
-            profile_n,
-        )
-        last = min(int(depth_motor), cells)
-        profile_n[last + 1 :] = frozen_n[last + 1 :]
-    if load_outward_m != 0.0 and depth_motor <= cells:
-        factor = factor_in if load_outward_m > 0.0 else factor_out
-        if load_front[0] != load_outward_m:
-            load_front[0] = load_outward_m
-            _, _, load_front[1] = find_front(
+    slid_motor, slid_load, apart = slides_after[0, 1], slides_after[1, 1], False
+    for _ in range(2):
+        profile_n[:] = frozen_n
+        if motor_outward_m != 0.0:
+            factor = factor_out if motor_outward_m > 0.0 else factor_in
+            _, stiffness, depth_motor = find_front(
                 law,
                 path,
                 frozen_n,
                 frozen_strain,
                 compliance,
                 per_s,
-                True,
+                False,
                 factor,
-                load_outward_m,
-                frozen_n[cells],
-                load_profile_n,
+                motor_outward_m,
+                guess_n,
+                slid_motor,
+                profile_n,
             )
-        depth_load = load_front[1]
-        first = cells - min(int(depth_load), cells)
-        profile_n[first:] = load_profile_n[first:]
-    if depth_motor + depth_load <= cells:
+            last = min(int(depth_motor), cells)
+            profile_n[last + 1 :] = frozen_n[last + 1 :]
+            slides_after[0, 1] = last
+        if load_outward_m != 0.0 and (apart or depth_motor <= cells):
+            factor = factor_in if load_outward_m > 0.0 else factor_out
+            if load_front[0] != load_outward_m or load_front[2] != slid_load:
+                load_front[0], load_front[2] = load_outward_m, slid_load
+                _, _, load_front[1] = find_front(
+                    law,
+                    path,
+                    frozen_n,
+                    frozen_strain,
+                    compliance,
+                    per_s,
+                    True,
+                    factor,
+                    load_outward_m,
+                    frozen_n[cells],
+                    slid_load,
+                    load_profile_n,
+                )
+            depth_load = load_front[1]
+            first = cells - min(int(depth_load), cells)
+            profile_n[first:] = load_profile_n[first:]
+            slides_after[1, 1] = cells - first
+        if depth_motor + depth_load <= cells:
+            return stiffness, False
+        # Apart or together a place between them stands still; what goes on takes from the other.
+        apart = sticks and motor_outward_m * load_outward_m > 0.0 and depth_load < cells
+        if not apart:
+            break
+        if math.floor(depth_motor) + slid_load < cells:
+            slid_motor = cells - 1.0 - math.floor(depth_load)
+        else:
+            slid_load = max(cells - 1.0 - math.floor(depth_motor), 0.0)
+    if apart:
         return stiffness, False
     _, stiffness, _ = find_whole(
         law,
@@ -289,4 +368,5 @@ def advance_cable(
         q_after,
         profile_n,
     )
+    slides_after[:, 1] = cells
     return stiffness, True

@@ -16,7 +16,13 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., object])
 
-KERNELS: Final = ("cable_law.py", "cable_march.py", "cable_profile.py", "pair_motion.py")
+KERNELS: Final = (
+    "cable_law.py",
+    "cable_march.py",
+    "cable_profile.py",
+    "pair_motion.py",
+    "standstill.py",
+)
 
 
 def _cache_folder() -> Path | None:

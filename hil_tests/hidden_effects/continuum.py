@@ -59,7 +59,8 @@ class Pair:
         bend = np.concatenate([[0.0], np.cumsum([length / r for length, r in self.pieces])])
         wrap = np.diff(np.interp(nodes, corners, bend))
         wrap *= self.wrap_rad / wrap.sum()
-        return Path(np.diff(nodes), self.mu * wrap)
+        breakaway = self.law.breakaway_m * wrap / np.diff(nodes)
+        return Path(np.diff(nodes), self.mu * wrap, breakaway)
 
 
 @dataclass(frozen=True)
@@ -111,9 +112,10 @@ def solve(  # noqa: PLR0917  (the three columns belong together, in this order)
     ------
     ArithmeticError
         The cables' profiles are not found, or friction would both bend and lag: it has one memory.
+        Or it would hold more at standstill besides, which it never quite comes to.
     """
-    if pair.law.slip_m > 0.0 and pair.law.lag_s > 0.0:
-        raise ArithmeticError("friction cannot bend before it slides and lag as well")
+    if sum(x > 0.0 for x in (pair.law.slip_m, pair.law.lag_s, pair.law.breakaway_m)) > 1:
+        raise ArithmeticError("friction can bend before it slides, lag, or break away: one of them")
     h = histories or Histories()
     n = time_s.size
     one, zero = np.ones(n), np.zeros(n)

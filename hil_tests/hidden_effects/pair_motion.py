@@ -19,6 +19,7 @@ from hil_tests.hidden_effects.cable_law import Law, strain, tension_at
 from hil_tests.hidden_effects.cable_march import Path
 from hil_tests.hidden_effects.cable_profile import advance_cable
 from hil_tests.hidden_effects.compiled import compiled
+from hil_tests.hidden_effects.standstill import stick
 
 Vector = NDArray[np.float64]
 
@@ -61,6 +62,9 @@ class _Work(NamedTuple):
     total_strain: NDArray[np.float64]
     creep: NDArray[np.float64]
     wrap_friction: NDArray[np.float64]
+    slides: NDArray[np.float64]
+    next_slides: NDArray[np.float64]
+    rested_s: NDArray[np.float64]
     speed_m_per_s: NDArray[np.float64]
     q: NDArray[np.float64]
     next_q: NDArray[np.float64]
@@ -113,6 +117,7 @@ def _cables_to(
             work.next_n[cable, :] = 0.0
             work.next_q[cable, :] = 0.0
             work.next_whole[cable] = 1.0
+            work.next_slides[cable, :, :] = 0.0
             continue
         share = 1.0
         if work.stretch_m[cable] < free:
@@ -120,7 +125,7 @@ def _cables_to(
         out_factor, in_factor = (plus, minus) if cable == 0 else (minus, plus)
         k, whole = advance_cable(
             law,
-            Path(path.length_m, work.wrap_friction[cable]),
+            Path(path.length_m, work.wrap_friction[cable], path.breakaway),
             work.frozen_n[cable],
             work.frozen_strain[cable],
             compliance,
@@ -133,6 +138,8 @@ def _cables_to(
             max(work.next_n[cable, 0], 1e-6),
             work.q[cable],
             work.next_q[cable],
+            work.slides[cable],
+            work.next_slides[cable],
             work.load_front[cable],
             work.load_n[cable],
             work.next_n[cable],
@@ -248,10 +255,13 @@ def run(
         np.full((2, cells + 1), start),
         np.full((2, cells + 1), strain(law, law.pretension_n, soft) * ends.creep_share),
         np.zeros((2, cells)),
+        np.zeros((2, 2, 2)),
+        np.zeros((2, 2, 2)),
+        np.zeros(2),
         np.zeros((2, cells)),
         np.zeros((2, cells)),
         np.zeros((2, cells)),
-        np.zeros((2, 2)),
+        np.zeros((2, 3)),
         np.zeros((2, cells + 1)),
         np.full(3, start * length),
         np.full(2, start * length),
@@ -341,6 +351,7 @@ def run(
             work.stretch_m[c] = work.tried_stretch_m[c]
             work.whole[c] = work.next_whole[c]
             work.q[c, :] = work.next_q[c]
+            work.slides[c, :, :] = work.next_slides[c]
             slack = work.tried_stretch_m[c] <= work.slack_stretch_m[c]
             here = wound_m if c == 0 else -wound_m
             last_change = 0.0
@@ -360,6 +371,11 @@ def run(
                 last_change = change
             if slack:
                 work.next_n[c, :] = 0.0
+        if law.breakaway_m > 0.0:
+            load_m = _wound(rl, el, pl, pulley)
+            stick(
+                law, dt, (wound_m, load_m - load_before_m), work.rested_s, work.whole, work.slides
+            )
         arm = _arm(rl, el, pl, pulley)
         out[i, 0] = motor
         out[i, 1] = arm * (work.frozen_n[0, cells] - work.frozen_n[1, cells])

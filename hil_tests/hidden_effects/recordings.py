@@ -37,6 +37,7 @@ from hil_tests.hidden_effects.strength import (
 KINDS = ("complete", "single", "pair", "several", "unlisted", "smooth_law")
 SURFACE = "smooth_surface"  # a smooth law of two arguments: by name, not in turn with the others
 LAW_KINDS = ("smooth_law", SURFACE)
+TOLERANCE = 0.1  # that the lab states of each number that it has measured
 COUNTS = {"complete": 0, "pair": 2, "several": 4}  # of effects that are hidden; else one
 WARMS = ("thermal_friction", "cell_temperature_crosstalk", *random_laws.WARMS)  # not without it
 
@@ -102,10 +103,11 @@ class Case:
         return recording, model
 
 
-def draw_rig(rng: np.random.Generator, most_sigmas: float = 2.0) -> Rig:
+def draw_rig(rng: np.random.Generator, most_sigmas: float = 2.0, *, stiction: bool = False) -> Rig:
     """Draw a rig around Table I, and the truth from the tolerances of its model file.
 
     `most_sigmas`: no number is further from the file's; infinite: drawn from the prior itself.
+    `stiction`: with mu_s above mu_d; the rig is else the same.
     """
     length = round(float(rng.uniform(1.2, 2.4)), 2)
     wrap = float(rng.uniform(3.0, 7.0))
@@ -122,12 +124,19 @@ def draw_rig(rng: np.random.Generator, most_sigmas: float = 2.0) -> Rig:
         "mu_d": round(float(rng.uniform(0.10, 0.25)), 3),
         "axial_stiffness_n": round(float(rng.uniform(2500.0, 7000.0)), -1),
     }
-    tolerance = {"pretension_n": 0.10, "mu_d": 0.10, "axial_stiffness_n": 0.10}
-    true = {
-        name: value
-        * (1.0 + tolerance[name] * float(np.clip(rng.normal(), -most_sigmas, most_sigmas)))
-        for name, value in believed.items()
-    }
+
+    def off() -> float:
+        return 1.0 + TOLERANCE * float(np.clip(rng.normal(), -most_sigmas, most_sigmas))
+
+    true = {name: value * off() for name, value in believed.items()}
+    law, breakaway_m = f"law: coulomb, mu_d: {_tolerated(believed['mu_d'])}", 0.0
+    if stiction:
+        believed["mu_s"] = round(believed["mu_d"] * float(rng.uniform(1.2, 2.0)), 3)
+        length_m = round(float(np.exp(rng.uniform(np.log(0.02), np.log(0.2)))), 3)
+        true["mu_s"] = max(believed["mu_s"] * off(), 1.05 * true["mu_d"])
+        law = law.replace("coulomb", "stiction") + f", mu_s: {_tolerated(believed['mu_s'])}"
+        law += f", stiction_length_m: {length_m}"
+        breakaway_m = (true["mu_s"] - true["mu_d"]) * length_m
     path = "\n".join(
         f"      - {{length_m: {x:.4g}, radius_m: {'.inf' if np.isinf(r) else format(r, '.4g')}}}"
         for x, r in pieces
@@ -137,23 +146,27 @@ def draw_rig(rng: np.random.Generator, most_sigmas: float = 2.0) -> Rig:
 rig:
   cable:
     length_m: {sum(x for x, _ in pieces):.6g}
-    axial_stiffness_n: {{value: {believed["axial_stiffness_n"]:g}, tolerance: 10 %}}
+    axial_stiffness_n: {_tolerated(believed["axial_stiffness_n"])}
     path:
 {path}
-    pretension_n: {{value: {believed["pretension_n"]:g}, tolerance: 10 %}}
+    pretension_n: {_tolerated(believed["pretension_n"])}
   motor_pulley_radius_m: 0.020
   load_pulley_radius_m: 0.104
   motor_encoder_counts_per_turn: {MOTOR_COUNTS}
   load_encoder_counts_per_turn: {LOAD_COUNTS}
   load_cell_noise_nm: {CELL_NOISE_NM}
-friction: {{law: coulomb, mu_d: {{value: {believed["mu_d"]:g}, tolerance: 10 %}}}}
+friction: {{{law}}}
 effects: []
 numerics: {{segments: 100}}
 """
-    law = Law(true["pretension_n"], true["axial_stiffness_n"])
-    pair = Pair(tuple(pieces), true["mu_d"], law, Ends(0.020, 0.104))
+    cable = Law(true["pretension_n"], true["axial_stiffness_n"], breakaway_m=breakaway_m)
+    pair = Pair(tuple(pieces), true["mu_d"], cable, Ends(0.020, 0.104))
     nominal = {f"believed {k}": v for k, v in believed.items()} | true
     return Rig(pair, model_yaml, nominal)
+
+
+def _tolerated(value: float) -> str:
+    return f"{{value: {value:g}, tolerance: {100 * TOLERANCE:g} %}}"
 
 
 def random_of(seed: int, kind: str, names: Sequence[str]) -> np.random.Generator:
@@ -261,6 +274,8 @@ def draw_case(
     kind: str,
     effect: str | Sequence[str] | None = None,
     length_s: float = 30.0,
+    *,
+    stiction: bool = False,
 ) -> Case:
     """Draw a case.
 
@@ -272,10 +287,12 @@ def draw_case(
     effect : str or several of them, optional
         Names; drawn where they are not given.
     length_s : float
+    stiction : bool
+        Whether the rig's mu_s is above its mu_d.
     """
     names = [effect] if isinstance(effect, str) else list(effect or ())
     rng = random_of(seed, kind, names)
-    rig = draw_rig(rng)
+    rig = draw_rig(rng, stiction=stiction)
     signals = excitation.draw(rng, most_torque_nm(rig.pair), length_s)
     names = names or draw_names(rng, kind)
     plain = as_is(rig.pair, signals)

@@ -100,6 +100,8 @@ def draw_set(
     effect: str | Sequence[str] | None = None,
     length_s: float = 20.0,
     count: int = 4,
+    *,
+    stiction: bool = False,
 ) -> Case:
     """Draw a rig, what is hidden in it, and several recordings of it.
 
@@ -112,6 +114,8 @@ def draw_set(
         Of each recording, s.
     count : int
         Of recordings, 1 .. 4: no motion comes twice.
+    stiction : bool
+        Whether the rig's mu_s is above its mu_d.
 
     Returns
     -------
@@ -121,7 +125,7 @@ def draw_set(
     """
     names = [effect] if isinstance(effect, str) else list(effect or ())
     rng = random_of(seed, kind, [*names, f"set of {count}"])
-    rig = draw_rig(rng)
+    rig = draw_rig(rng, stiction=stiction)
     motions = [str(x) for x in rng.choice(list(MOTIONS), count, replace=False)]
     fine_s = np.arange(round(length_s * excitation.RATE_HZ)) / excitation.RATE_HZ
     runs = []
