@@ -6,6 +6,8 @@ neutral nodes, stiction that depends on the mesh.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bowden.model import Mode
@@ -74,6 +76,20 @@ def test_stiction_of_nearly_nothing_is_none(more: float, segments: int) -> None:
     step = more * MU * 0.1 / RADIUS_M
     allowed = 10 * step * np.ptp(expected.motor_angle_rad) + 1e-9
     assert np.abs(found.motor_angle_rad - expected.motor_angle_rad).max() < allowed
+
+
+@pytest.mark.parametrize("straight", [0, 1, 2])
+def test_stiction_takes_no_stretch_away_wherever_a_piece_is_straight(straight: int) -> None:
+    """In motion stiction plays no part, after many strokes as after one: both cables keep it."""
+    curvature = np.full(3, 1 / RADIUS_M)
+    curvature[straight] = 0.0
+    plain = printed(50, piece_length_m=np.array([0.6, 0.3, 0.6]), piece_curvature_per_m=curvature)
+    sticks = replace(plain, friction=replace(plain.friction, mu_s=2 * MU, stiction_length_m=0.1))
+    angle = through(0, *(0.5, -0.5) * 10, steps=300)
+    time_s, still = times(angle), np.zeros_like(angle)
+    found, expected = (simulate_mesh(pair, TP, time_s, still, angle) for pair in (sticks, plain))
+    moving = slice(300, None, 300)  # at the end of each stroke
+    assert found.load_torque_nm[moving] == pytest.approx(expected.load_torque_nm[moving], rel=1e-9)
 
 
 @pytest.mark.parametrize("segments", [5, 10, 50])

@@ -283,7 +283,7 @@ def is_overloaded(t: Tables, s: State, cable: int, end: int) -> bool:
 
 @compiled_in_place
 def slide(t: Tables, s: State, cable: int, end: int) -> None:
-    """Let the segment at the front of a zone slide; with stiction the tensions drop at once.
+    """Let the segment at the front of a zone slide; one that bears more than so drops it at once.
 
     The segments at standstill and the ends keep their places, so the stretch between them is the
     same before and after.
@@ -291,12 +291,11 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
     segments, far = t.half.shape[1], 1 - end
     d, motion = s.depth[cable, end], s.motion[cable, end]
     # Paid out from both ends, stick and slip would follow each other ever faster, without end, as
-    # the tension vanishes.
-    sticks = t.sticks and t.hold[cable, end, motion, d] > 1
-    sticks = sticks or (t.varies and is_overloaded(t, s, cable, end))
-    sticks = sticks and s.end_n[cable, end] > t.least_n
+    # the tension vanishes. Straight pieces bear more where a segment beside them has held.
+    drops = (t.sticks or t.varies) and s.end_n[cable, end] > t.least_n
+    drops = drops and is_overloaded(t, s, cable, end)
     shared = d + s.depth[cable, far] == segments - 1
-    if sticks and shared and s.motion[cable, far] == motion and s.depth[cable, far] > 0:
+    if drops and shared and s.motion[cable, far] == motion and s.depth[cable, far] > 0:
         # The drop would drag the other zone's first segment backwards: it stops.
         k = s.depth[cable, far]
         s.node_n[cable, node_at(segments, far, k)] = (
@@ -304,7 +303,7 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
         )
         s.depth[cable, far] = k - 1
         shared = False
-    if sticks:
+    if drops:
         near = s.end_n[cable, end] * t.decay[cable, end, motion, d]
         stretch = s.end_n[cable, end] * t.outer[cable, end, motion, d]
         stretch += half_stretch(t, s, cable, end, d, near)
@@ -324,9 +323,9 @@ def slide(t: Tables, s: State, cable: int, end: int) -> None:
     else:
         s.virgin[cable, 1] = min(s.virgin[cable, 1], segments - d - 1)
 
-    if sticks and shared:
+    if drops and shared:
         s.end_n[cable, end] = stretch * stiffness(t, s, cable, end)
-    elif sticks:
+    elif drops:
         s.end_n[cable, end] = tension_for(t, s, cable, end, stretch)
     if shared:
         s.end_n[cable, far] = s.end_n[cable, end] * other_over_this(t, s, cable, end)
