@@ -46,3 +46,15 @@ def test_it_resumes_where_it_was_stopped(
     with pytest.raises(SystemExit):
         diagnosis.main()
     assert "asked" in capsys.readouterr().err
+
+
+def test_rigs_with_stiction_come_from_the_independent_solver_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    output = ["--output", str(tmp_path / "diagnosis.json")]
+    monkeypatch.setattr(
+        sys, "argv", ["diagnosis", "--seed", "3", "--stiction", "--source", "rig", *output]
+    )
+    with pytest.raises(SystemExit):
+        diagnosis.main()
+    assert "accepted: --source continuum" in capsys.readouterr().err

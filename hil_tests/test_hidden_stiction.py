@@ -32,11 +32,11 @@ def test_with_stiction_a_step_of_tension_runs_before_each_front() -> None:
     # An end pulled to r T0: ln T falls to d, the step, in a depth (R/mu)(ln r - d), so that the end
     # moves by c T0 (r - e^d - (ln r - d)); one that is let go likewise, with -d.
     c_m = 10.0 * (0.28 / 0.21) / 4000.0
-    for at in (800, 1400, 1999):
+    for at in (200, 400, 1999):
         for ratio, step in zip(answer.tensions_n[at, :2] / 10.0, (STEP, -STEP), strict=True):
             moved_m = c_m * (ratio - np.exp(step) - (np.log(ratio) - step))
             # The step goes on by a cell at a time, and by each the tension falls a little.
-            assert abs(answer.motor_angle_rad[at]) * 0.020 == pytest.approx(moved_m, rel=0.02)
+            assert abs(answer.motor_angle_rad[at]) * 0.020 == pytest.approx(moved_m, rel=5e-3)
 
 
 def test_a_pair_with_stiction_that_rests_breaks_away_by_one_step() -> None:
