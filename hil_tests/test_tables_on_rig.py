@@ -42,10 +42,10 @@ def rendering_error_nm(
 
 
 def over_starts_nm(folder: Path, hidden: Mapping[str, Mapping[str, float]], model: Model) -> float:
-    """RMS over runs that start at different moments of the stroke."""
+    """RMS over runs that start at every second of the benchmark's moments of the stroke."""
     errors = [
         rendering_error_nm(folder / f"{start_s}.blf", hidden, model, start_s=start_s)
-        for start_s in STARTS_S
+        for start_s in STARTS_S[::2]
     ]
     return float(np.sqrt(np.mean(np.square(errors))))
 
