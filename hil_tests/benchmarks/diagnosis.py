@@ -92,9 +92,13 @@ def excited(job: Job) -> Case:
         seed = job.seed + 10_000_000 * again
         try:
             if job.recordings > 1:
-                count, sticks = job.recordings, job.stiction
                 case = sets.draw_set(
-                    seed, job.kind, job.names, job.length_s, count, stiction=sticks
+                    seed,
+                    job.kind,
+                    job.names,
+                    job.length_s,
+                    job.recordings,
+                    stiction=job.stiction,
                 )
             elif job.source == "rig":
                 case = rig_cases.draw_case(seed, job.kind, job.names, job.length_s)

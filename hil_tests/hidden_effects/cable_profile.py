@@ -28,7 +28,6 @@ from hil_tests.hidden_effects.compiled import compiled
 from hil_tests.hidden_effects.standstill import turned
 
 Vector = NDArray[np.float64]
-Ends = NDArray[np.float64]
 
 TRIES = 150
 SHORT_TRIES = 8
@@ -243,8 +242,8 @@ def advance_cable(
     guess_n: float,
     q_before: Vector,
     q_after: Vector,
-    slides_before: Ends,
-    slides_after: Ends,
+    slides_before: NDArray[np.float64],
+    slides_after: NDArray[np.float64],
     load_front: Vector,
     load_profile_n: Vector,
     profile_n: Vector,

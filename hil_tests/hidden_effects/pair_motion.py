@@ -372,7 +372,6 @@ def run(
             if slack:
                 work.next_n[c, :] = 0.0
         if law.breakaway_m > 0.0:
-            load_m = _wound(rl, el, pl, pulley)
             stick(
                 law, dt, (wound_m, load_m - load_before_m), work.rested_s, work.whole, work.slides
             )

@@ -17,14 +17,17 @@ from hil_tests.hidden_effects.cable_law import Law
 from hil_tests.hidden_effects.compiled import compiled
 
 Vector = NDArray[np.float64]
-Ends = NDArray[np.float64]
 
 STILL_M_PER_S = 1e-6  # of an end: slower is at standstill
 
 
 @compiled
 def turned(
-    slides: Ends, motor_outward_m: float, load_outward_m: float, whole: bool, cells: int
+    slides: NDArray[np.float64],
+    motor_outward_m: float,
+    load_outward_m: float,
+    whole: bool,
+    cells: int,
 ) -> bool:
     """Let an end that turns round begin anew; return whether one did.
 
