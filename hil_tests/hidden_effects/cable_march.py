@@ -43,17 +43,32 @@ class Path(NamedTuple):
     breakaway: Vector
 
 
+class Frozen(NamedTuple):
+    """A cable as the last sample left it, at its nodes, and the step from there.
+
+    `compliance` is what a newton stretches within the step, 1/N; `per_s` the step's reciprocal.
+    """
+
+    tension_n: Vector
+    strain: Vector
+    compliance: float
+    per_s: float
+
+
+class Pull(NamedTuple):
+    """How far an end moves outward, and the factor on friction that belongs to that way."""
+
+    from_load: bool
+    factor: float
+    outward_m: float
+
+
 @compiled
 def march_front(
     law: Law,
     path: Path,
-    frozen_n: Vector,
-    frozen_strain: Vector,
-    compliance: float,
-    per_s: float,
-    from_load: bool,
-    factor: float,
-    outward_m: float,
+    frozen: Frozen,
+    pull: Pull,
     end_n: float,
     slid: float,
     all_slide: bool,
@@ -68,34 +83,34 @@ def march_front(
     -------
     tuple of float
         Displacement left where they meet (zero is wanted), its derivatives by the end's tension,
-        m/N, and by `outward_m`, and how many cells were passed (with the share of the last).
+        m/N, and by its displacement, and how many cells were passed (with the share of the last).
         How far a place slides the other way, at most, m. `profile_n` is written as far as the front
         reaches.
     """
     cells = path.length_m.size
     plain = law.rate_gain == 0.0 and law.tension_exponent == 0.0
     sticks = law.breakaway_m > 0.0
-    direction = 1.0 if outward_m > 0.0 else -1.0
-    node = cells if from_load else 0
-    step = -1 if from_load else 1
-    tension, left = end_n, outward_m
+    direction = 1.0 if pull.outward_m > 0.0 else -1.0
+    node = cells if pull.from_load else 0
+    step = -1 if pull.from_load else 1
+    tension, left = end_n, pull.outward_m
     slope, slope_left, other, other_left = 1.0, 0.0, 0.0, 1.0  # by end tension, by outward_m
-    soft = tangent(law, tension, compliance)
-    difference = strain(law, tension, compliance) - frozen_strain[node]
-    gap = direction * (tension - frozen_n[node]) - MEETING * frozen_n[node]
+    soft = tangent(law, tension, frozen.compliance)
+    difference = strain(law, tension, frozen.compliance) - frozen.strain[node]
+    gap = direction * (tension - frozen.tension_n[node]) - MEETING * frozen.tension_n[node]
     above, back = gap > 0.0 or sticks, 0.0
     profile_n[node] = tension
     for passed in range(cells):
-        cell = node - 1 if from_load else node
+        cell = node - 1 if pull.from_load else node
         length = path.length_m[cell]
-        f, by_speed, by_tension = factor, 0.0, 0.0
+        f, by_speed, by_tension = pull.factor, 0.0, 0.0
         if not plain:
-            speed = min(max(direction * left, 0.0) * per_s, FASTEST_M_PER_S)
-            drop = direction * factor * path.wrap_friction[cell]
+            speed = min(max(direction * left, 0.0) * frozen.per_s, FASTEST_M_PER_S)
+            drop = direction * pull.factor * path.wrap_friction[cell]
             f, by_speed, by_tension = friction_across(law, speed, tension, drop)
-            f *= factor
-            by_speed *= factor * per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
-            by_tension *= factor * direction
+            f *= pull.factor
+            by_speed *= pull.factor * frozen.per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
+            by_tension *= pull.factor * direction
         theta = path.wrap_friction[cell]
         drop = direction * f * theta
         ratio = math.exp(-drop)
@@ -105,13 +120,13 @@ def march_front(
             new_slope -= tension * theta * (by_speed * slope_left + by_tension * slope)
             new_other -= tension * theta * (by_speed * other_left + by_tension * other)
         node += step
-        new_gap = direction * (tension - frozen_n[node]) - MEETING * frozen_n[node]
+        new_gap = direction * (tension - frozen.tension_n[node]) - MEETING * frozen.tension_n[node]
         if sticks and passed >= slid:
-            held_n = frozen_n[node] * math.exp(direction * path.breakaway[cell])
+            held_n = frozen.tension_n[node] * math.exp(direction * path.breakaway[cell])
             new_gap = direction * (tension - held_n)
         elif sticks and all_slide:
             new_gap = math.inf
-        new_difference = strain(law, tension, compliance) - frozen_strain[node]
+        new_difference = strain(law, tension, frozen.compliance) - frozen.strain[node]
         if above and new_gap <= 0.0:
             # The cell is counted whole: its far node stays, and the sum over nodes has to
             # agree with the stretch that the profile shows from now on.
@@ -123,7 +138,7 @@ def march_front(
         above = above or new_gap > 0.0
         left -= 0.5 * (difference + new_difference) * length
         back = max(back, -direction * left)
-        new_soft = tangent(law, tension, compliance)
+        new_soft = tangent(law, tension, frozen.compliance)
         slope_left -= 0.5 * (slope * soft + new_slope * new_soft) * length
         other_left -= 0.5 * (other * soft + new_other * new_soft) * length
         soft = new_soft
@@ -136,9 +151,7 @@ def march_front(
 def march_whole(
     law: Law,
     path: Path,
-    frozen_strain: Vector,
-    compliance: float,
-    per_s: float,
+    frozen: Frozen,
     factor_out: float,
     factor_in: float,
     outward_m: float,
@@ -159,8 +172,8 @@ def march_whole(
     memory = law.slip_m > 0.0 or law.lag_s > 0.0
     tension, here = end_n, outward_m
     slope, slope_here, other, other_here = 1.0, 0.0, 0.0, 1.0  # by end tension, by outward_m
-    soft = tangent(law, tension, compliance)
-    difference = strain(law, tension, compliance) - frozen_strain[0]
+    soft = tangent(law, tension, frozen.compliance)
+    difference = strain(law, tension, frozen.compliance) - frozen.strain[0]
     profile_n[0] = tension
     side = 1.0 if here > 0.0 or (here == 0.0 and difference < 0.0) else -1.0
     for cell in range(path.length_m.size):
@@ -169,16 +182,16 @@ def march_whole(
         f, by_here, by_tension = factor_out if side > 0.0 else -factor_in, 0.0, 0.0
         way = side
         if memory:
-            q, by_motion = direction(law, per_s, q_before[cell], here)
+            q, by_motion = direction(law, frozen.per_s, q_before[cell], here)
             q_after[cell] = q
             factor = factor_out if q < 0.0 else factor_in
             f = -q * factor
             by_here = -by_motion * factor
             way = 1.0 if here > 0.0 else -1.0
         if not plain:
-            speed = min(max(way * here, 0.0) * per_s, FASTEST_M_PER_S)
+            speed = min(max(way * here, 0.0) * frozen.per_s, FASTEST_M_PER_S)
             grown, by_speed, by_tension = friction_across(law, speed, tension, f * theta)
-            moving = f * way * per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
+            moving = f * way * frozen.per_s if 0.0 < speed < FASTEST_M_PER_S else 0.0
             by_here = by_here * grown + by_speed * moving
             by_tension *= f
             f *= grown
@@ -188,7 +201,7 @@ def march_whole(
         if memory or not plain:
             new_slope -= new_tension * theta * (by_here * slope_here + by_tension * slope)
             new_other -= new_tension * theta * (by_here * other_here + by_tension * other)
-        new_difference = strain(law, new_tension, compliance) - frozen_strain[cell + 1]
+        new_difference = strain(law, new_tension, frozen.compliance) - frozen.strain[cell + 1]
         # Displacement along the cell: here - d x + (d - d_new) x^2 / (2 length); zero within it?
         falls = side * difference
         bends = side * (difference - new_difference) / length
@@ -207,10 +220,12 @@ def march_whole(
                 steep = new_tension * turn * side / (root * length)
                 new_slope = slope * ratio - steep * (slope_here - slope * soft * at)
                 new_other = other * ratio - steep * (other_here - other * soft * at)
-                new_difference = strain(law, new_tension, compliance) - frozen_strain[cell + 1]
+                new_difference = (
+                    strain(law, new_tension, frozen.compliance) - frozen.strain[cell + 1]
+                )
                 side = -side
         here -= 0.5 * (difference + new_difference) * length
-        new_soft = tangent(law, new_tension, compliance)
+        new_soft = tangent(law, new_tension, frozen.compliance)
         slope_here -= 0.5 * (slope * soft + new_slope * new_soft) * length
         other_here -= 0.5 * (other * soft + new_other * new_soft) * length
         soft = new_soft

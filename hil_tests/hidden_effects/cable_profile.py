@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_tests.hidden_effects.cable_law import Law
-from hil_tests.hidden_effects.cable_march import Path, march_front, march_whole
+from hil_tests.hidden_effects.cable_march import Frozen, Path, Pull, march_front, march_whole
 from hil_tests.hidden_effects.compiled import compiled
 from hil_tests.hidden_effects.standstill import turned
 
@@ -40,13 +40,8 @@ NEAR_ENOUGH_M = 1e-9
 def _shot(
     law: Law,
     path: Path,
-    frozen_n: Vector,
-    frozen_strain: Vector,
-    compliance: float,
-    per_s: float,
-    from_load: bool,
-    factor: float,
-    outward_m: float,
+    frozen: Frozen,
+    pull: Pull,
     guess_n: float,
     slid: float,
     all_slide: bool,
@@ -61,27 +56,15 @@ def _shot(
     tension, stiffness, depth, back = guess_n, 0.0, 0.0, 0.0
     nearest, least = guess_n, math.inf
     holds, gives, last = slid, False, False
-    edge = path.length_m[-1] if from_load else path.length_m[0]
+    edge = path.length_m[-1] if pull.from_load else path.length_m[0]
     for tried in range(TRIES + 1):
         last = last or tried == TRIES
         if last:
             tension = nearest
         left, by_tension, by_outward, depth, back = march_front(
-            law,
-            path,
-            frozen_n,
-            frozen_strain,
-            compliance,
-            per_s,
-            from_load,
-            factor,
-            outward_m,
-            tension,
-            slid,
-            all_slide,
-            profile_n,
+            law, path, frozen, pull, tension, slid, all_slide, profile_n
         )
-        by_tension = min(by_tension, -0.25 * edge * compliance)
+        by_tension = min(by_tension, -0.25 * edge * frozen.compliance)
         stiffness = -by_outward / by_tension
         if abs(left) < DISPLACEMENT_TOLERANCE_M:
             return tension, stiffness, depth, back, -1.0
@@ -89,7 +72,7 @@ def _shot(
             break
         if abs(left) < least:
             nearest, least = tension, abs(left)
-        if left * outward_m > 0.0:
+        if left * pull.outward_m > 0.0:
             holds = depth
         else:
             gives = True
@@ -109,13 +92,8 @@ def _shot(
 def find_front(
     law: Law,
     path: Path,
-    frozen_n: Vector,
-    frozen_strain: Vector,
-    compliance: float,
-    per_s: float,
-    from_load: bool,
-    factor: float,
-    outward_m: float,
+    frozen: Frozen,
+    pull: Pull,
     guess_n: float,
     slid: float,
     profile_n: Vector,
@@ -129,19 +107,7 @@ def find_front(
     tension, stiffness, depth = guess_n, 0.0, 0.0
     for _ in range(cells + 2):
         tension, stiffness, depth, back, jump = _shot(
-            law,
-            path,
-            frozen_n,
-            frozen_strain,
-            compliance,
-            per_s,
-            from_load,
-            factor,
-            outward_m,
-            guess_n,
-            slid,
-            all_slide,
-            profile_n,
+            law, path, frozen, pull, guess_n, slid, all_slide, profile_n
         )
         if law.breakaway_m == 0.0:
             break
@@ -158,9 +124,7 @@ def find_front(
 def find_whole(
     law: Law,
     path: Path,
-    frozen_strain: Vector,
-    compliance: float,
-    per_s: float,
+    frozen: Frozen,
     factor_out: float,
     factor_in: float,
     outward_m: float,
@@ -183,9 +147,7 @@ def find_whole(
         there, by_tension, by_outward = march_whole(
             law,
             path,
-            frozen_strain,
-            compliance,
-            per_s,
+            frozen,
             factor_out,
             factor_in,
             outward_m,
@@ -210,18 +172,7 @@ def find_whole(
             break
         tension = new
     march_whole(
-        law,
-        path,
-        frozen_strain,
-        compliance,
-        per_s,
-        factor_out,
-        factor_in,
-        outward_m,
-        nearest,
-        q_before,
-        q_after,
-        profile_n,
+        law, path, frozen, factor_out, factor_in, outward_m, nearest, q_before, q_after, profile_n
     )
     return nearest, -by_outward / by_tension, least < NEAR_ENOUGH_M
 
@@ -230,10 +181,7 @@ def find_whole(
 def advance_cable(
     law: Law,
     path: Path,
-    frozen_n: Vector,
-    frozen_strain: Vector,
-    compliance: float,
-    per_s: float,
+    frozen: Frozen,
     factor_out: float,
     factor_in: float,
     motor_outward_m: float,
@@ -271,16 +219,14 @@ def advance_cable(
     if sticks and turned(slides_after, motor_outward_m, load_outward_m, whole_first, cells):
         whole_first = False
     if motor_outward_m == 0.0 and load_outward_m == 0.0:
-        profile_n[:] = frozen_n
+        profile_n[:] = frozen.tension_n
         q_after[:] = q_before
         return 0.0, whole_first
     if whole_first or memory:
         _, stiffness, found = find_whole(
             law,
             path,
-            frozen_strain,
-            compliance,
-            per_s,
+            frozen,
             factor_out,
             factor_in,
             motor_outward_m,
@@ -294,28 +240,24 @@ def advance_cable(
         if found or memory:
             slides_after[:, 1] = cells
             return stiffness, True
-    depth_motor, depth_load, stiffness = 0.0, 0.0, 1.0 / (0.25 * path.length_m[0] * compliance)
+    depth_motor, depth_load = 0.0, 0.0
+    stiffness = 1.0 / (0.25 * path.length_m[0] * frozen.compliance)
     slid_motor, slid_load, apart = slides_after[0, 1], slides_after[1, 1], False
     for _ in range(2):
-        profile_n[:] = frozen_n
+        profile_n[:] = frozen.tension_n
         if motor_outward_m != 0.0:
             factor = factor_out if motor_outward_m > 0.0 else factor_in
             _, stiffness, depth_motor = find_front(
                 law,
                 path,
-                frozen_n,
-                frozen_strain,
-                compliance,
-                per_s,
-                False,
-                factor,
-                motor_outward_m,
+                frozen,
+                Pull(False, factor, motor_outward_m),
                 guess_n,
                 slid_motor,
                 profile_n,
             )
             last = min(int(depth_motor), cells)
-            profile_n[last + 1 :] = frozen_n[last + 1 :]
+            profile_n[last + 1 :] = frozen.tension_n[last + 1 :]
             slides_after[0, 1] = last
         if load_outward_m != 0.0 and (apart or depth_motor <= cells):
             factor = factor_in if load_outward_m > 0.0 else factor_out
@@ -324,14 +266,9 @@ def advance_cable(
                 _, _, load_front[1] = find_front(
                     law,
                     path,
-                    frozen_n,
-                    frozen_strain,
-                    compliance,
-                    per_s,
-                    True,
-                    factor,
-                    load_outward_m,
-                    frozen_n[cells],
+                    frozen,
+                    Pull(True, factor, load_outward_m),
+                    frozen.tension_n[cells],
                     slid_load,
                     load_profile_n,
                 )
@@ -354,14 +291,12 @@ def advance_cable(
     _, stiffness, _ = find_whole(
         law,
         path,
-        frozen_strain,
-        compliance,
-        per_s,
+        frozen,
         factor_out,
         factor_in,
         motor_outward_m,
         -load_outward_m,
-        frozen_n[0],
+        frozen.tension_n[0],
         TRIES,
         q_before,
         q_after,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_tests.hidden_effects.cable_law import Law, strain, tension_at
-from hil_tests.hidden_effects.cable_march import Path
+from hil_tests.hidden_effects.cable_march import Frozen, Path
 from hil_tests.hidden_effects.cable_profile import advance_cable
 from hil_tests.hidden_effects.compiled import compiled
 from hil_tests.hidden_effects.standstill import stick
@@ -126,10 +126,7 @@ def _cables_to(
         k, whole = advance_cable(
             law,
             Path(path.length_m, work.wrap_friction[cable], path.breakaway),
-            work.frozen_n[cable],
-            work.frozen_strain[cable],
-            compliance,
-            per_s,
+            Frozen(work.frozen_n[cable], work.frozen_strain[cable], compliance, per_s),
             out_factor,
             in_factor,
             side * motor_step_m * share + work.missing_m[cable],
