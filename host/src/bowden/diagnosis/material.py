@@ -23,6 +23,7 @@ from bowden.estimation.problem import Problem
 from bowden.estimation.samples import PARTS
 from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
+from bowden.model.mesh.state import DEFAULT_SEGMENTS
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED
 from bowden.workers import Workers
@@ -193,7 +194,16 @@ def as_fine(model: Model) -> Model:
 
 
 def _meshed(model: Model, segments: int) -> Model:
-    return model if model.solver == "lumped" else with_segments(model, segments)
+    """Return the model on another mesh; with stiction on its own.
+
+    A front lets one segment go after the other, and with stiction each drops what it held: the
+    moments at which an end gives way are first order in its length, and a fit follows them.
+    """
+    if model.solver == "lumped":
+        return model
+    pair = model.transmission
+    own = pair.segments or DEFAULT_SEGMENTS
+    return with_segments(model, own if pair.friction.has_stiction else segments)
 
 
 def with_offset(noises: Sequence[Covariance], offsets: Sequence[_Floats]) -> list[Covariance]:
