@@ -13,26 +13,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_tests.benchmarks.diagnosis_truth import true_model
+from hil_tests.continuum_pair import FRICTION_NM, LOST_MOTION_RAD, PAIR, ramp
 from hil_tests.hidden_effects import draws, effects, sets, unlisted
 from hil_tests.hidden_effects.cable_law import Law
 from hil_tests.hidden_effects.continuum import Answer as Motion
 from hil_tests.hidden_effects.continuum import Histories, Pair, solve
 from hil_tests.hidden_effects.hidden import Signals, Vector
-from hil_tests.hidden_effects.pair_motion import Ends
 from hil_tests.hidden_effects.recordings import COUNTS, KINDS, draw_case
 from hil_tests.hidden_effects.sets import MOTIONS, RATES_HZ, UNEVEN, draw_set
 from hil_tests.hidden_effects.strength import read_out
 
-# Table I with EA = 4000 N and mu_s = mu_d; the figures are the closed forms of docs/physics.md.
-PAIR = Pair(((2.0, 0.28),), 0.21, Law(10.0, 4000.0), Ends(0.020, 0.104))
 M = 1.5
 RHO = 5.2
-FRICTION_NM = 2 * 0.104 * 10.0 * M
-
-
-def ramp(length_s: float, knots_t: list[float], knots_x: list[float]) -> tuple[Vector, Vector]:
-    time_s = np.arange(round(length_s * 1000)) / 1000
-    return time_s, np.interp(time_s, knots_t, knots_x)
 
 
 def sweep(
@@ -64,7 +56,7 @@ def test_friction_that_would_bend_and_lag_is_refused() -> None:
 def test_a_free_motor_lags_by_the_known_backlash() -> None:
     time_s, angle, answer = sweep()
     lag = answer.motor_angle_rad - RHO * angle
-    assert np.ptp(lag[time_s > 1.5]) == pytest.approx(0.31757, rel=1e-4)
+    assert np.ptp(lag[time_s > 1.5]) == pytest.approx(LOST_MOTION_RAD, rel=1e-4)
     assert answer.tensions_n[2900] == pytest.approx([7.0446, 7.0446, 1.5719, 31.5718], rel=1e-4)
 
 

@@ -12,15 +12,11 @@ from bowden.signals.prediction import simulate_recording
 
 from hil_tests.benchmarks.diagnosis import recordings_of
 from hil_tests.benchmarks.diagnosis_truth import true_model
+from hil_tests.continuum_pair import FRICTION_NM, LOST_MOTION_RAD, PAIR, ramp
 from hil_tests.hidden_effects.cable_law import Law
-from hil_tests.hidden_effects.continuum import Pair, solve
-from hil_tests.hidden_effects.hidden import Vector
-from hil_tests.hidden_effects.pair_motion import Ends
+from hil_tests.hidden_effects.continuum import solve
 from hil_tests.hidden_effects.recordings import draw_case
 
-# Table I with EA = 4000 N; friction and lost motion are the closed forms of docs/physics.md.
-PAIR = Pair(((2.0, 0.28),), 0.21, Law(10.0, 4000.0), Ends(0.020, 0.104))
-FRICTION_NM, LOST_MOTION_RAD = 3.12, 0.3176
 BREAKAWAY_M = 0.21 * 0.5 * 0.1  # mu_s is half as much again as mu_d, over 0.1 m
 STICKS = replace(PAIR, law=Law(10.0, 4000.0, breakaway_m=BREAKAWAY_M))
 STEP = BREAKAWAY_M / 0.28  # of ln T, which a place at standstill bears beside m
@@ -66,11 +62,6 @@ def test_stiction_that_is_next_to_none_changes_nothing() -> None:
     # A front that ends within a cell ends at its edge here: a share of a cell's 0.5 %.
     assert np.abs(one.load_torque_nm - other.load_torque_nm).max() < 5e-3 * FRICTION_NM
     assert np.abs(one.motor_angle_rad - other.motor_angle_rad).max() < 5e-3 * LOST_MOTION_RAD
-
-
-def ramp(length_s: float, knots_t: list[float], knots_x: list[float]) -> tuple[Vector, Vector]:
-    time_s = np.arange(round(length_s * 1000)) / 1000
-    return time_s, np.interp(time_s, knots_t, knots_x)
 
 
 def test_a_case_with_stiction_has_it_in_the_labs_model_and_in_the_rig() -> None:
