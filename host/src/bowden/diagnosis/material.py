@@ -23,7 +23,7 @@ from bowden.estimation.problem import Problem
 from bowden.estimation.samples import PARTS
 from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
-from bowden.model.mesh.state import DEFAULT_SEGMENTS
+from bowden.model.mesh.state import segments_of
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED
 from bowden.workers import Workers
@@ -202,8 +202,7 @@ def _meshed(model: Model, segments: int) -> Model:
     if model.solver == "lumped":
         return model
     pair = model.transmission
-    own = pair.segments or DEFAULT_SEGMENTS
-    return with_segments(model, own if pair.friction.has_stiction else segments)
+    return with_segments(model, segments_of(pair) if pair.friction.has_stiction else segments)
 
 
 def with_offset(noises: Sequence[Covariance], offsets: Sequence[_Floats]) -> list[Covariance]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from bowden.model.compiled import inlined
-from bowden.model.mesh.state import DEFAULT_SEGMENTS
+from bowden.model.mesh.state import segments_of
 from bowden.model.trajectory import FloatArray
 from bowden.model.transmission import Transmission
 
@@ -34,7 +34,7 @@ def close_m_per_s(transmission: Transmission) -> float:
     Those of a period together: the stretch of the pretension over segments^2, less than the mesh is
     off by, whose error falls about as fast.
     """
-    segments = transmission.segments or DEFAULT_SEGMENTS
+    segments = segments_of(transmission)
     stretch_m = transmission.pretension_n / _stiffness_n_per_m(transmission)
     return stretch_m / segments**2 / _period_s(transmission)
 

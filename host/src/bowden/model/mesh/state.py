@@ -100,6 +100,11 @@ class Mesh:
         return np.concatenate(([0.0], np.cumsum(self.length_m)))
 
 
+def segments_of(transmission: Transmission) -> int:
+    """Return how many segments a cable has on the mesh; the usual number where none is named."""
+    return transmission.segments or DEFAULT_SEGMENTS
+
+
 def cut(transmission: Transmission) -> Mesh:
     """Cut the path into segments: of equal length, or graded by curvature.
 
@@ -108,7 +113,7 @@ def cut(transmission: Transmission) -> Mesh:
     the tension does not change. With fewer segments than pieces the cut is uniform.
     """
     lengths, curvatures = transmission.piece_length_m, transmission.piece_curvature_per_m
-    n = transmission.segments or DEFAULT_SEGMENTS
+    n = segments_of(transmission)
     return _cut(n, transmission.graded, tuple(lengths.tolist()), tuple(curvatures.tolist()))
 
 
