@@ -19,6 +19,7 @@ from ..rigs import TABLE_1
 
 MODEL = parse_model(TABLE_1)
 EXACT = parse_model(TABLE_1.replace("{segments: 50}", "{solver: mesh_free}"))
+STICKING = TABLE_1.replace("coulomb", "stiction").replace("10 %}}", "10 %}, mu_s: 0.4}")
 TIME_S = np.arange(12_000) * 1e-3
 LOAD_COUNT, MOTOR_COUNT = 2 * np.pi / 10_000, 2 * np.pi / 2000
 MODE = Mode.TORQUE_POSITION
@@ -254,3 +255,18 @@ def test_what_a_further_path_may_do_is_what_the_drawn_ones_do_nearby(kind: str) 
         low, high = (variance[alike & (apart_s <= most)].max() for most in (0.1499, 0.1501))
         assert np.sqrt(low / 49) * (1 - 1e-9) <= noise.shifted[row]
         assert noise.shifted[row] <= np.sqrt(high / 49) * (1 + 1e-9)
+
+
+def test_another_mesh_is_within_the_noise_unless_it_is_another_rig() -> None:
+    """Stiction without a length acts over a segment, eq. (6): the shorter, the less it holds."""
+    load, torque = motion("rests")
+    inputs = Inputs(TIME_S, motor_torque_nm=torque, load_angle_rad=load)
+    for length, is_another in (("", True), (", stiction_length_m: 0.1", False)):
+        model = parse_model(STICKING.replace("mu_s: 0.4", "mu_s: 0.4" + length))
+        run = simulate(model, MODE, inputs)
+        cell_nm = run.load_torque_nm + np.random.default_rng(1).normal(0.0, 1e-3, TIME_S.size)
+        channels = {"load_angle_rad": load, "motor_torque_nm": torque, "load_torque_nm": cell_nm}
+        recording = Recording(TIME_S, motor_angle_rad=run.motor_angle_rad, **channels)
+        data = Data.of(recording, 0, model, MODE)
+        beyond = apart(data, model, with_segments(model, 100)) / covariance(data, model).sigma
+        assert beyond.max() > 10.0 if is_another else beyond.max() < 1.0

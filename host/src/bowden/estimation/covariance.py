@@ -275,15 +275,11 @@ def covariance(
     doubted = list[_Floats]()
     every = zip(others, found[drawn:], strict=True)
     columns += [share * one[None] for (share, _), one in every if one is not None]
-    segments = model.transmission.segments
     if correction is not None:
         offset, doubted = correction, [DOUBTED * correction]
-    elif model.solver == "mesh" and segments:
+    elif (finer := _on_a_finer_mesh(model)) is not None:
         # Whether a rig behaves as so many segments or as the continuum is not known.
-        finer = MESH_FACTOR * (
-            data.predict(with_segments(model, 2 * segments), numbers, near=near) - best
-        )
-        doubted.append(finer)
+        doubted.append(MESH_FACTOR * (data.predict(finer, numbers, near=near) - best))
     if data.is_thinned and correction is None:
         steps = data.predict(model, numbers, data.estimates.recording, near) - best
         offset, doubted = offset + steps, [*doubted, DOUBTED * steps]
@@ -306,6 +302,18 @@ def covariance(
         inputs.append(triangle_of(matrix))
     shifted = np.sqrt(ANY_SHAPE * _largest_near(seen, variance))
     return Covariance(offset, own, np.concatenate(inputs), floor, sigma, shifted)
+
+
+def _on_a_finer_mesh(model: Model) -> Model | None:
+    """Return the same rig on twice as many segments; None where it has none, or these are the rig.
+
+    Stiction without a length acts over a segment, eq. (6): another mesh were another rig.
+    """
+    pair = model.transmission
+    segmentwise = pair.friction.has_stiction and pair.friction.stiction_length_m is None
+    if model.solver != "mesh" or not pair.segments or segmentwise:
+        return None
+    return with_segments(model, 2 * pair.segments)
 
 
 def _largest_near(seen: Observations, variance: _Floats) -> _Floats:
