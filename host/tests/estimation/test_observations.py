@@ -48,6 +48,33 @@ def test_edges_lie_neither_ahead_nor_behind() -> None:
     assert abs(behind) < 3.0 * float(np.std(error)) / np.sqrt(edge.sum())
 
 
+def test_where_an_end_gives_way_an_edge_may_be_anywhere_in_the_jump() -> None:
+    """Between two samples the angle is still where it was or there already, never halfway."""
+    count = 2 * np.pi / 2000
+    time_s = np.arange(4000) * 1e-3
+    angle = 0.2e3 * count * time_s
+    jumps_s = 0.0084 + 0.016 * np.arange(10, 240, 23)  # in the middle of what an observation is of
+    for at_s in jumps_s:
+        angle = angle + 30.3 * count * (time_s > at_s)
+    read = Recording(
+        time_s,
+        {
+            "motor_angle_rad": count * np.round(angle / count),
+            "load_angle_rad": angle / 5.2,
+            "motor_torque_nm": np.sin(time_s),
+            "load_torque_nm": np.cos(time_s),
+        },
+    )
+    seen = Data.of(read, 0, MODEL, MODE).observations
+    edge = seen.channel == 1
+    at_s, sigma = seen.time_s[edge], seen.sigma[edge] / count
+    met = np.any(np.abs(at_s[:, None] - jumps_s) < 0.5e-3, axis=1)
+    assert met.sum() >= 8
+    # Off by half of it either way: 1.7 of a uniform distribution's standard deviations.
+    np.testing.assert_allclose(sigma[met], 30.3 / np.sqrt(12.0), rtol=0.05)
+    assert sigma[~met].max() < 0.5
+
+
 def test_an_encoder_at_standstill_gives_no_observation() -> None:
     _, read = run()
     still = read.with_channels(motor_angle_rad=np.zeros(read.time_s.size))

@@ -18,6 +18,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.estimation.between import sigma_between
 from bowden.estimation.nuisance import Nuisance, as_given, as_read
 from bowden.estimation.observations import DISCREPANCY_S, Observations, observe
 from bowden.estimation.paths import DRAWS, Paths
@@ -142,6 +143,18 @@ class Data:
             found[rows] += seen.direction[rows] * sum(
                 value for one, value in mine if one.kind == "hysteresis"
             )
+        return found
+
+    def between(self, trajectory: Trajectory) -> _Floats:
+        """Return how exactly a simulation tells each observation, shape (n,).
+
+        It is known to a step in time.
+        """
+        seen, found = self.observations, np.empty(self.observations.time_s.size)
+        for k, name in enumerate(PREDICTED[self.mode]):
+            rows = seen.channel == k
+            values = getattr(trajectory, name)
+            found[rows] = sigma_between(trajectory.time_s, values, seen.time_s[rows], steps=1)
         return found
 
     def predict(
@@ -287,7 +300,7 @@ def covariance(
     alone = ALONE * np.sum(doubts**2, axis=0)
     spread = np.concatenate([*columns, math.sqrt(1.0 - ALONE) * doubts])
     variance = np.sum(spread**2, axis=0) + alone
-    own = seen.sigma**2
+    own = seen.sigma**2 + data.between(near) ** 2
     sigma = np.sqrt(own + variance)
     floor = np.array([_usual(sigma[seen.channel == k]) for k in (0, 1)])
     inputs = []

@@ -2,7 +2,8 @@
 
 A noisy channel is read every few milliseconds: its noise is white. A quantised one is read where
 its count changes: there the quantity is on the edge between two counts, to within what it moves in
-a sample; between edges a count says nothing new, and at standstill nothing at all.
+a sample, and to within what it jumps; between edges a count says nothing new, and at standstill
+nothing at all.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.errors import BadInput
+from bowden.estimation.between import sigma_between
 from bowden.estimation.kept import Kept
 from bowden.estimation.whitening import BlockLayout, Factors, triangle_of
 from bowden.model import Mode
@@ -144,15 +146,16 @@ def _at_edges(
     """Observe where the count changes: time halfway, the edge between, its error, which way.
 
     A motion of less than a count puts the edge anywhere in it. Of more, both readings are rounded,
-    and the part of a count that is left over decides how alike their errors are.
+    and the part of a count that is left over decides how alike their errors are. Of a jump the
+    quantity is anywhere between what it was before and after.
     """
     late = _central(np.flatnonzero(np.diff(values) != 0.0) + 1, time_s)
     early = late - 1
     travel = np.abs(path[late] - path[early]) / quantum
     left = np.mod(travel, 1.0)
     square = np.where(travel < 1.0, travel**2, 1.0 - 3.0 * left * (1.0 - left)) / 12.0
-    sigma = np.sqrt(noise**2 + quantum**2 * square)
     at, edge = 0.5 * (time_s[late] + time_s[early]), 0.5 * (values[late] + values[early])
+    sigma = np.sqrt(noise**2 + quantum**2 * square + sigma_between(time_s, path, at) ** 2)
     return at, edge, sigma, np.sign(values[late] - values[early])
 
 
