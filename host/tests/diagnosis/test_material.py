@@ -1,11 +1,14 @@
-"""The meshes that hypotheses are searched on, of rigs whose cables stick before they slide."""
+"""The meshes and steps on which rigs are diagnosed whose cables stick before they slide."""
 
 from __future__ import annotations
 
 import numpy as np
-from bowden.diagnosis.material import as_fine, as_searched
+from bowden.diagnosis.material import as_fine, as_searched, make_material
+from bowden.estimation.covariance import covariance
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.model.experiments.variants import with_segments
+from bowden.recording.recording import Recording
+from bowden.workers import workers
 from numpy.typing import NDArray
 
 STICKING = """
@@ -46,3 +49,33 @@ def test_stiction_over_a_segment_keeps_the_segments_of_the_file() -> None:
     filed = motor_angle_rad(model)
     assert np.array_equal(motor_angle_rad(as_searched(model)), filed)
     assert np.array_equal(motor_angle_rad(as_fine(model)), filed)
+
+
+def test_where_an_end_gives_way_is_nowhere_corrected_and_known_to_a_step() -> None:
+    """Sampled every 16 ms it gives way up to so much too late: a correction would be two jumps."""
+    model, time_s = parse_model(STICKING), np.arange(6000) * 1e-3
+    load_rad = 0.5 * np.sin(2 * np.pi * 0.5 * time_s)
+    torque_nm = 0.1 * np.sin(2 * np.pi * 0.31 * time_s)
+    inputs = Inputs(time_s=time_s, motor_torque_nm=torque_nm, load_angle_rad=load_rad)
+    run = simulate(model, Mode.TORQUE_POSITION, inputs)
+    noise_nm, count_rad = 1e-3, 2 * np.pi / 2000
+    noise = np.random.default_rng(1).normal(0.0, noise_nm, time_s.size)
+    recording = Recording(
+        time_s,
+        motor_torque_nm=torque_nm,
+        load_torque_nm=run.load_torque_nm + noise,
+        motor_angle_rad=np.round(run.motor_angle_rad / count_rad) * count_rad,
+        load_angle_rad=load_rad,
+    )
+    with workers(1) as pool:
+        material = make_material([recording], model, Mode.TORQUE_POSITION, 0, pool)
+        (searched,) = material.searched(model)
+        whole = material.fine[0].predict(model)  # every sample
+        predicted = material.predictions(model, [[]])[0]
+        assert not np.any(material.correction(model, [[]], (searched,))[0])
+    unit = np.where(searched.observations.channel == 0, noise_nm, count_rad / np.sqrt(12.0))
+    off = np.abs(predicted - whole) / unit
+    known_to = np.sqrt(covariance(searched, model).own) / unit
+    assert off.max() > 4.0  # a reading meets a jump
+    assert np.all(off < 2.0 * known_to)  # 1.7 is the most of a uniform distribution
+    assert np.mean(known_to < 1.2) > 0.9

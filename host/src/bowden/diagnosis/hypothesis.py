@@ -223,13 +223,22 @@ class Hypothesis:
         )
         return np.asarray(step)
 
+    @property
+    def _compared(self) -> tuple[Data, ...]:
+        """The recordings at the steps at which an effect is seen: coarse, but where these misled.
+
+        With and without it those misplace what gives way alike.
+        """
+        searched = self.problem.data is self.material.searched(self.model)
+        return self.material.coarse if searched else self.problem.data
+
     def simulated(self) -> list[Trajectory]:
         """Return what the model answers to each recording."""
-        return [data.simulated(self.model, self._numbers(data)) for data in self.problem.data]
+        return [data.simulated(self.model, self._numbers(data)) for data in self._compared]
 
     def read(self, answers: Sequence[Trajectory]) -> list[_Floats]:
         """Return what answers predict of each recording's observations."""
-        pairs = zip(self.problem.data, answers, strict=True)
+        pairs = zip(self._compared, answers, strict=True)
         return [data.read(one, self._numbers(data)) for data, one in pairs]
 
     def predictions(self, model: Model, near: Sequence[Trajectory]) -> list[_Floats]:
@@ -237,7 +246,7 @@ class Hypothesis:
 
         `near`: the answers that its passes begin with, of a model like it.
         """
-        pairs = zip(self.problem.data, near, strict=True)
+        pairs = zip(self._compared, near, strict=True)
         return [data.predict(model, self._numbers(data), near=one) for data, one in pairs]
 
     def _numbers(self, data: Data) -> list[tuple[Nuisance, float]]:

@@ -3,6 +3,10 @@
 Every hypothesis sees the same observations. It is searched on a coarse mesh and few samples; what
 the fine ones change is simulated at its optimum and added, so that no hypothesis gains by being
 solved more coarsely than another.
+
+Of a rig with stiction nothing is corrected: an end gives way at a moment, and where a coarse answer
+jumps too late, what is added is two jumps that hold the fit where they were made. Such rigs are
+searched on the mesh of their file at short steps, and what finer ones change is doubted.
 """
 
 from __future__ import annotations
@@ -44,7 +48,8 @@ class Material:
     mode : Mode
     coarse, half, fine, dear : tuple of Data
         One a recording, with the same observations; fine ones for laws that are quick to simulate,
-        dear ones for those of the implicit solver: each interval of the coarse ones cut in four.
+        dear ones for those of the implicit solver and for rigs with stiction: each interval of the
+        coarse ones cut in four.
         Where the coarse ones mislead a fit it is searched for on those of half their steps, and
         where these do, too, on the dear ones.
     nuisances : tuple of Nuisance
@@ -66,7 +71,7 @@ class Material:
         effects: Sequence[tuple[Candidate, Mapping[str, float]]] = (),
         data: tuple[Data, ...] | None = None,
     ) -> Problem:
-        """Return what the parameters of a hypothesis are fitted to, on the coarse or other `data`.
+        """Return what the parameters of a hypothesis are fitted to, as searched first or at `data`.
 
         An encoder that is off centre was zeroed wherever the rig stood: its zero is then unknown
         to as much as it is off centre.
@@ -82,7 +87,8 @@ class Material:
             replace(one, sigma=math.hypot(one.sigma, *off_centre)) if one.kind == "zero" else one
             for one in self.nuisances
         )
-        return Problem(data or self.coarse, parameters, nuisances, blocks, self.pool)
+        data = data or self.searched(parameters.model)
+        return Problem(data, parameters, nuisances, blocks, self.pool)
 
     def predictions(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
@@ -102,12 +108,14 @@ class Material:
         numbers: Sequence[Sequence[tuple[Nuisance, float]]],
         data: tuple[Data, ...],
     ) -> list[_Floats]:
-        """Return what `predictions` add to those at the coarse or other steps, `data`.
+        """Return what `predictions` add to those at some steps, `data`.
 
         With it both are the same. Raises as they do.
         """
+        if self.finer(model) is self.searched(model):
+            return [np.zeros(one.observations.time_s.size) for one in data]
         solved = self._solved(model, numbers)
-        if data is self.coarse:
+        if data is self.searched(model):
             return [added for _, added in solved]
         there = self.pool.map(lambda one: one.predict(model, numbers[one.number]), data)
         return [here + added - at for (here, added), at in zip(solved, there, strict=True)]
@@ -115,23 +123,32 @@ class Material:
     def _solved(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
     ) -> list[tuple[_Floats, _Floats]]:
-        """Return the coarse prediction and what a fine mesh and short steps add to it.
+        """Return the prediction that is searched on and what a fine mesh and short steps add to it.
 
         A law of speed answers half a step late: what a step does falls in proportion to it, and is
         extrapolated to none (Richardson).
         """
-        meshed, finer = as_fine(model), self.finer(model)
-        runs = [(one, model) for one in self.coarse] + [(one, meshed) for one in finer]
+        rough, finer = self.searched(model), self.finer(model)
+        runs = [(one, model) for one in rough]
+        if finer is not rough:
+            runs += [(one, as_fine(model)) for one in finer]
         answers = self.pool.map(lambda run: run[0].predict(run[1], numbers[run[0].number]), runs)
-        coarse, fine = answers[: len(self.coarse)], answers[len(self.coarse) :]
+        here, there = answers[: len(rough)], answers[-len(finer) :]
         return [
-            (here, _whole(before.kept.size - 1, after.kept.size - 1) * (there - here))
-            for before, after, here, there in zip(self.coarse, finer, coarse, fine, strict=True)
+            (one, _whole(before.kept.size - 1, after.kept.size - 1) * (other - one))
+            for before, after, one, other in zip(rough, finer, here, there, strict=True)
         ]
 
+    def searched(self, model: Model) -> tuple[Data, ...]:
+        """Return the recordings at the steps that a model is searched on first."""
+        return self.dear if sticks(model) else self.coarse
+
     def finer(self, model: Model) -> tuple[Data, ...]:
-        """Return the recordings at the steps that a model's law can afford."""
-        return self.dear if is_dear(model, self.mode) else self.fine
+        """Return the recordings at the steps that a model's law can afford.
+
+        With stiction any law's: long steps are as good as short ones wherever nothing gives way.
+        """
+        return self.dear if sticks(model) or is_dear(model, self.mode) else self.fine
 
     def shorter(self, data: tuple[Data, ...]) -> tuple[Data, ...] | None:
         """Return the recordings to search on where those at some steps mislead; None: none are."""
@@ -144,16 +161,20 @@ class Material:
         """Return each recording's covariance about a model, its correction as the offset.
 
         Input paths are pushed through at short steps: what an inertia makes of them lies there.
+        Where nothing is corrected, what a finer mesh and all samples change is doubted.
 
         Raises
         ------
         ModelError
             The model cannot run a recording, or none of its paths.
         """
-        offsets, finer = self.correction(model, numbers, self.coarse), self.finer(model)
+        rough, finer = self.searched(model), self.finer(model)
+        corrections: Sequence[_Floats | None] = [None for _ in finer]
+        if finer is not rough:
+            corrections = self.correction(model, numbers, rough)
         return [
             covariance(data, model, own, correction, self.pool)
-            for data, own, correction in zip(finer, numbers, offsets, strict=True)
+            for data, own, correction in zip(finer, numbers, corrections, strict=True)
         ]
 
 
@@ -183,6 +204,11 @@ def _whole(steps: int, finer: int) -> float:
     return finer / (finer - steps) if finer > steps else 1.0
 
 
+def sticks(model: Model) -> bool:
+    """Return whether cables hold more before they slide: then an end gives way at a moment."""
+    return model.solver != "lumped" and model.transmission.friction.has_stiction
+
+
 def as_searched(model: Model) -> Model:
     """Return the model on the mesh that hypotheses are searched on."""
     return _meshed(model, SEARCH_SEGMENTS)
@@ -201,8 +227,7 @@ def _meshed(model: Model, segments: int) -> Model:
     """
     if model.solver == "lumped":
         return model
-    pair = model.transmission
-    return with_segments(model, segments_of(pair) if pair.friction.has_stiction else segments)
+    return with_segments(model, segments_of(model.transmission) if sticks(model) else segments)
 
 
 def with_offset(noises: Sequence[Covariance], offsets: Sequence[_Floats]) -> list[Covariance]:
