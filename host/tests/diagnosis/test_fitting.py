@@ -119,3 +119,19 @@ def test_a_fit_that_was_begun_is_weighed_with_the_correction_of_where_it_has_com
     assert there.best.cost == pytest.approx(
         same.here.cost, abs=0.1
     )  # of nats; scales lie on a grid
+
+
+@pytest.mark.parametrize("is_lower", [True, False])
+def test_a_fit_goes_on_from_another_breakaway_where_the_fine_model_is_likelier_there(
+    sets: Sets, monkeypatch: pytest.MonkeyPatch, is_lower: bool
+) -> None:
+    """It is found on coarse steps, on which a few moments are off at which an end gives way."""
+    right = fitted_in(sets, GAIN, OFFSET)
+    away = right.problem.feasible(right.best.x + 2.0 * right.problem.unit)
+    stuck, proposed = (away, right.best.x) if is_lower else (right.best.x, away)
+    monkeypatch.setattr(fitting, "_descended", lambda one: one)  # no slope leads anywhere
+    answers = iter([proposed, None])
+    monkeypatch.setattr(fitting, "down_the_stairs", lambda *_: next(answers))
+    here = replace(right, best=replace(right.best, x=stuck, settled=False))
+    (found,) = finish(sets.material, [here], sets.noises)
+    np.testing.assert_allclose(found.best.x, right.best.x)

@@ -15,7 +15,7 @@ from bowden.estimation.descend import descend, principal_axes
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.parameters import parameters_of
 from bowden.estimation.problem import Problem
-from bowden.estimation.search import solve
+from bowden.estimation.search import down_the_stairs, solve
 from bowden.model import Mode, Trajectory, parse_model
 from bowden.workers import Workers
 from numpy.typing import NDArray
@@ -27,6 +27,11 @@ _Floats = NDArray[np.float64]
 MODE = Mode.TORQUE_POSITION
 MODEL = parse_model(TABLE_1)
 NUMBER = "rig.cable.pretension_n"
+STICKING = parse_model(
+    TABLE_1.replace("coulomb", "stiction").replace(
+        "mu_d: {value: 0.21, tolerance: 10 %}", "mu_d: 0.21, mu_s: {value: 0.4, tolerance: 10 %}"
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,39 @@ def test_the_deepest_of_many_valleys_is_found(draw: Callable[..., Landscape], se
     lowest = min(cost(problem, float(at)) for at in np.linspace(-2.0, 2.0, 20_001))
     # A descent ends where a step gains less than 0.02; the grid is finer than that.
     assert cost(problem, found(problem)) < lowest + 0.1
+
+
+def staircase(u: float) -> tuple[float, float]:
+    """Level but for one step down, to a floor an eighth of a sigma wide: no slope leads there."""
+    return (0.0 if abs(u - 1.33) < 0.0625 else 12.0), 0.0
+
+
+@pytest.mark.parametrize(("path", "is_found"), [("friction.mu_s", True), (NUMBER, False)])
+def test_a_breakaway_is_looked_for_where_no_slope_leads(
+    draw: Callable[..., Landscape], path: str, is_found: bool
+) -> None:
+    """Whatever else has a prior is not: its likelihood has slopes."""
+    problem = replace(draw(staircase), parameters=parameters_of(STICKING, [path]))
+    assert (cost(problem, found(problem)) < 2.0) is is_found
+
+
+@pytest.mark.parametrize(
+    ("path", "from_s", "is_lower"),
+    [("friction.mu_s", 0.0, True), ("friction.mu_s", 1.33, False), (NUMBER, 0.0, False)],
+)
+def test_the_stairs_lead_down_from_where_another_breakaway_does_better(
+    draw: Callable[..., Landscape], path: str, from_s: float, is_lower: bool
+) -> None:
+    problem = replace(draw(staircase), parameters=parameters_of(STICKING, [path]))
+    at = problem.start() + from_s * problem.unit
+    here = descend(problem, at, [problem.noise], Scales((0.0, 0.0)), rounds=0)
+    assert here is not None
+    lower = down_the_stairs(problem, here)
+    assert (lower is not None) is is_lower
+    if lower is not None:
+        assert float((lower[0] - problem.start()[0]) / problem.unit[0]) == pytest.approx(
+            1.33, abs=0.07
+        )
 
 
 @pytest.mark.parametrize("from_s", [-1.0, 0.0, 1.0])

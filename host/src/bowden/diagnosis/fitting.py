@@ -17,10 +17,11 @@ from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
 from bowden.estimation.covariance import Covariance, Data
-from bowden.estimation.descend import DERIVATIVE, ROUNDS, descend, jacobians, principal_axes
+from bowden.estimation.descend import DERIVATIVE, ENOUGH, ROUNDS, descend, jacobians, principal_axes
 from bowden.estimation.likelihood import best_scales
 from bowden.estimation.parameters import Parameters, parameters_of
 from bowden.estimation.problem import Optimum, Problem, fitted_parts, objective
+from bowden.estimation.search import down_the_stairs
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]
@@ -185,10 +186,25 @@ def _finished(one: Hypothesis, noises: Sequence[Covariance]) -> Hypothesis | Non
     here = _at(replace(one, problem=problem), problem.data, doubted)
     if here is None:
         return None
-    there = _descended(here)
+    there = _down_the_stairs(_descended(here))
     if is_settled(here, there):
         return there
     return _descended(_reweighed(there, _with_laws_doubted(there, there.best.noises)))
+
+
+def _down_the_stairs(one: Hypothesis) -> Hypothesis:
+    """Go on from wherever another breakaway does better, until none does.
+
+    It is looked for on coarse steps: there a few moments are off at which an end gives way.
+    """
+    while True:
+        problem = replace(one.problem, data=one.material.coarse)
+        x = down_the_stairs(problem, one.best)
+        like = one.best.noises, one.best.scales
+        lower = None if x is None else descend(one.problem, x, *like, rounds=0)
+        if lower is None or lower.cost >= one.best.cost - ENOUGH:
+            return one
+        one = _descended(replace(one, best=lower))
 
 
 def _descended(one: Hypothesis) -> Hypothesis:

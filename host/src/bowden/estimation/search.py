@@ -2,8 +2,9 @@
 
 A search begins at the file's values and a standard deviation of their prior to each side of them:
 friction remembers where it turned, so that the cost has local minima hundreds of times less likely
-than the best. Numbers without a prior are scanned across their bounds, the weakest direction of the
-data is tried to both sides, and around the optimum every scale is looked at once more.
+than the best. Numbers without a prior are scanned across their bounds, and so is what decides when
+an end gives way: the likelihood is a staircase in it, and no derivative sees a step. The weakest
+direction of the data is tried to both sides, and around the optimum every scale is looked at.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ INTERVAL = 1.96  # standard deviations either way: 95 % of a normal distribution
 WANTED = 0.5 * INTERVAL**2  # rise of the cost at an end of a 95 % interval
 MOST_LOOKS = 6  # around an optimum, each from the better one that the last has found
 SCANNED = 33  # points across the bounds of a number without a prior: 20 % apart in 1 .. 400
+BREAKAWAY = "friction.mu_s"  # each moment at which an end gives way is a step of the likelihood
 MOST_VALLEYS = 4  # of all scans are searched on from
 ROUGH = 3  # rounds, after which a search that goes elsewhere is known
 WRONG = 30.0  # usual noise: a discrepancy to start from
@@ -101,31 +103,65 @@ def _scan(
     *,
     closer: bool = False,
 ) -> list[_Floats]:
-    """Scan each number without a prior across its bounds; return the lowest minima.
+    """Scan numbers without a prior, and the breakaway; return the lowest minima."""
+    found = [
+        pair
+        for i, number in enumerate(problem.parameters.each)
+        if problem.parameters.precision[i, i] == 0.0 or number.path == BREAKAWAY
+        for pair in _minima_along(problem, x, i, (noises, scales), closer=closer)
+    ]
+    return [point for _, point in sorted(found, key=lambda pair: pair[0])[:MOST_VALLEYS]]
 
-    With `closer` between the neighbours that its value has there: basins may be that narrow.
+
+def _minima_along(
+    problem: Problem,
+    x: _Floats,
+    i: int,
+    like: tuple[Sequence[Covariance], Scales],
+    *,
+    closer: bool = False,
+) -> list[tuple[float, _Floats]]:
+    """Return the minima along a number, others as they are: each one's cost and point.
+
+    Across its bounds, or where 95 % of its prior lie. With `closer` between the neighbours that its
+    value has there: basins may be that narrow.
     """
-    found: list[tuple[float, _Floats]] = []
-    for i in range(problem.size):
-        if problem.parameters.precision[i, i] != 0.0:
-            continue
-        low, high = problem.parameters.low[i], problem.parameters.high[i]
-        if closer:
-            apart = (high - low) / (SCANNED - 1)
-            low, high = max(low, x[i] - apart), min(high, x[i] + apart)
-        points = []
-        for value in np.linspace(low, high, SCANNED):
-            moved = x.copy()
-            moved[i] = value
-            points.append(problem.feasible(moved))
-        costs = _costs(problem, points, noises, scales)
-        padded = np.concatenate([[math.inf], costs, [math.inf]])
-        valleys = np.flatnonzero(
-            (costs <= padded[:-2]) & (costs <= padded[2:]) & (costs < math.inf)
-        )
-        found += [(float(costs[k]), points[k]) for k in valleys]
-    lowest = sorted(found, key=lambda pair: pair[0])[:MOST_VALLEYS]
-    return [point for _, point in lowest]
+    number = problem.parameters.each[i]
+    low, high = number.ends
+    if problem.parameters.precision[i, i] != 0.0:
+        start, reach = problem.parameters.start[i], INTERVAL * number.step
+        low, high = max(low, start - reach), min(high, start + reach)
+    if closer:
+        apart = (high - low) / (SCANNED - 1)
+        low, high = max(low, x[i] - apart), min(high, x[i] + apart)
+    points = []
+    for value in np.linspace(low, high, SCANNED):
+        moved = x.copy()
+        moved[i] = value
+        points.append(problem.feasible(moved))
+    costs = _costs(problem, points, *like)
+    padded = np.concatenate([[math.inf], costs, [math.inf]])
+    valleys = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]) & (costs < math.inf))
+    return [(float(costs[k]), points[k]) for k in valleys]
+
+
+def down_the_stairs(problem: Problem, best: Optimum) -> _Floats | None:
+    """Return where the cost is lowest along the breakaway, other numbers as they are.
+
+    None where that is no lower than at the optimum, or where no breakaway moves. Costs are those of
+    the problem's own recordings under the covariance of the optimum.
+    """
+    like = best.noises, best.scales
+    found = [
+        pair
+        for i, number in enumerate(problem.parameters.each)
+        if number.path == BREAKAWAY
+        for pair in _minima_along(problem, best.x, i, like)
+    ]
+    if not found:
+        return None
+    cost, lowest = min(found, key=lambda pair: pair[0])
+    return lowest if cost < float(_costs(problem, [best.x], *like)[0]) - ENOUGH else None
 
 
 def _look_around(problem: Problem, best: Optimum) -> Optimum:
