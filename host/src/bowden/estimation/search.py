@@ -9,6 +9,7 @@ direction of the data is tried to both sides, and around the optimum every scale
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -121,7 +122,16 @@ def _minima_along(
     *,
     closer: bool = False,
 ) -> list[tuple[float, _Floats]]:
-    """Return the minima along a number, others as they are: each one's cost and point.
+    """Return the minima of a scan of a number: each one's cost and point."""
+    points = _points_along(problem, x, i, closer=closer)
+    costs = _costs(problem, points, *like)
+    padded = np.concatenate([[math.inf], costs, [math.inf]])
+    valleys = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]) & (costs < math.inf))
+    return [(float(costs[k]), points[k]) for k in valleys]
+
+
+def _points_along(problem: Problem, x: _Floats, i: int, *, closer: bool) -> list[_Floats]:
+    """Return points at which a number is scanned, the others as they are.
 
     Across its bounds, or where 95 % of its prior lie. With `closer` between the neighbours that its
     value has there: basins may be that narrow.
@@ -139,10 +149,7 @@ def _minima_along(
         moved = x.copy()
         moved[i] = value
         points.append(problem.feasible(moved))
-    costs = _costs(problem, points, *like)
-    padded = np.concatenate([[math.inf], costs, [math.inf]])
-    valleys = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]) & (costs < math.inf))
-    return [(float(costs[k]), points[k]) for k in valleys]
+    return points
 
 
 def down_the_stairs(problem: Problem, best: Optimum) -> _Floats | None:
@@ -193,7 +200,15 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
         if found.cost >= best.cost - ENOUGH:
             break
         best = found
-    good = np.stack([best.x, *np.stack([points, followed])[costs < here + WANTED]])
+    stairs = [
+        point
+        for i, number in enumerate(problem.parameters.each)
+        if number.path == BREAKAWAY  # as good as far as its step is level
+        for point in _points_along(problem, best.x, i, closer=True)
+    ]
+    level = _costs(problem, stairs, best.noises, best.scales) < here + WANTED
+    seen = np.stack([points, followed])[costs < here + WANTED]
+    good = np.stack([best.x, *seen, *itertools.compress(stairs, level)])
     reach = good[:, : problem.size]
     return replace(best, as_good=np.stack([reach.min(axis=0), reach.max(axis=0)], axis=1))
 
