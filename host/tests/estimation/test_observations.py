@@ -5,10 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bowden.estimation.covariance import Data
-from bowden.estimation.observations import USUAL_BLOCK_S, _block_edges
+from bowden.estimation.observations import USUAL_BLOCK_S, Observations, _block_edges
 from bowden.recording.recording import Recording
 
 from .recorded import MODE, MODEL, run
+
+COUNT_RAD = 2 * np.pi / 2000
+
+
+def seen_of(time_s: np.ndarray, angle_rad: np.ndarray) -> Observations:
+    """Return the observations of a motor's encoder that turns so."""
+    read = Recording(
+        time_s,
+        {
+            "motor_angle_rad": COUNT_RAD * np.round(angle_rad / COUNT_RAD),
+            "load_angle_rad": angle_rad / 5.2,
+            "motor_torque_nm": np.sin(time_s),
+            "load_torque_nm": np.cos(time_s),
+        },
+    )
+    return Data.of(read, 0, MODEL, MODE).observations
 
 
 def test_an_edge_says_where_an_encoder_is_to_a_small_part_of_a_count() -> None:
@@ -20,7 +36,7 @@ def test_an_edge_says_where_an_encoder_is_to_a_small_part_of_a_count() -> None:
     # Uniform within what it moves in a sample, which is what sigma says beside 0.05 of a count.
     assert np.sqrt(np.mean((error / seen.sigma[angle]) ** 2)) < 1.1
     # Never worse than one rounded reading: at a count a sample both readings are off alike.
-    count = 2 * np.pi / 2000
+    count = COUNT_RAD
     assert seen.sigma[angle].max() < 1.001 * np.hypot(0.05 * count, count / np.sqrt(12))
     assert seen.sigma[angle].min() < 0.2 * count
 
@@ -28,20 +44,11 @@ def test_an_edge_says_where_an_encoder_is_to_a_small_part_of_a_count() -> None:
 def test_edges_lie_neither_ahead_nor_behind() -> None:
     # At 0.7 counts a sample: an edge after a sample without one is an early one, and a choice
     # that prefers it would put every angle 0.06 counts behind its motion.
-    count = 2 * np.pi / 2000
+    count = COUNT_RAD
     time_s = np.arange(0.0, 40.0, 1e-3)
     angle = 0.7e3 * count * np.where(time_s < 20.0, time_s, 40.0 - time_s)
     angle = angle + 3.0 * count * np.sin(0.37 * time_s)  # no beat between counts and samples
-    read = Recording(
-        time_s,
-        {
-            "motor_angle_rad": count * np.round(angle / count),
-            "load_angle_rad": angle / 5.2,
-            "motor_torque_nm": np.sin(time_s),
-            "load_torque_nm": np.cos(time_s),
-        },
-    )
-    seen = Data.of(read, 0, MODEL, MODE).observations
+    seen = seen_of(time_s, angle)
     edge = seen.channel == 1
     error = (seen.measured[edge] - np.interp(seen.time_s[edge], time_s, angle)) / count
     behind = float(np.mean(error * seen.direction[edge]))
@@ -50,22 +57,13 @@ def test_edges_lie_neither_ahead_nor_behind() -> None:
 
 def test_where_an_end_gives_way_an_edge_may_be_anywhere_in_the_jump() -> None:
     """Between two samples the angle is still where it was or there already, never halfway."""
-    count = 2 * np.pi / 2000
+    count = COUNT_RAD
     time_s = np.arange(4000) * 1e-3
     angle = 0.2e3 * count * time_s
     jumps_s = 0.0084 + 0.016 * np.arange(10, 240, 23)  # in the middle of what an observation is of
     for at_s in jumps_s:
         angle = angle + 30.3 * count * (time_s > at_s)
-    read = Recording(
-        time_s,
-        {
-            "motor_angle_rad": count * np.round(angle / count),
-            "load_angle_rad": angle / 5.2,
-            "motor_torque_nm": np.sin(time_s),
-            "load_torque_nm": np.cos(time_s),
-        },
-    )
-    seen = Data.of(read, 0, MODEL, MODE).observations
+    seen = seen_of(time_s, angle)
     edge = seen.channel == 1
     at_s, sigma = seen.time_s[edge], seen.sigma[edge] / count
     met = np.any(np.abs(at_s[:, None] - jumps_s) < 0.5e-3, axis=1)

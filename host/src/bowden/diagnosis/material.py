@@ -100,6 +100,8 @@ class Material:
         ModelError
             The model cannot run one of them.
         """
+        if not self._is_corrected(model):
+            return self._predicted(self.finer(model), model, numbers)
         return [here + added for here, added in self._solved(model, numbers)]
 
     def correction(
@@ -112,32 +114,41 @@ class Material:
 
         With it both are the same. Raises as they do.
         """
-        if self.finer(model) is self.searched(model):
+        if not self._is_corrected(model):
             return [np.zeros(one.observations.time_s.size) for one in data]
         solved = self._solved(model, numbers)
-        if data is self.searched(model):
+        if data is self.coarse:
             return [added for _, added in solved]
-        there = self.pool.map(lambda one: one.predict(model, numbers[one.number]), data)
+        there = self._predicted(data, model, numbers)
         return [here + added - at for (here, added), at in zip(solved, there, strict=True)]
+
+    def _predicted(
+        self,
+        data: tuple[Data, ...],
+        model: Model,
+        numbers: Sequence[Sequence[tuple[Nuisance, float]]],
+    ) -> list[_Floats]:
+        return self.pool.map(lambda one: one.predict(model, numbers[one.number]), data)
 
     def _solved(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]
     ) -> list[tuple[_Floats, _Floats]]:
-        """Return the prediction that is searched on and what a fine mesh and short steps add to it.
+        """Return the coarse prediction and what a fine mesh and short steps add to it.
 
         A law of speed answers half a step late: what a step does falls in proportion to it, and is
         extrapolated to none (Richardson).
         """
-        rough, finer = self.searched(model), self.finer(model)
-        runs = [(one, model) for one in rough]
-        if finer is not rough:
-            runs += [(one, as_fine(model)) for one in finer]
+        meshed, finer = as_fine(model), self.finer(model)
+        runs = [(one, model) for one in self.coarse] + [(one, meshed) for one in finer]
         answers = self.pool.map(lambda run: run[0].predict(run[1], numbers[run[0].number]), runs)
-        here, there = answers[: len(rough)], answers[-len(finer) :]
+        coarse, fine = answers[: len(self.coarse)], answers[len(self.coarse) :]
         return [
-            (one, _whole(before.kept.size - 1, after.kept.size - 1) * (other - one))
-            for before, after, one, other in zip(rough, finer, here, there, strict=True)
+            (here, _whole(before.kept.size - 1, after.kept.size - 1) * (there - here))
+            for before, after, here, there in zip(self.coarse, finer, coarse, fine, strict=True)
         ]
+
+    def _is_corrected(self, model: Model) -> bool:
+        return self.finer(model) is not self.searched(model)
 
     def searched(self, model: Model) -> tuple[Data, ...]:
         """Return the recordings at the steps that a model is searched on first."""
@@ -168,10 +179,10 @@ class Material:
         ModelError
             The model cannot run a recording, or none of its paths.
         """
-        rough, finer = self.searched(model), self.finer(model)
+        finer = self.finer(model)
         corrections: Sequence[_Floats | None] = [None for _ in finer]
-        if finer is not rough:
-            corrections = self.correction(model, numbers, rough)
+        if self._is_corrected(model):
+            corrections = self.correction(model, numbers, self.coarse)
         return [
             covariance(data, model, own, correction, self.pool)
             for data, own, correction in zip(finer, numbers, corrections, strict=True)

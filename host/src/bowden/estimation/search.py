@@ -107,11 +107,16 @@ def _scan(
     """Scan numbers without a prior, and the breakaway; return the lowest minima."""
     found = [
         pair
-        for i, number in enumerate(problem.parameters.each)
-        if problem.parameters.precision[i, i] == 0.0 or number.path == BREAKAWAY
+        for i in range(problem.size)
+        if problem.parameters.precision[i, i] == 0.0 or i in _breakaway(problem)
         for pair in _minima_along(problem, x, i, (noises, scales), closer=closer)
     ]
     return [point for _, point in sorted(found, key=lambda pair: pair[0])[:MOST_VALLEYS]]
+
+
+def _breakaway(problem: Problem) -> list[int]:
+    """Return which number decides when an end gives way, if it moves."""
+    return [i for i, one in enumerate(problem.parameters.each) if one.path == BREAKAWAY]
 
 
 def _minima_along(
@@ -159,12 +164,7 @@ def down_the_stairs(problem: Problem, best: Optimum) -> _Floats | None:
     the problem's own recordings under the covariance of the optimum.
     """
     like = best.noises, best.scales
-    found = [
-        pair
-        for i, number in enumerate(problem.parameters.each)
-        if number.path == BREAKAWAY
-        for pair in _minima_along(problem, best.x, i, like)
-    ]
+    found = [pair for i in _breakaway(problem) for pair in _minima_along(problem, best.x, i, like)]
     if not found:
         return None
     cost, lowest = min(found, key=lambda pair: pair[0])
@@ -202,8 +202,7 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
         best = found
     stairs = [
         point
-        for i, number in enumerate(problem.parameters.each)
-        if number.path == BREAKAWAY  # as good as far as its step is level
+        for i in _breakaway(problem)  # as good as far as its step is level
         for point in _points_along(problem, best.x, i, closer=True)
     ]
     level = _costs(problem, stairs, best.noises, best.scales) < here + WANTED
