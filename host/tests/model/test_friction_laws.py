@@ -194,6 +194,26 @@ def test_stiction_holds_the_same_with_and_without_rate_terms(rates: dict[str, fl
     assert found.motor_tension_a_n[first - 1] == pytest.approx(expected, rel=5e-3)
 
 
+@pytest.mark.parametrize("rates", [{}, {"mu_v_s_per_m": 1e-12, "memory_s": 0.0}])
+def test_a_cable_sticks_again_after_the_rest_time_and_where_it_turns(
+    rates: dict[str, float],
+) -> None:
+    """Of a motor that pauses while it pulls, by how far it has gone on 10 ms later."""
+    pair = printed(SEGMENTS, mu_s=0.63, stiction_length_m=0.05, **rates)
+    pair = replace(pair, rest_time_s=0.02)
+
+    def gone_on(pause_s: float, way: float = 1.0) -> float:
+        t = np.arange(0.0, 0.3 + pause_s, 1e-3)
+        on = np.maximum(t - 0.2 - pause_s, 0.0)
+        torque = 2.0 * np.minimum(t, 0.2) + 2.0 * way * on
+        angle = simulate_mesh(pair, TP, t, torque, np.zeros_like(t)).motor_angle_rad
+        return float(abs(angle[on >= 0.01][0] - angle[t >= 0.2][0]))
+
+    assert gone_on(0.01) == pytest.approx(gone_on(0.0), rel=1e-3)
+    assert gone_on(0.04) < 0.1 * gone_on(0.0)
+    assert gone_on(0.01, way=-1.0) == pytest.approx(gone_on(0.04, way=-1.0), rel=1e-3)
+
+
 def test_terms_by_themselves() -> None:
     assert viscous_term(0.3, -2.0) == pytest.approx(0.6)
     assert stribeck_term(0.5, 0.01, 0.01) == pytest.approx(0.5 * np.exp(-1))

@@ -31,6 +31,7 @@ from bowden.model.mesh.sliders import (
     ChainTables,
     gives_way,
     has_friction,
+    rest,
     set_row,
     slides_over,
 )
@@ -275,7 +276,7 @@ def as_before(t: ChainTables, s: ChainState, cable: int) -> None:
     """Let the segments slide as they did in the last sample."""
     for j in range(t.wrap.shape[2]):
         moved = 1 if s.went_m[cable, j] >= 0 else -1
-        s.slides[cable, j] = 0 if s.rested[cable, j] == 1 else moved
+        s.slides[cable, j] = 0 if s.rested_s[cable, j] > 0.0 else moved
 
 
 @compiled_in_place
@@ -318,7 +319,8 @@ def finish(
             s.went_m[cable, j] = 0.0
             s.held[cable, j] = 0.0
             s.bristle_n[cable, j] = 0.0
-            s.rested[cable, j] = 0
+            s.slid[cable, j] = 0
+            s.rested_s[cable, j] = 0.0
         s.stretch[cable, 0] = total
         return
     quick = 1.0 / (1.0 + t.creep_share * new)
@@ -340,7 +342,7 @@ def finish(
         if t.ageing_gain > 0:
             s.age_s[cable, j] = aged(s.age_s[cable, j], s.slip[cable, j], t.ageing_m, dt)
         s.recalled[cable, j] = filtered(s.recalled[cable, j], now, t.memory_s, dt)
-        s.rested[cable, j] = 1 if s.slides[cable, j] == 0 else 0
+        rest(t, s, cable, j, dt)
         if t.lag_s > 0 or t.presliding_m > 0:
             here, there = s.tension[cable, j], s.tension[cable, j + 1]
             s.held[cable, j] = math.log(there / here) if here > 0 and there > 0 else 0.0

@@ -194,7 +194,8 @@ def save(s: ChainState, p: Pulleys) -> None:
             s.saved[cable, 4, j] = s.recalled[cable, j]
             s.saved[cable, 10, j] = s.age_s[cable, j]
             s.saved[cable, 5, j] = s.slides[cable, j]
-            s.saved[cable, 6, j] = s.rested[cable, j]
+            s.saved[cable, 6, j] = s.rested_s[cable, j]
+            s.saved[cable, 11, j] = s.slid[cable, j]
             s.saved[cable, 7, j] = s.held[cable, j]
             s.saved[cable, 8, j] = s.went_m[cable, j]
             s.saved[cable, 9, j] = s.bristle_n[cable, j]
@@ -217,7 +218,8 @@ def restore(s: ChainState, p: Pulleys) -> None:
             s.recalled[cable, j] = s.saved[cable, 4, j]
             s.age_s[cable, j] = s.saved[cable, 10, j]
             s.slides[cable, j] = int(s.saved[cable, 5, j])
-            s.rested[cable, j] = int(s.saved[cable, 6, j])
+            s.rested_s[cable, j] = s.saved[cable, 6, j]
+            s.slid[cable, j] = int(s.saved[cable, 11, j])
             s.held[cable, j] = s.saved[cable, 7, j]
             s.bristle_n[cable, j] = s.saved[cable, 9, j]
             s.went_m[cable, j] = ONLY_DIRECTION * s.saved[cable, 8, j]

@@ -11,7 +11,8 @@ With Coulomb friction, eq. (1), the bounds are +-A_j, A_j = mu ds/R. They depend
     speed, tension      mu = f (mu_d (1 + b exp(-(v/v_s)^2)) + mu_v |v|) (T/T0)^-p
     age                 mu_d grows with the logarithm of the contacts' age
     the last sample     with frictional lag E comes nearer to +-A by a share dt/(lag + dt) a step
-    rest                a segment at standstill holds (mu_s - mu_d) l_s/R more
+    rest                a segment at standstill holds (mu_s - mu_d) l_s/R more: at the start,
+                        where it turns round, and after the rest time
 
 f is the friction factor of the sample, v_s's speed the segment's own behind a low-pass filter as it
 was at the last sample: with a slope below zero the present speed would have no unique answer. With
@@ -56,6 +57,8 @@ class ChainTables(NamedTuple):
     mu_d: float
     mu_v_s_per_m: float
     excess: FloatArray  # (mu_s - mu_d) l_s/R of a segment
+    still_m_per_s: float  # slower is at standstill
+    rest_s: float  # how long a segment is at standstill until it holds this
     stiffness: FloatArray  # of the spring at each node, N/m, before it stiffens or creeps
     share: FloatArray  # of each node's spring in the length of the cable
     stribeck_gain: float
@@ -92,7 +95,8 @@ class ChainState(NamedTuple):
     age_s: FloatArray  # of the contacts
     went_m: FloatArray  # slip of the last sample
     slides: NDArray[np.int64]  # -1 towards the motor, 0 at standstill, +1 towards the load
-    rested: NDArray[np.int64]  # 1 where a segment was at standstill at the last sample
+    slid: NDArray[np.int64]  # which way a segment slid last; 0 not yet, or since it was slack
+    rested_s: FloatArray  # how long it has been at standstill; infinite from the start
     held: FloatArray  # E, where the law asks for it
     bristle_n: FloatArray  # F, where the law asks for it
     reserve_m: FloatArray  # stretch that shows when a segment first slides, see `mesh`
@@ -106,7 +110,7 @@ class ChainState(NamedTuple):
     row: FloatArray  # (cable, 4, N): below, diagonal, above, right hand side
     change: FloatArray  # (cable, 3, N): of w; per motor displacement; per load displacement
     ahead: FloatArray  # (cable, N): of the elimination
-    saved: FloatArray  # (cable, 10, N + 1): the state at the last sample
+    saved: FloatArray  # (cable, 12, N + 1): the state at the last sample
 
 
 BELOW, DIAGONAL, ABOVE, RIGHT = 0, 1, 2, 3
@@ -192,6 +196,24 @@ def bound(
 
 
 @inlined
+def sticks(t: ChainTables, s: ChainState, cable: int, j: int) -> bool:
+    """Return whether a segment has been at standstill for so long that it holds more."""
+    return bool(t.excess[j] > 0 and s.rested_s[cable, j] > t.rest_s)
+
+
+@inlined
+def rest(t: ChainTables, s: ChainState, cable: int, j: int, dt: float) -> None:
+    """Keep which way a segment slid last, and how long it has been at standstill."""
+    still = s.slides[cable, j] == 0
+    if not still:
+        s.slid[cable, j] = s.slides[cable, j]
+        still = abs(s.slip[cable, j]) <= t.still_m_per_s * dt
+    s.rested_s[cable, j] = s.rested_s[cable, j] + dt if still else 0.0
+    if sticks(t, s, cable, j):
+        s.slides[cable, j] = 0
+
+
+@inlined
 def gives_way(
     t: ChainTables, s: ChainState, cable: int, j: int, here: float, there: float, dt: float
 ) -> int:
@@ -203,7 +225,7 @@ def gives_way(
     else:
         e, _, _ = bound(t, s, cable, j, trial, dt)
         grip = half_tanh(e)
-    if s.rested[cable, j] == 1 and t.excess[j] > 0:
+    if t.excess[j] > 0 and (s.slid[cable, j] == -trial or sticks(t, s, cable, j)):
         grip = half_tanh(2.0 * math.atanh(grip) + trial * t.excess[j])
     sure = HELD * (abs(there) + abs(here) + FAINT * t.reference_n)
     if trial * (there - here - grip * (there + here)) > sure:

@@ -190,6 +190,8 @@ def chain_tables(transmission: Transmission) -> ChainTables:
         mu_d=float(law.mu_d),
         mu_v_s_per_m=float(law.mu_v_s_per_m),
         excess=breakaway_excesses(transmission, mesh),
+        still_m_per_s=float(transmission.velocity_dead_band_m_per_s),
+        rest_s=float(transmission.rest_time_s),
         stiffness=1.0 / compliance,
         share=_at_nodes(mesh.length_m / 2) / transmission.length_m,
         stribeck_gain=float(law.stribeck_gain),
@@ -232,7 +234,8 @@ def chain_state(transmission: Transmission, t: ChainTables) -> ChainState:
         age_s=np.zeros((2, n)),
         went_m=np.zeros((2, n)),
         slides=np.where((t.wrap[:, 0] == 0) | (t.mu_d == 0), 1, 0),
-        rested=np.ones((2, n), dtype=np.int64),
+        slid=np.zeros((2, n), dtype=np.int64),
+        rested_s=np.full((2, n), np.inf),
         held=np.log(rest.node_n[:, 1:] / rest.node_n[:, :-1])
         if np.all(rest.node_n > 0)
         else np.zeros((2, n)),
@@ -248,7 +251,7 @@ def chain_state(transmission: Transmission, t: ChainTables) -> ChainState:
         row=np.zeros((2, 4, n)),
         change=np.zeros((2, 3, n)),
         ahead=np.zeros((2, n)),
-        saved=np.zeros((2, 11, n + 1)),
+        saved=np.zeros((2, 12, n + 1)),
     )
 
 
