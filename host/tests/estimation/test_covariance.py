@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from bowden.estimation.covariance import Covariance, Data, covariance
-from bowden.estimation.likelihood import Scales, whiten
+from bowden.estimation.likelihood import Scales, block_costs, whiten
 from bowden.model import Inputs, Mode, Model, ModelError, parse_model, simulate
 from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import Recording
+from bowden.signals.alternatives import solved_two_ways
 from bowden.signals.dequantise import EDGE_NOISE
 from bowden.signals.prediction import PREDICTED
 
@@ -270,3 +271,27 @@ def test_another_mesh_is_within_the_noise_unless_it_is_another_rig() -> None:
         data = Data.of(recording, 0, model, MODE)
         beyond = apart(data, model, with_segments(model, 100)) / covariance(data, model).sigma
         assert beyond.max() > 10.0 if is_another else beyond.max() < 1.0
+
+
+@pytest.mark.parametrize("effect", [None, ("pretension_loss", {"a": 1e-6, "tau_s": 60.0})])
+def test_which_way_a_slip_is_solved_is_within_the_noise(
+    effect: tuple[str, dict[str, float]] | None,
+) -> None:
+    """Neither a rig nor a weak effect that only the implicit steps can take is likelier by it."""
+    model = parse_model(STICKING.replace("mu_s: 0.4", "mu_s: 0.4, stiction_length_m: 0.1"))
+    ways = solved_two_ways(model, MODE)
+    assert ways is not None
+    load, torque = motion("rests")
+    run = simulate(ways[1], MODE, Inputs(TIME_S, motor_torque_nm=torque, load_angle_rad=load))
+    cell_nm = run.load_torque_nm + np.random.default_rng(1).normal(0.0, 5e-4, TIME_S.size)
+    channels = {"load_angle_rad": load, "motor_torque_nm": torque, "load_torque_nm": cell_nm}
+    recording = Recording(TIME_S, motor_angle_rad=run.motor_angle_rad, **channels)
+    data = Data.of(recording, 0, model, MODE)
+    noise = covariance(data, model.with_effect(*effect) if effect else model)
+    cost = []
+    for one in ways:
+        left = data.observations.measured - data.predict(one)
+        white = whiten(data, noise, Scales((0.0, 0.0)), left[:, None])
+        cost.append(float(np.sum(block_costs(white))))
+    assert (apart(data, *ways) / np.sqrt(noise.own)).max() > 10.0  # they differ at some slips
+    assert abs(cost[0] - cost[1]) < 5.0

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.diagnosis.candidates import Candidate
-from bowden.estimation.covariance import Covariance, Data, covariance, is_dear
+from bowden.estimation.covariance import Covariance, Data, covariance
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
 from bowden.estimation.problem import Problem
@@ -29,6 +29,7 @@ from bowden.model import Mode, Model
 from bowden.model.experiments.variants import with_segments
 from bowden.model.mesh.state import segments_of
 from bowden.recording.recording import Recording
+from bowden.signals.alternatives import is_dear
 from bowden.signals.prediction import PREDICTED
 from bowden.workers import Workers
 

@@ -4,14 +4,16 @@ Paths that explain the given channels' readings as well as the best estimate are
 pushed through the model; their spread, block by block, is the covariance of what the inputs do.
 What the model's mesh leaves open is measured against a finer one and counts as error, and so do
 numbers that are not identifiable. What samples that were left out do is corrected, and half of the
-correction counts as error: half of its variance in its own shape, half in each observation alone.
-Segments let go one by one, and on another mesh elsewhere.
+correction counts as error; with stiction all of it does, and nothing is corrected. Half of that
+variance is in its own shape, half in each observation alone: segments let go one by one, and on
+another mesh elsewhere.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -26,9 +28,15 @@ from bowden.estimation.samples import cut, simulated_samples
 from bowden.estimation.whitening import triangle_of
 from bowden.model import Mode, Model, ModelError, Trajectory
 from bowden.model.experiments.variants import with_segments
-from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
-from bowden.signals.alternatives import HELD_OR_NOT, MESH_FACTOR, held_torque, open_numbers
+from bowden.signals.alternatives import (
+    HELD_OR_NOT,
+    MESH_FACTOR,
+    held_torque,
+    is_dear,
+    open_numbers,
+    solved_two_ways,
+)
 from bowden.signals.dequantise import Estimates, estimate_channels
 from bowden.signals.prediction import PREDICTED, simulate_recording
 from bowden.workers import Workers
@@ -189,12 +197,6 @@ def _selected(recording: Recording, kept: _Index) -> Recording:
     return recording if kept.size == recording.time_s.size else recording.select(kept)
 
 
-def is_dear(model: Model, mode: Mode) -> bool:
-    """Return whether a simulation takes several times as long as that of a plain pair."""
-    changing = any(one.variant.histories is not None for one in model.effects)
-    return model.solver == "lumped" or changing or needs_implicit_steps(model.transmission, mode)
-
-
 @dataclass(frozen=True)
 class Covariance:
     """Of one recording's observations about one model, block by block.
@@ -284,18 +286,10 @@ def covariance(
     paths = np.array([one for one in found[:drawn] if one is not None])
     if not paths.size:
         raise ModelError("found no drawn input path that the model can run", model.source)
-    columns, offset = [paths / np.sqrt(len(paths))], np.zeros(best.size)
-    doubted = list[_Floats]()
+    columns = [paths / np.sqrt(len(paths))]
     every = zip(others, found[drawn:], strict=True)
     columns += [share * one[None] for (share, _), one in every if one is not None]
-    if correction is not None:
-        offset, doubted = correction, [DOUBTED * correction]
-    elif (finer := _on_a_finer_mesh(model)) is not None:
-        # Whether a rig behaves as so many segments or as the continuum is not known.
-        doubted.append(MESH_FACTOR * (data.predict(finer, numbers, near=near) - best))
-    if data.is_thinned and correction is None:
-        steps = data.predict(model, numbers, data.estimates.recording, near) - best
-        offset, doubted = offset + steps, [*doubted, DOUBTED * steps]
+    offset, doubted = _left_open(data, model, numbers, near, correction)
     doubts = np.array(doubted).reshape(-1, best.size)
     alone = ALONE * np.sum(doubts**2, axis=0)
     spread = np.concatenate([*columns, math.sqrt(1.0 - ALONE) * doubts])
@@ -315,6 +309,35 @@ def covariance(
         inputs.append(triangle_of(matrix))
     shifted = np.sqrt(ANY_SHAPE * _largest_near(seen, variance))
     return Covariance(offset, own, np.concatenate(inputs), floor, sigma, shifted)
+
+
+def _left_open(
+    data: Data,
+    model: Model,
+    numbers: Sequence[tuple[Nuisance, float]],
+    near: Trajectory,
+    correction: _Floats | None,
+) -> tuple[_Floats, list[_Floats]]:
+    """Return what is added to a prediction, `near`, and what of it mesh, solver and steps may do.
+
+    With stiction nothing is added: an end gives way at a moment, so that it would be two jumps.
+    """
+    if correction is not None:
+        return correction, [DOUBTED * correction]
+    best, doubted = data.read(near, numbers), list[_Floats]()
+    if (finer := _on_a_finer_mesh(model)) is not None:
+        # Whether a rig behaves as so many segments or as the continuum is not known.
+        doubted.append(MESH_FACTOR * (data.predict(finer, numbers, near=near) - best))
+    if (ways := solved_two_ways(model, data.mode)) is not None:
+        with suppress(ModelError):
+            exact, implicit = (data.predict(one, numbers, near=near) for one in ways)
+            doubted.append(exact - implicit)
+    if not data.is_thinned:
+        return np.zeros(best.size), doubted
+    steps = data.predict(model, numbers, data.estimates.recording, near) - best
+    if model.transmission.friction.has_stiction:
+        return np.zeros(best.size), [*doubted, steps]
+    return steps, [*doubted, DOUBTED * steps]
 
 
 def _on_a_finer_mesh(model: Model) -> Model | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.estimation.covariance import Covariance, Data, covariance, is_dear
+from bowden.estimation.covariance import Covariance, Data, covariance
 from bowden.estimation.gap import Gap
 from bowden.estimation.nuisance import usual_nuisances
 from bowden.estimation.parameters import Parameters
@@ -24,6 +24,7 @@ from bowden.model.experiments.variants import with_segments
 from bowden.model.model_file import Numerics
 from bowden.model.trajectory import TEMPERATURE
 from bowden.recording.recording import Recording
+from bowden.signals.alternatives import is_dear
 from bowden.signals.prediction import PREDICTED
 from bowden.workers import workers
 

@@ -9,13 +9,20 @@ import math
 
 import numpy as np
 
-from bowden.model import Model
-from bowden.model.experiments.variants import with_damping, with_memory
+from bowden.model import Mode, Model
+from bowden.model.experiments.variants import (
+    with_damping,
+    with_effects,
+    with_memory,
+    with_viscous_term,
+)
+from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
 
 MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
 OTHERWISE = (1 / 3, 3.0)  # times numbers that are not known better
 UNDAMPED_OR_MORE = (0.0, 3.0)  # times the damping of an underdamped rotor
+UNSEEN_S_PER_M = 1e-9  # a viscous term of 1e-9 at 1 m/s beside a mu of 0.1 and more
 HELD_OR_NOT = math.sqrt(2 / 3)  # half a sample late, early or neither, each as likely
 
 
@@ -46,3 +53,25 @@ def open_numbers(model: Model) -> list[tuple[Model, float]]:
     if rings and not told:
         found += [(with_damping(model, k * pair.damping_s), alike) for k in UNDAMPED_OR_MORE]
     return found
+
+
+def solved_two_ways(model: Model, mode: Mode) -> tuple[Model, Model] | None:
+    """Return a rig with stiction for either way to solve its mesh; None for other rigs.
+
+    Where a segment gives way its neighbours may follow, and eqs. (1) and (6) don't say how many:
+    exact steps let one go after the other, implicit ones all that are overloaded at the end of a
+    step. Without those effects of the model that need implicit steps.
+    """
+    if model.solver != "mesh" or not model.transmission.friction.has_stiction:
+        return None
+    places = range(len(model.effects))
+    plain = with_effects(model, [k for k in places if not is_dear(with_effects(model, [k]), mode)])
+    if is_dear(plain, mode):
+        return None
+    return plain, with_viscous_term(plain, UNSEEN_S_PER_M)
+
+
+def is_dear(model: Model, mode: Mode) -> bool:
+    """Return whether a simulation takes several times as long as that of a plain pair."""
+    changing = any(one.variant.histories is not None for one in model.effects)
+    return model.solver == "lumped" or changing or needs_implicit_steps(model.transmission, mode)

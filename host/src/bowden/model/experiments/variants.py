@@ -6,6 +6,7 @@ Each function returns a new `Model`; the given one stays as it is.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -82,6 +83,12 @@ def with_damping(model: Model, damping_s: float) -> Model:
     return _with(
         model, numerics=_changed(model.document.numerics, damping_s=Quantity(value=damping_s))
     )
+
+
+def with_effects(model: Model, places: Sequence[int]) -> Model:
+    """Return the model with those of its effects that stand at some places of its list alone."""
+    kept = tuple(model.document.effects[k] for k in places)
+    return _with(model, effects=kept, posterior=None)
 
 
 def with_viscous_term(model: Model, mu_v_s_per_m: float) -> Model:
