@@ -147,6 +147,33 @@ def run(  # noqa: PLR0917  (the last three are for benches)
     plant : str
         One of `PLANTS`; the implicit one with a native drive only.
     """
+    host, second = prepared(rig, law, task, target, plant)
+    bench = host.bus.bench
+    if begins is not None:
+        begins()
+    if second is not None or bench.target.name == "native":
+        course, asked = task.course(rig), task.target_nm(rig)
+        if second is not None:
+            record = second.run(bench, course, asked, WATCHED)
+        else:
+            record = on_the_rig(bench, course, asked)
+        rows, enabled = record.rig, bool(record.bridge_enabled.all())
+        drive = {name: record.drive[:, i] for i, name in enumerate(WATCHED)}
+    else:
+        rows, enabled = _tick_by_tick(host, rig, task)
+        drive = {}
+    host.bus.shutdown()
+    wanted = task.wanted_nm(rig, rows[:, at.LOAD_ANGLE])
+    return Trial(rig, law, task, rows, drive, wanted, not enabled)
+
+
+def prepared(
+    rig: RenderRig, law: Law, task: Task, target: Target | None = None, plant: Plant = "rig"
+) -> tuple[LockstepHost[VirtualBus], ImplicitPlant | None]:
+    """Configure and enable a drive on a fresh rig; the host, and the second plant if it is that.
+
+    Parameters as of `run`.
+    """
     target = target or make_target("native", rig=rig.rig)
     second = ImplicitPlant(rig.rig, rig.seed) if plant == "implicit" else None
     # the second plant is no SimulatedRig; a bench asks it for no more than sensors and a step
@@ -159,25 +186,10 @@ def run(  # noqa: PLR0917  (the last three are for benches)
         host.write(entry.index, entry.sub, entry.to_raw(value), entry.bits // 8)
     host.listen(SETTLE_S)
     host.enable(task.mode)
-    if begins is not None:
-        begins()
-    if second is not None or target.name == "native":
-        course, asked = task.course(rig), task.target_nm(rig)
-        if second is not None:
-            record = second.run(bench, course, asked, WATCHED)
-        else:
-            record = _on_the_rig(bench, course, asked)
-        rows, enabled = record.rig, bool(record.bridge_enabled.all())
-        drive = {name: record.drive[:, i] for i, name in enumerate(WATCHED)}
-    else:
-        rows, enabled = _tick_by_tick(host, rig, task)
-        drive = {}
-    host.bus.shutdown()
-    wanted = task.wanted_nm(rig, rows[:, at.LOAD_ANGLE])
-    return Trial(rig, law, task, rows, drive, wanted, not enabled)
+    return host, second
 
 
-def _on_the_rig(bench: Bench, course: Array, asked: Array | None) -> Record:
+def on_the_rig(bench: Bench, course: Array, asked: Array | None) -> Record:
     """Run in pieces between which the conditions of the course change."""
     impose = imposer(bench.rig)
     ticks = np.arange(1, len(course))
