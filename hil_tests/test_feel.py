@@ -18,9 +18,10 @@ from hil_tests.render.feel_picture import Panel, picture
 from hil_tests.render.feel_table import interval, is_active, pooled_ratios, wilson
 from hil_tests.render.feel_task_page import ABOUT, task_pages
 from hil_tests.render.laws import OURS, law_named
+from hil_tests.render.released import KNOT_TICKS, KNOTS, Released, Window, commanded_nm
 from hil_tests.render.rigs import draw, told_truth
 from hil_tests.render.tasks import task_named
-from hil_tests.render.trial import Outcome
+from hil_tests.render.trial import Outcome, run
 from hil_tests.test_render_tables import outcome
 
 
@@ -69,6 +70,25 @@ def test_bound_of_a_release_is_less_than_friction_that_stays_as_long() -> None:
     stronger = replace(rig, motor_limit_nm=4.0 * rig.motor_limit_nm)
     assert bound_nm(stronger, release) < bound_nm(rig, release)
     assert bound_nm(rig, task_named("tunnel")) == 0.0
+
+
+def test_search_after_a_release_runs_on_the_plant_of_the_trial() -> None:
+    """The law's own motor torque brings the law's own error; what is searched for is feasible."""
+    rig, release = draw(6), task_named("release", DISTURBED)
+    trial = run(rig, law_named(OURS), release)
+    plant = Released(rig, release, commanded_nm(trial))
+    _, error_nm, _ = plant.advance(plant.start, plant.first, plant.by_law_nm)
+    assert error_nm == pytest.approx(trial.error_nm[plant.first :], abs=1e-5)
+    window = Window(plant, plant.start, plant.first, plant.motor_nm)
+    held = np.full(KNOTS, plant.motor_nm)
+    knots = window.search(held)
+    least = min(np.sum(window.error_nm(x) ** 2) for x in window.guesses(held))
+    assert np.sum(window.error_nm(knots) ** 2) < least
+    torque_nm = np.append(plant.motor_nm, window.torque_nm(knots))
+    assert np.max(np.abs(torque_nm)) <= rig.motor_limit_nm
+    slew_nm = rig.motor_limit_nm / 5e-3 / 4000  # a tick
+    assert np.max(np.abs(np.diff(torque_nm))) <= slew_nm * (1.0 + 1e-9)
+    assert len(torque_nm) == KNOTS * KNOT_TICKS + 1
 
 
 def test_informed_drive_believes_the_truth_and_is_not_late() -> None:
