@@ -98,11 +98,8 @@ bound counts the first turn only, as a drive may take the handle's energy there.
 **Release, with full information.** The motor torque after the release is searched for on the
 simulated rig itself: its whole state is known, the torque keeps the motor's limit and slew, and the
 motor's inertia and the handle's flight are part of it. What is found can be applied, so the least
-error is at most that; it is no lower bound. On 13 developing rigs (seeds 1 to 14) it has a median
-of 0.062, and the law with the cell 0.195; on two of them the search finds nothing better than the
-law. So the plant does not forbid the goal in the median. A drive does not have that information: it
-knows of a turn only when encoder and cell have shown it. What an earlier change brings and costs:
-[compensation](compensation.md#derivation-of-the-inversion).
+error is at most that; it is no lower bound. What it reaches beside the law, and what a law costs
+that turns the friction over earlier: [compensation](compensation.md#derivation-of-the-inversion).
 
 ## Run it
 
