@@ -64,3 +64,15 @@ def test_a_locked_load_and_strokes_of_one_rig_are_of_one_rig() -> None:
     case = excited(Job(571913200, "complete", (), 20.0, recordings=4))
     found = check_data(parse_model(case.model_yaml), recordings_of(case), Mode.TORQUE_POSITION)
     assert "two_rigs" not in {one.what for one in found}
+
+
+@pytest.mark.parametrize(("step_nm", "stops"), [(0.0, []), (0.6, ["zero_step"])])
+def test_a_jump_no_larger_than_the_rigs_slips_is_no_step_of_the_zero(
+    step_nm: float, stops: list[str]
+) -> None:
+    """By the model a cable that gives way makes up to 0.36 N m; the cell jumps by 0.03 once."""
+    case = excited(Job(1521511000, "single", ("torque_constant_error",), stiction=True))
+    (one,) = recordings_of(case)
+    one = one.with_channels(load_torque_nm=one.load_torque_nm + step_nm * (one.time_s > 12.3))
+    found = check_data(parse_model(case.model_yaml), [one], Mode.TORQUE_POSITION)
+    assert [each.what for each in found if each.severity == "stop"] == stops

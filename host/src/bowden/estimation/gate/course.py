@@ -67,15 +67,20 @@ def check_course(model: Model, one: Recording, name: str) -> Iterator[Finding]:
     yield from clock
     cell = as_read.channels.get(CELL)
     if cell is not None and not clock:
-        yield from _zero_step(one, thin, cell, f"{name}, {NAMES[CELL]}")
-        ratio = model.transmission.pulley_ratio
+        pair = model.transmission
+        slips_nm = _largest_slip(cell) if pair.friction.has_stiction else 0.0
+        yield from _zero_step(one, thin, cell, f"{name}, {NAMES[CELL]}", slips_nm)
+        ratio = pair.pulley_ratio
         yield from _clipped(one, thin, cell, ratio, f"{name}, {NAMES[CELL]}")
 
 
 def _zero_step(
-    one: Recording, thin: Recording, cell: ChannelReading, where: str
+    one: Recording, thin: Recording, cell: ChannelReading, where: str, slips_nm: float
 ) -> Iterator[Finding]:
-    """Find a jump that stays: the same at the moment and over all that follows."""
+    """Find a jump that stays: the same at the moment and over all that follows.
+
+    `slips_nm`: how far the cell's torque may jump by the rig's own doing, where a cable gives way.
+    """
     jumps = _jumps(one[CELL], one.time_s)
     if not jumps:
         return
@@ -83,6 +88,8 @@ def _zero_step(
     alike = [size for _, size in jumps if abs(size) > ALIKE * abs(jump)]
     if len(alike) > MOST_JUMPS or abs(sum(alike)) < 0.5 * abs(jump):
         return  # friction that flickers, a dropout
+    if abs(jump) <= slips_nm:
+        return  # where a cable gives way what follows is another torque, too
     elsewhere = [one[name] for name in ("motor_angle_rad", "motor_torque_nm")]
     if _turns(one, sample, 0.0) or any(_jumps_too(x, sample) for x in elsewhere):
         return  # the rig did it: friction that turns round or lets go, a torque that was asked
@@ -104,6 +111,11 @@ def _zero_step(
         "one zero for the whole recording",
         "stop" if large and alone else "warn",
     )
+
+
+def _largest_slip(cell: ChannelReading) -> float:
+    """Return the largest jump that the model predicts, from one thinned sample to the next."""
+    return max((abs(size) for _, size in _jumps(cell.columns[:, 0], cell.time_s)), default=0.0)
 
 
 def _turns(one: Recording, sample: int, within_s: float) -> bool:
