@@ -181,8 +181,9 @@ def test_a_set_is_screened_anew_where_it_leaves_something_or_strains_its_toleran
 
 def test_fits_are_finished_until_one_ends_out_of_reach(monkeypatch: pytest.MonkeyPatch) -> None:
     """What each promises tells their order only: b, in a notch, ends beside the likeliest."""
-    ends = {"a": -50.0, "b": -49.0, "c": None, "d": -10.0, "e": -49.0}
+    ends = {"a": -50.0, "b": -49.0, "c": None, "d": -10.0, "e": -49.0, "g": -61.0}
     begun = [Ended(name, -30.0 - k) for k, name in enumerate(ends)]  # the last began likeliest
+    begun[-1] = Ended("g", -60.0)  # it is likelier already than all others end
 
     def finish(_material: object, ones: list[Ended], _noises: object) -> list[Ended]:
         return [Ended(one.name, end) for one in ones if (end := ends[one.name]) is not None]
@@ -191,13 +192,14 @@ def test_fits_are_finished_until_one_ends_out_of_reach(monkeypatch: pytest.Monke
         return [one for one in tried if one.merit <= min(each.merit for each in rivals) + 3.0]
 
     monkeypatch.setattr(setting, "foreseen", lambda one: ord(one.name))
+    monkeypatch.setattr(setting, "merit", lambda one: one.merit)
     monkeypatch.setattr(setting, "finish", finish)
     monkeypatch.setattr(setting, "in_reach", in_reach)
     sets = object.__new__(Sets)
     sets.material, sets.noises = cast("Any", None), []
     found = sets._finished_in_turn(cast("Any", begun[::-1]), [cast("Any", Ended("f", -48.0))])
     # The fine model cannot run c, which tells nothing of those behind it; e is never fitted.
-    assert [one.name for one in cast("list[Ended]", found)] == ["a", "b", "d"]
+    assert [one.name for one in cast("list[Ended]", found)] == ["a", "b", "d", "g"]
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,27 @@ def test_promises_that_are_not_kept_hide_nothing_that_has_come_further(material:
     assert sets.weighed([sets.base], children)[0].names == (OFFSET.name,)
 
 
+def test_a_promise_of_derivatives_hides_nothing_that_is_likelier_already(
+    material: Material, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fit that ends far above what its derivatives promised says nothing of those behind it."""
+    sets = Sets(material, as_searched(MODEL))
+
+    def begun(effect: Candidate, values: dict[str, float]) -> Hypothesis:
+        start = start_of(material, sets.searched, [(effect, values)], {}, sets.base.best)
+        assert start is not None
+        return start.begun()
+
+    right = begun(OFFSET, {"offset_nm": HIDDEN_NM})
+    wrong = [begun(GAIN, {"g": 0.01}), begun(WRAP, {"extra_wrap_rad": 0.1})]
+    promise = 2.0 * merit(right)
+    monkeypatch.setattr(
+        "bowden.diagnosis.sets.foreseen",
+        lambda one: foreseen(one) if one.names == right.names else promise,
+    )
+    assert sets.weighed([sets.base], [*wrong, right])[0].names == right.names
+
+
 def test_an_effect_that_does_nothing_beside_another_is_dropped(
     material: Material, base: Hypothesis
 ) -> None:

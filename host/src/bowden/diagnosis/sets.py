@@ -197,14 +197,17 @@ class Sets:
     ) -> list[Hypothesis]:
         """Fit to the end, most promising first, until one ends where it cannot be the likeliest.
 
-        What its derivatives promise tells which could be, but not how far it comes down.
+        What its derivatives promise tells which could be, but not how far it comes down. After a
+        promise that was not kept none counts; what is likelier already than all that have ended is
+        none.
         """
         ended: list[Hypothesis] = []
+        kept = True
         for one in sorted(begun, key=foreseen):
-            found = self._finish([one])
-            ended += found
-            if found and not in_reach(found, [*rivals, *ended]):
-                break
+            if kept or merit(one) < min(map(merit, [*rivals, *ended])):
+                found = self._finish([one])
+                ended += found
+                kept = kept and (not found or bool(in_reach(found, [*rivals, *ended])))
         return ended
 
     def first_two(self) -> list[Hypothesis]:
