@@ -59,17 +59,24 @@ def fitted(
     return found
 
 
+def begun_beside(sets: Sets) -> list[Hypothesis]:
+    """Begin to fit the hidden effect, where it ends, and two others."""
+    found = []
+    for effect, values in (
+        (OFFSET, {"offset_nm": HIDDEN_NM}),
+        (GAIN, {"g": 0.01}),
+        (WRAP, {"extra_wrap_rad": 0.1}),
+    ):
+        start = start_of(sets.material, sets.searched, [(effect, values)], {}, sets.base.best)
+        assert start is not None
+        found.append(start.begun())
+    return found
+
+
 def test_promises_that_are_not_kept_hide_nothing_that_has_come_further(material: Material) -> None:
     """Fits begun from the file's values go by what screening promised, however they end."""
     sets = Sets(material, as_searched(MODEL))
-
-    def begun(effect: Candidate, values: dict[str, float]) -> Hypothesis:
-        start = start_of(material, sets.searched, [(effect, values)], {}, sets.base.best)
-        assert start is not None
-        return start.begun()
-
-    right = begun(OFFSET, {"offset_nm": HIDDEN_NM})
-    wrong = [begun(GAIN, {"g": 0.01}), begun(WRAP, {"extra_wrap_rad": 0.1})]
+    right, *wrong = begun_beside(sets)
     children = [*(replace(one, promised=2.0 * merit(right)) for one in wrong), right]
     assert max(map(foreseen, children)) == foreseen(right)  # it comes last
     assert sets.weighed([sets.base], children)[0].names == (OFFSET.name,)
@@ -80,14 +87,7 @@ def test_a_promise_of_derivatives_hides_nothing_that_is_likelier_already(
 ) -> None:
     """A fit that ends far above what its derivatives promised says nothing of those behind it."""
     sets = Sets(material, as_searched(MODEL))
-
-    def begun(effect: Candidate, values: dict[str, float]) -> Hypothesis:
-        start = start_of(material, sets.searched, [(effect, values)], {}, sets.base.best)
-        assert start is not None
-        return start.begun()
-
-    right = begun(OFFSET, {"offset_nm": HIDDEN_NM})
-    wrong = [begun(GAIN, {"g": 0.01}), begun(WRAP, {"extra_wrap_rad": 0.1})]
+    right, *wrong = begun_beside(sets)
     promise = 2.0 * merit(right)
     monkeypatch.setattr(
         "bowden.diagnosis.sets.foreseen",
