@@ -164,11 +164,9 @@ class Window:
         error, knots = min(tried, key=lambda pair: float(pair[0] @ pair[0]))
         damping, fruitless = 1e-2, 0
         for k in range(STEPS):
-            columns = []
             h = DIFFERENCE * self.limit_nm * (-1.0) ** k  # friction: either way may change nothing
-            for i in range(KNOTS):
-                columns.append((self.error_nm(knots + h * np.eye(KNOTS)[i]) - error) / h)
-            slope = np.column_stack(columns)
+            moved = [self.error_nm(knots + h * one) for one in np.eye(KNOTS)]
+            slope = np.column_stack([(one - error) / h for one in moved])
             square, before = slope.T @ slope, float(error @ error)
             for _ in range(TRIALS):
                 ridge = damping * np.trace(square) / KNOTS + 1e-9
@@ -197,9 +195,10 @@ def reached_nm(rig: RenderRig) -> tuple[float, float]:
     """
     task = task_named("release", DISTURBED)
     trial = run(rig, law_named(OURS), task)
-    law = trial.error_nm[round(task.scored_from_s * TICKS_PER_S) :]
+    scored_from = round(task.scored_from_s * TICKS_PER_S)
+    law_nm = rms(trial.error_nm[scored_from:])
     plant = Released(rig, task, commanded_nm(trial))
-    before = law[: plant.first - round(task.scored_from_s * TICKS_PER_S)]
+    before = trial.error_nm[scored_from : plant.first]
     state, motor_nm, tick, parts = plant.start, plant.motor_nm, plant.first, [before]
     planned = np.full(KNOTS, motor_nm)
     while tick < task.ticks:
@@ -210,5 +209,4 @@ def reached_nm(rig: RenderRig) -> tuple[float, float]:
         parts.append(error)
         motor_nm, tick = float(kept[-1]), tick + len(kept)
         planned = np.append(knots[KEPT_KNOTS:], np.full(KEPT_KNOTS, knots[-1]))
-    found = rms(np.concatenate(parts))
-    return rms(law), min(rms(law), found)
+    return law_nm, min(law_nm, rms(np.concatenate(parts)))
