@@ -31,6 +31,7 @@ from hil_tests.render.feel_table import ACTIVE_ABOVE, REDRIVEN_ABOVE
 from hil_tests.render.feel_task_page import task_pages
 from hil_tests.render.laws import LAWS, NAIVE, OURS, WITHOUT_CELL, Law, law_named
 from hil_tests.render.rigs import draw
+from hil_tests.render.seeds import add_seeds, seeds_of
 from hil_tests.render.tasks import Task, task_named
 from hil_tests.render.trial import PLANTS, Outcome, Plant, judge, run
 
@@ -102,8 +103,7 @@ def main() -> int:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--seed", type=int, default=1, help="of the first rig (default: 1)")
-    parser.add_argument("--rigs", type=int, default=10, help="of consecutive seeds (default: 10)")
+    add_seeds(parser)
     parser.add_argument("--plant", choices=PLANTS, action="append", help="repeatable; default both")
     parser.add_argument("--law", action="append", help="repeatable; default: all")
     parser.add_argument("--task", action="append", help="repeatable; default: all")
@@ -119,10 +119,8 @@ def main() -> int:
         runs = [run for path in options.runs or () for run in kept(path)]
     except ValueError as error:
         parser.error(str(error))
-    if options.rigs < 1 or options.seed < 0:
-        parser.error(f"--rigs, --seed: found {options.rigs}, {options.seed}; accepted: >= 1, >= 0")
+    seeds = seeds_of(parser, options)
     if not runs:
-        seeds = range(options.seed, options.seed + options.rigs)
         cases = [(seed, plant) for plant in options.plant or PLANTS for seed in seeds]
         start_s = time.monotonic()
         for done, found in enumerate(measure(cases, laws, tasks), 1):

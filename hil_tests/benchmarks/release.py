@@ -17,6 +17,7 @@ from hil_tests.render.disturbed import DISTURBED
 from hil_tests.render.laws import NAIVE
 from hil_tests.render.released import reached_nm
 from hil_tests.render.rigs import draw
+from hil_tests.render.seeds import add_seeds, seeds_of
 from hil_tests.render.tasks import task_named
 from hil_tests.render.trial import judge, run
 
@@ -28,14 +29,11 @@ def main() -> int:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--seed", type=int, default=1, help="of the first rig (default: 1)")
-    parser.add_argument("--rigs", type=int, default=10, help="of consecutive seeds (default: 10)")
-    options = parser.parse_args()
-    if options.rigs < 1 or options.seed < 0:
-        parser.error(f"--rigs, --seed: found {options.rigs}, {options.seed}; accepted: >= 1, >= 0")
+    add_seeds(parser)
+    seeds = seeds_of(parser, parser.parse_args())
     ratios = []
     sys.stdout.write("| rig | law with the cell | full information |\n| ---: | ---: | ---: |\n")
-    for seed in range(options.seed, options.seed + options.rigs):
+    for seed in seeds:
         rig = draw(seed)
         if rig.apart:
             continue
