@@ -131,7 +131,8 @@ def test_a_breakaway_is_looked_for_where_no_slope_leads(
 
 @pytest.mark.parametrize(
     ("path", "from_s", "is_lower"),
-    [("friction.mu_s", 0.0, True), ("friction.mu_s", 1.33, False), (NUMBER, 0.0, False)],
+    # The lower floor is from 1.2675 to 1.3925; there the prior is likeliest where it begins.
+    [("friction.mu_s", 0.0, True), ("friction.mu_s", 1.27, False), (NUMBER, 0.0, False)],
 )
 def test_the_stairs_lead_down_from_where_another_breakaway_does_better(
     draw: Callable[..., Landscape], path: str, from_s: float, is_lower: bool

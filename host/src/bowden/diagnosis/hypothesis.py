@@ -18,6 +18,7 @@ from bowden.estimation.covariance import Data
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.problem import Optimum, Problem
 from bowden.model import Model, ModelError, Trajectory
+from bowden.signals.alternatives import solved_like
 
 _Floats = NDArray[np.float64]
 
@@ -144,7 +145,8 @@ class Hypothesis:
             place = f"effects[{self.own + index}]"
             off = {f"{place}.{p.name}": off_value(p) for p in self.effects[index].strengths}
             try:
-                without = self.material.predictions(self.model.with_values(off), numbers)
+                plain = solved_like(self.model.with_values(off), self.model, self.material.mode)
+                without = self.material.predictions(plain, numbers)
             except ModelError:
                 return None
             change = tuple(a - b for a, b in zip(with_it, without, strict=True))

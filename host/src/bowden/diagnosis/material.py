@@ -89,7 +89,7 @@ class Material:
             for one in self.nuisances
         )
         data = data or self.searched(parameters.model)
-        return Problem(data, parameters, nuisances, blocks, self.pool)
+        return Problem(data, parameters, nuisances, blocks, self.pool, holds_stepped=True)
 
     def predictions(
         self, model: Model, numbers: Sequence[Sequence[tuple[Nuisance, float]]]

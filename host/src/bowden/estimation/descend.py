@@ -60,7 +60,9 @@ def descend(
     here = _settled(problem, FittedPoint(x, residuals, scales, math.inf, answers), noises)
     hessian = np.diag(problem.unit**-2.0)
     known, settled = axes is not None or slopes is not None, False
-    axes = np.diag(DERIVATIVE * problem.unit) if axes is None else axes
+    if axes is None:
+        axes = np.diag(DERIVATIVE * problem.unit)
+        axes[:, problem.held] = 0.0
     for number in range(rounds):
         if number or slopes is None:
             slopes = jacobians(problem, here.x, here.residuals, noises, axes, near=here.answers)
@@ -208,7 +210,7 @@ def jacobians(
         What simulations about there begin with, where the caller has it: `Problem.answers`.
     """
     points, moves, known = [], [], []
-    for axis in axes.T:
+    for axis in axes.T[np.any(axes != 0.0, axis=0)]:
         pair = [problem.feasible(x + axis), problem.feasible(x - axis)]
         points += pair
         moves.append(pair[0] - pair[1])
@@ -219,11 +221,11 @@ def jacobians(
         if found[2 * i] is None or found[2 * i + 1] is None:
             moves[i] = np.zeros(x.size)
     # What moved, and what it did: numbers that a bound holds still have no derivative.
-    back = np.linalg.pinv(np.stack(moves, axis=1) / problem.unit[:, None]) / problem.unit
+    back = np.linalg.pinv(np.reshape(moves, (-1, x.size)).T / problem.unit[:, None]) / problem.unit
     slopes = []
     for k, here in enumerate(residuals):
-        change = np.zeros((here.size, x.size))
-        for i in range(x.size):
+        change = np.zeros((here.size, len(moves)))
+        for i in range(len(moves)):
             up, down = found[2 * i], found[2 * i + 1]
             if up is not None and down is not None:
                 change[:, i] = up[k] - down[k]
@@ -239,12 +241,13 @@ def principal_axes(problem: Problem, hessian: _Floats) -> _Floats:
     """
     size, unit = problem.size, problem.unit
     axes = np.zeros((unit.size, unit.size))
-    for rows in (slice(0, size), *(slice(k, k + 1) for k in range(size, unit.size))):
-        scaled = hessian[rows, rows] * np.outer(unit[rows], unit[rows])
+    smooth = [i for i in range(size) if i not in problem.held]
+    for rows in (smooth, *([k] for k in range(size, unit.size))):
+        scaled = hessian[np.ix_(rows, rows)] * np.outer(unit[rows], unit[rows])
         values, vectors = np.linalg.eigh(scaled)
         sigma = 1.0 / np.sqrt(np.maximum(values, 1e-300))
         length = np.clip(SPREAD * sigma, *LENGTHS)
-        axes[rows, rows] = unit[rows][:, None] * vectors * length
+        axes[np.ix_(rows, rows)] = unit[rows][:, None] * vectors * length
     return axes
 
 
@@ -308,6 +311,7 @@ def bounded_step(
     low = np.concatenate([problem.parameters.low, np.full(x.size - size, -np.inf)])
     high = np.concatenate([problem.parameters.high, np.full(x.size - size, np.inf)])
     free = np.ones(x.size, dtype=bool)
+    free[problem.held] = False
     unit = problem.unit
     step = np.zeros(x.size)
     for _ in range(x.size):

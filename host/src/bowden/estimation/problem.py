@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from bowden.workers import Workers
 
 _Floats = NDArray[np.float64]
 
+BREAKAWAY = "friction.mu_s"  # each moment at which an end gives way is a step of the likelihood
 WIDEST = 10.0  # unit steps: a number is within its range, however little the data say of it
 
 
@@ -37,6 +38,9 @@ class Problem:
     blocks : tuple of (tuple of int or None)
         Which blocks of each recording are fitted; None: all.
     pool : Workers
+    holds_stepped : bool, default False
+        Whether no derivative moves what the likelihood is a staircase in, and scans alone do: where
+        fits are compared by the step that each ends on. Of what is held no interval is known.
     """
 
     data: tuple[Data, ...]
@@ -44,6 +48,7 @@ class Problem:
     nuisances: tuple[Nuisance, ...]
     blocks: tuple[tuple[int, ...] | None, ...]
     pool: Workers
+    holds_stepped: bool = field(default=False, kw_only=True)
 
     @property
     def size(self) -> int:
@@ -54,6 +59,16 @@ class Problem:
     def unit(self) -> _Floats:
         """Unit step of each number of a point."""
         return np.concatenate([self.parameters.step, [one.sigma for one in self.nuisances]])
+
+    @property
+    def stepped(self) -> list[int]:
+        """Which numbers the likelihood is a staircase in: what decides when an end gives way."""
+        return [i for i, one in enumerate(self.parameters.each) if one.path == BREAKAWAY]
+
+    @property
+    def held(self) -> list[int]:
+        """Which numbers no derivative moves."""
+        return self.stepped if self.holds_stepped else []
 
     def start(self) -> _Floats:
         """Return the point of the file's values and of no nuisance."""

@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import (
+    DAMPINGS,
     ENOUGH,
+    bounded_step,
     descend,
     jacobians,
     normal_equations,
@@ -36,7 +38,6 @@ INTERVAL = 1.96  # standard deviations either way: 95 % of a normal distribution
 WANTED = 0.5 * INTERVAL**2  # rise of the cost at an end of a 95 % interval
 MOST_LOOKS = 6  # around an optimum, each from the better one that the last has found
 SCANNED = 33  # points across the bounds of a number without a prior: 20 % apart in 1 .. 400
-BREAKAWAY = "friction.mu_s"  # each moment at which an end gives way is a step of the likelihood
 MOST_VALLEYS = 4  # of all scans are searched on from
 ROUGH = 3  # rounds, after which a search that goes elsewhere is known
 WRONG = 30.0  # usual noise: a discrepancy to start from
@@ -108,15 +109,10 @@ def _scan(
     found = [
         pair
         for i in range(problem.size)
-        if problem.parameters.precision[i, i] == 0.0 or i in _breakaway(problem)
+        if problem.parameters.precision[i, i] == 0.0 or i in problem.stepped
         for pair in _minima_along(problem, x, i, (noises, scales), closer=closer)
     ]
     return [point for _, point in sorted(found, key=lambda pair: pair[0])[:MOST_VALLEYS]]
-
-
-def _breakaway(problem: Problem) -> list[int]:
-    """Return which number decides when an end gives way, if it moves."""
-    return [i for i, one in enumerate(problem.parameters.each) if one.path == BREAKAWAY]
 
 
 def _minima_along(
@@ -158,17 +154,34 @@ def _points_along(problem: Problem, x: _Floats, i: int, *, closer: bool) -> list
 
 
 def down_the_stairs(problem: Problem, best: Optimum) -> _Floats | None:
-    """Return where the cost is lowest along the breakaway, other numbers as they are.
+    """Return where the cost is lowest along the breakaway, other numbers as they are or following.
 
     None where that is no lower than at the optimum, or where no breakaway moves. Costs are those of
-    the problem's own recordings under the covariance of the optimum.
+    the problem's own recordings under the covariance of the optimum. On another step of the
+    likelihood other tensions fit: the others follow by a step with the optimum's derivatives.
     """
     like = best.noises, best.scales
-    found = [pair for i in _breakaway(problem) for pair in _minima_along(problem, best.x, i, like)]
-    if not found:
+    points = [
+        point
+        for i in problem.stepped
+        for closer in (False, True)
+        for point in _points_along(problem, best.x, i, closer=closer)
+    ]
+
+    def following(pair: tuple[_Floats, list[_Floats] | None]) -> _Floats:
+        x, residuals = pair
+        if residuals is None or best.slopes is None:
+            return x
+        normal = normal_equations(problem, x, residuals, best.slopes, like)
+        return problem.feasible(x + bounded_step(problem, x, *normal, DAMPINGS[0]))
+
+    residuals = problem.residuals_at(points, best.noises)
+    costs = _costs_of(problem, points, residuals, *like)
+    followed = problem.pool.map(following, zip(points, residuals, strict=True))
+    costs = np.concatenate([costs, _costs(problem, followed, *like)])
+    if min(costs, default=math.inf) >= float(_costs(problem, [best.x], *like)[0]) - ENOUGH:
         return None
-    cost, lowest = min(found, key=lambda pair: pair[0])
-    return lowest if cost < float(_costs(problem, [best.x], *like)[0]) - ENOUGH else None
+    return [*points, *followed][int(np.argmin(costs))]
 
 
 def _look_around(problem: Problem, best: Optimum) -> Optimum:
@@ -202,7 +215,7 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
         best = found
     stairs = [
         point
-        for i in _breakaway(problem)  # as good as far as its step is level
+        for i in problem.stepped  # as good as far as its step is level
         for point in _points_along(problem, best.x, i, closer=True)
     ]
     level = _costs(problem, stairs, best.noises, best.scales) < here + WANTED

@@ -71,6 +71,17 @@ def solved_two_ways(model: Model, mode: Mode) -> tuple[Model, Model] | None:
     return plain, with_viscous_term(plain, UNSEEN_S_PER_M)
 
 
+def solved_like(model: Model, other: Model, mode: Mode) -> Model:
+    """Return a model as it is solved like another: implicitly, where that one is.
+
+    Of a rig with stiction both ways answer otherwise (`solved_two_ways`).
+    """
+    pair = model.transmission
+    if not pair.friction.has_stiction or needs_implicit_steps(pair, mode):
+        return model
+    return with_viscous_term(model, UNSEEN_S_PER_M) if is_dear(other, mode) else model
+
+
 def is_dear(model: Model, mode: Mode) -> bool:
     """Return whether a simulation takes several times as long as that of a plain pair."""
     changing = any(one.variant.histories is not None for one in model.effects)
