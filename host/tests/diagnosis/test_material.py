@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from bowden.diagnosis.candidates import candidates
+from bowden.diagnosis.contribution import idle
+from bowden.diagnosis.fitting import parameters_with, start_of
 from bowden.diagnosis.material import as_fine, as_searched, make_material
 from bowden.estimation.covariance import covariance
+from bowden.estimation.descend import descend
+from bowden.estimation.likelihood import Scales
 from bowden.model import Inputs, Mode, Model, parse_model, simulate
 from bowden.model.experiments.variants import with_segments
 from bowden.recording.recording import Recording
@@ -23,6 +29,11 @@ rig:
 friction: {law: stiction, mu_d: 0.24, mu_s: 0.38, stiction_length_m: 0.17}
 effects: []
 """
+
+BUMP = next(
+    one for one in candidates(("position_dependent_friction",)) if one.strengths[0].name == "bump_a"
+)
+NONE = Scales((0.0, 0.0))
 
 
 def motor_angle_rad(model: Model) -> NDArray[np.float64]:
@@ -79,3 +90,33 @@ def test_where_an_end_gives_way_is_nowhere_corrected_and_known_to_a_step() -> No
     assert off.max() > 4.0  # a reading meets a jump
     assert np.all(off < 2.0 * known_to)  # 1.7 is the most of a uniform distribution
     assert np.mean(known_to < 1.2) > 0.9
+
+
+@pytest.mark.parametrize(("bump", "is_idle"), [(1e-6, True), (-0.1, False)])
+def test_how_far_a_slip_runs_on_is_no_work_of_an_effect(*, bump: float, is_idle: bool) -> None:
+    """Friction over position takes the implicit solver, by which another part of a cable slips."""
+    model, time_s = parse_model(STICKING), np.arange(12_000) * 1e-3
+    stroke = np.clip((time_s % 1.5) / 0.8, 0.0, 1.0)  # strokes with a rest after each
+    corner_rad = np.random.default_rng(5).uniform(-0.6, 0.6, 9)
+    at = (time_s // 1.5).astype(int)
+    load_rad = corner_rad[at] + np.diff(corner_rad)[at] * stroke**2 * (3.0 - 2.0 * stroke)
+    torque_nm = 0.12 * np.sin(2 * np.pi * 0.31 * time_s)
+    inputs = Inputs(time_s=time_s, motor_torque_nm=torque_nm, load_angle_rad=load_rad)
+    run = simulate(model, Mode.TORQUE_POSITION, inputs)
+    recording = Recording(
+        time_s,
+        load_angle_rad=load_rad,
+        motor_torque_nm=torque_nm,
+        motor_angle_rad=run.motor_angle_rad,
+        load_torque_nm=run.load_torque_nm + np.random.default_rng(1).normal(0.0, 1e-3, time_s.size),
+    )
+    effects = [(BUMP, {"bump_a": bump, "centre_rad": 0.0, "width_rad": 0.1})]
+    with workers(1) as pool:
+        material = make_material([recording], model, Mode.TORQUE_POSITION, 1, pool)
+        searched = as_searched(model)
+        problem = material.problem(parameters_with(searched, []))
+        like = descend(problem, problem.start(), problem.noises(problem.start()), NONE, rounds=0)
+        assert like is not None
+        start = start_of(material, searched, effects, {}, like)
+        assert start is not None
+        assert idle(start.unmoved()) == ([0] if is_idle else [])

@@ -149,6 +149,67 @@ def test_the_stairs_lead_down_from_where_another_breakaway_does_better(
         )
 
 
+@pytest.mark.parametrize("is_held", [True, False])
+def test_where_fits_are_compared_no_slope_moves_a_breakaway(
+    draw: Callable[..., Landscape], *, is_held: bool
+) -> None:
+    """From step to step the likelihood has no slope, and what is taken for one leads astray."""
+    problem = replace(
+        draw(lambda u: ((u - 0.9) / 0.2, 0.0)),
+        parameters=parameters_of(STICKING, ["friction.mu_s"]),
+        holds_stepped=is_held,
+    )
+    there = descend(problem, problem.start(), [problem.noise], Scales((0.0, 0.0)))
+    assert there is not None
+    moved = float((there.x[0] - problem.start()[0]) / problem.unit[0])
+    assert moved == (0.0 if is_held else pytest.approx(0.9, abs=0.1))
+
+
+@dataclass(frozen=True)
+class Plane(Landscape):
+    """A landscape over the breakaway and the pretension: a floor lies low where both fit."""
+
+    def residuals_at(
+        self,
+        points: Sequence[_Floats],
+        noises: Sequence[Covariance],
+        known: Sequence[Mapping[int, _Floats]] | None = None,
+        near: Sequence[Trajectory | None] | None = None,
+    ) -> list[list[_Floats] | None]:
+        """On the floor the pretension is wanted elsewhere: as it is, it is as bad as off it."""
+        found: list[list[_Floats] | None] = []
+        for x in points:
+            u, v = (x - self.start()) / self.unit
+            heights = (0.0, 30.0 * (v - 0.5)) if abs(u - 1.33) < 0.0625 else (12.0, 30.0 * v)
+            one = replace(self, heights=lambda _, heights=heights: heights)
+            found += Landscape.residuals_at(one, [x], noises, known, near)
+        return found
+
+
+def test_a_lower_step_is_found_though_other_numbers_fit_there(
+    draw: Callable[..., Landscape],
+) -> None:
+    like = draw(staircase)
+    problem = Plane(
+        like.data,
+        parameters_of(STICKING, ["friction.mu_s", NUMBER]),
+        (),
+        like.blocks,
+        like.pool,
+        like.heights,
+        like.noise,
+        holds_stepped=True,
+    )
+    here = descend(problem, problem.start(), [problem.noise], Scales((0.0, 0.0)))
+    assert here is not None
+    lower = down_the_stairs(problem, here)
+    assert lower is not None
+    # The step's half width; a thirtieth of a sigma is what the pretension is known to.
+    away = (lower - problem.start()) / problem.unit
+    assert away == pytest.approx([1.33, 0.5], abs=0.07)
+    assert down_the_stairs(problem, replace(here, slopes=None)) is None
+
+
 @pytest.mark.parametrize("from_s", [-1.0, 0.0, 1.0])
 def test_an_interval_is_that_of_the_valley_whatever_its_floor(
     draw: Callable[..., Landscape], from_s: float
