@@ -153,7 +153,7 @@ def test_the_stairs_lead_down_from_where_another_breakaway_does_better(
 def test_where_fits_are_compared_no_slope_moves_a_breakaway(
     draw: Callable[..., Landscape], *, is_held: bool
 ) -> None:
-    """From step to step the likelihood has no slope, and what is taken for one leads astray."""
+    """From step to step the likelihood has no slope, and what is taken for one leads elsewhere."""
     problem = replace(
         draw(lambda u: ((u - 0.9) / 0.2, 0.0)),
         parameters=parameters_of(STICKING, ["friction.mu_s"]),
