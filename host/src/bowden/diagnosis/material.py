@@ -153,14 +153,15 @@ class Material:
 
     def searched(self, model: Model) -> tuple[Data, ...]:
         """Return the recordings at the steps that a model is searched on first."""
-        return self.dear if sticks(model) else self.coarse
+        return self.dear if model.transmission.friction.has_stiction else self.coarse
 
     def finer(self, model: Model) -> tuple[Data, ...]:
         """Return the recordings at the steps that a model's law can afford.
 
         With stiction any law's: long steps are as good as short ones wherever nothing gives way.
         """
-        return self.dear if sticks(model) or is_dear(model, self.mode) else self.fine
+        sticks = model.transmission.friction.has_stiction
+        return self.dear if sticks or is_dear(model, self.mode) else self.fine
 
     def shorter(self, data: tuple[Data, ...]) -> tuple[Data, ...] | None:
         """Return the recordings to search on where those at some steps mislead; None: none are."""
@@ -216,11 +217,6 @@ def _whole(steps: int, finer: int) -> float:
     return finer / (finer - steps) if finer > steps else 1.0
 
 
-def sticks(model: Model) -> bool:
-    """Return whether cables hold more before they slide: then an end gives way at a moment."""
-    return model.solver != "lumped" and model.transmission.friction.has_stiction
-
-
 def as_searched(model: Model) -> Model:
     """Return the model on the mesh that hypotheses are searched on."""
     return _meshed(model, SEARCH_SEGMENTS)
@@ -239,7 +235,8 @@ def _meshed(model: Model, segments: int) -> Model:
     """
     if model.solver == "lumped":
         return model
-    return with_segments(model, segments_of(model.transmission) if sticks(model) else segments)
+    pair = model.transmission
+    return with_segments(model, segments_of(pair) if pair.friction.has_stiction else segments)
 
 
 def with_offset(noises: Sequence[Covariance], offsets: Sequence[_Floats]) -> list[Covariance]:
