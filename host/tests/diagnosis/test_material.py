@@ -34,6 +34,7 @@ BUMP = next(
     one for one in candidates(("position_dependent_friction",)) if one.strengths[0].name == "bump_a"
 )
 NONE = Scales((0.0, 0.0))
+NOISE_NM = 1e-3
 
 
 def motor_angle_rad(model: Model) -> NDArray[np.float64]:
@@ -42,6 +43,25 @@ def motor_angle_rad(model: Model) -> NDArray[np.float64]:
     load_rad = 0.5 * np.sin(2 * np.pi * 0.5 * time_s)
     inputs = Inputs(time_s=time_s, motor_torque_nm=np.zeros(time_s.size), load_angle_rad=load_rad)
     return simulate(model, Mode.TORQUE_POSITION, inputs).motor_angle_rad
+
+
+def recorded(
+    model: Model,
+    time_s: NDArray[np.float64],
+    load_rad: NDArray[np.float64],
+    torque_nm: NDArray[np.float64],
+) -> Recording:
+    """What a rig reads that is driven so: angles exactly, the load cell with its noise."""
+    inputs = Inputs(time_s=time_s, motor_torque_nm=torque_nm, load_angle_rad=load_rad)
+    run = simulate(model, Mode.TORQUE_POSITION, inputs)
+    noise_nm = np.random.default_rng(1).normal(0.0, NOISE_NM, time_s.size)
+    return Recording(
+        time_s,
+        motor_torque_nm=torque_nm,
+        load_torque_nm=run.load_torque_nm + noise_nm,
+        motor_angle_rad=run.motor_angle_rad,
+        load_angle_rad=load_rad,
+    )
 
 
 def test_a_cable_gives_way_on_the_search_mesh_when_it_does_on_any_finer_one() -> None:
@@ -67,24 +87,16 @@ def test_where_an_end_gives_way_is_nowhere_corrected_and_known_to_a_step() -> No
     model, time_s = parse_model(STICKING), np.arange(6000) * 1e-3
     load_rad = 0.5 * np.sin(2 * np.pi * 0.5 * time_s)
     torque_nm = 0.1 * np.sin(2 * np.pi * 0.31 * time_s)
-    inputs = Inputs(time_s=time_s, motor_torque_nm=torque_nm, load_angle_rad=load_rad)
-    run = simulate(model, Mode.TORQUE_POSITION, inputs)
-    noise_nm, count_rad = 1e-3, 2 * np.pi / 2000
-    noise = np.random.default_rng(1).normal(0.0, noise_nm, time_s.size)
-    recording = Recording(
-        time_s,
-        motor_torque_nm=torque_nm,
-        load_torque_nm=run.load_torque_nm + noise,
-        motor_angle_rad=np.round(run.motor_angle_rad / count_rad) * count_rad,
-        load_angle_rad=load_rad,
-    )
+    exact, count_rad = recorded(model, time_s, load_rad, torque_nm), 2 * np.pi / 2000
+    counts = np.round(exact.motor_angle_rad / count_rad)
+    recording = exact.with_channels({}, motor_angle_rad=counts * count_rad)
     with workers(1) as pool:
         material = make_material([recording], model, Mode.TORQUE_POSITION, 0, pool)
         (searched,) = material.searched(model)
         whole = material.fine[0].predict(model)  # every sample
         predicted = material.predictions(model, [[]])[0]
         assert not np.any(material.correction(model, [[]], (searched,))[0])
-    unit = np.where(searched.observations.channel == 0, noise_nm, count_rad / np.sqrt(12.0))
+    unit = np.where(searched.observations.channel == 0, NOISE_NM, count_rad / np.sqrt(12.0))
     off = np.abs(predicted - whole) / unit
     known_to = np.sqrt(covariance(searched, model).own) / unit
     assert off.max() > 4.0  # a reading meets a jump
@@ -101,15 +113,7 @@ def test_how_far_a_slip_runs_on_is_no_work_of_an_effect(*, bump: float, is_idle:
     at = (time_s // 1.5).astype(int)
     load_rad = corner_rad[at] + np.diff(corner_rad)[at] * stroke**2 * (3.0 - 2.0 * stroke)
     torque_nm = 0.12 * np.sin(2 * np.pi * 0.31 * time_s)
-    inputs = Inputs(time_s=time_s, motor_torque_nm=torque_nm, load_angle_rad=load_rad)
-    run = simulate(model, Mode.TORQUE_POSITION, inputs)
-    recording = Recording(
-        time_s,
-        load_angle_rad=load_rad,
-        motor_torque_nm=torque_nm,
-        motor_angle_rad=run.motor_angle_rad,
-        load_torque_nm=run.load_torque_nm + np.random.default_rng(1).normal(0.0, 1e-3, time_s.size),
-    )
+    recording = recorded(model, time_s, load_rad, torque_nm)
     effects = [(BUMP, {"bump_a": bump, "centre_rad": 0.0, "width_rad": 0.1})]
     with workers(1) as pool:
         material = make_material([recording], model, Mode.TORQUE_POSITION, 1, pool)
