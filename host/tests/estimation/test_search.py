@@ -6,12 +6,12 @@ A recording's real covariance weighs residuals that are a given function of one 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 from bowden.estimation.covariance import Covariance, Data, covariance
-from bowden.estimation.descend import descend, principal_axes
+from bowden.estimation.descend import descend
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.parameters import parameters_of
 from bowden.estimation.problem import Problem
@@ -179,20 +179,17 @@ class Plane(Landscape):
         return (0.0, 30.0 * (v - 0.5)) if abs(u - 1.33) < 0.0625 else (12.0, 30.0 * v)
 
 
+def over(plane: type[Landscape], like: Landscape, *, first: str = "friction.mu_s") -> Landscape:
+    """A landscape over that number and the pretension, breakaways held as in the diagnosis."""
+    parameters, held = parameters_of(STICKING, [first, NUMBER]), {"holds_stepped": True}
+    heights = like.heights, like.noise
+    return plane(like.data, parameters, (), like.blocks, like.pool, *heights, **held)
+
+
 def test_a_lower_step_is_found_though_other_numbers_fit_there(
     draw: Callable[..., Landscape],
 ) -> None:
-    like = draw(staircase)
-    problem = Plane(
-        like.data,
-        parameters_of(STICKING, ["friction.mu_s", NUMBER]),
-        (),
-        like.blocks,
-        like.pool,
-        like.heights,
-        like.noise,
-        holds_stepped=True,
-    )
+    problem = over(Plane, draw(staircase))
     here = descend(problem, problem.start(), [problem.noise], Scales((0.0, 0.0)))
     assert here is not None
     lower = down_the_stairs(problem, here)
@@ -201,6 +198,56 @@ def test_a_lower_step_is_found_though_other_numbers_fit_there(
     away = (lower - problem.start()) / problem.unit
     assert away == pytest.approx([1.33, 0.5], abs=0.07)
     assert down_the_stairs(problem, replace(here, slopes=None)) is None
+
+
+@dataclass(frozen=True)
+class Slopes(Landscape):
+    """Two numbers, each with a slope of its own; `asked` keeps the places that are looked at."""
+
+    asked: list[_Floats] = field(default_factory=list, kw_only=True)
+
+    def heights_at(self, away: _Floats) -> tuple[float, float]:
+        """Of the first by a slope of 5, of the second by one that `heights` has at 1."""
+        self.asked.append(away)
+        return 5.0 * float(away[0]), self.heights(1.0)[0] * float(away[1])
+
+
+@pytest.mark.parametrize(("slope", "is_asked"), [(0.1, False), (1.0, True)])
+def test_no_derivative_is_taken_of_what_the_data_do_not_tell(
+    draw: Callable[..., Landscape], slope: float, *, is_asked: bool
+) -> None:
+    """A tenth a prior sigma: the data say 0.005 of it, the prior 0.5."""
+    problem = over(Slopes, draw(lambda u: (slope * u, 0.0)), first="friction.mu_d")
+    noises, scales = [problem.noise], Scales((0.0, 0.0))
+    best = descend(problem, problem.start(), noises, scales)
+    assert best is not None
+    problem.asked.clear()
+    again = descend(problem, best.x, noises, scales, begun=replace(best, settled=False))
+    assert again is not None
+    reach = np.max(np.abs(problem.asked - (best.x - problem.start()) / problem.unit), axis=0)
+    assert reach[0] == pytest.approx(0.1, rel=0.1)  # half of its sigma, a fifth
+    assert bool(reach[1] > 0.1) is is_asked
+    # What is not asked anew stands: the landscape is even, the prior nearly.
+    assert again.hessian == pytest.approx(best.hessian, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "is_settled"), [(0.17, 0.17, True), (0.28, 0.0, False), (0.0, 0.28, False)]
+)
+def test_a_search_ends_where_no_number_moves_by_a_fifth_of_its_sigma(
+    draw: Callable[..., Landscape], first: float, second: float, *, is_settled: bool
+) -> None:
+    """Two that gain 0.0145 each end it, though 0.02 in all does not; one that gains 0.04 does."""
+    problem = over(Slopes, draw(lambda u: (3.0 * u, 0.0)), first="friction.mu_d")
+    noises, scales = [problem.noise], Scales((0.0, 0.0))
+    best = descend(problem, problem.start(), noises, scales)
+    assert best is not None
+    sigma = np.sqrt(np.diag(problem.covariance(best.hessian)))
+    away = best.x + np.array([first, second]) * sigma
+    ended = descend(problem, away, noises, scales, rounds=1, begun=replace(best, settled=False))
+    assert ended is not None
+    assert ended.settled is is_settled
+    assert ended.x == pytest.approx(best.x, abs=0.01 * float(sigma.min()))
 
 
 @pytest.mark.parametrize("from_s", [-1.0, 0.0, 1.0])
@@ -232,15 +279,15 @@ def test_a_fit_that_goes_on_from_an_optimum_uses_the_derivatives_found_there(
     best = descend(problem, problem.start(), noises, scales)
     assert best is not None
     assert best.settled
-    axes, least = principal_axes(problem, best.hessian), float(best.x[0] - problem.start()[0])
+    least = float(best.x[0] - problem.start()[0])
     least /= float(problem.unit[0])
     asked.clear()
-    again = descend(problem, best.x, noises, best.scales, axes=axes, slopes=best.slopes)
+    again = descend(problem, best.x, noises, best.scales, begun=best)
     assert again is not None
     # Derivatives are taken half a sigma either way, 0.1; a step from the least place is none.
     assert max(abs(u - least) for u in asked) < 0.01
     asked.clear()
-    anew = descend(problem, best.x, noises, best.scales, axes=axes)
+    anew = descend(problem, best.x, noises, best.scales, begun=replace(best, settled=False))
     assert anew is not None
     assert max(abs(u - least) for u in asked) > 0.09
     assert again.x == pytest.approx(anew.x, abs=1e-3 * problem.unit[0])
@@ -264,8 +311,7 @@ def test_a_search_in_parts_ends_where_one_does_though_steps_promise_too_much(
     best = first
     for _ in range(20):
         assert best is not None
-        axes = principal_axes(problem, best.hessian)
-        best = descend(problem, best.x, noises, none, rounds=1, axes=axes)
+        best = descend(problem, best.x, noises, none, rounds=1, begun=best)
     whole = descend(problem, problem.start(), noises, none, rounds=20)
     assert first is not None
     assert best is not None

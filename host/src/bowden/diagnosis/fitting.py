@@ -91,7 +91,7 @@ class Start:
 
         `slopes`: those where the fit starts, where they are known already.
         """
-        there = _round(self._at_start(slopes), None)
+        there = _round(self._at_start(slopes))
         return self.unmoved(slopes) if there is None else there
 
     def _at_start(self, slopes: Sequence[_Floats] | None) -> Hypothesis:
@@ -101,7 +101,7 @@ class Start:
 
 def continued(one: Hypothesis) -> Hypothesis:
     """Go on with a fit as far as the coarse model leads, with the correction that it began with."""
-    best = _descend(one, ROUNDS, principal_axes(one.problem, one.best.hessian))
+    best = _descend(one, ROUNDS)
     return one if best is None else with_slopes(replace(one, best=best))
 
 
@@ -200,9 +200,11 @@ def _down_the_stairs(one: Hypothesis) -> Hypothesis:
     while True:
         problem = replace(one.problem, data=one.material.coarse)
         x = down_the_stairs(problem, one.best)
-        like = one.best.noises, one.best.scales
-        lower = None if x is None else descend(one.problem, x, *like, rounds=0)
-        if lower is None or lower.cost >= one.best.cost - ENOUGH:
+        best, lower = one.best, None
+        if x is not None:
+            begun = replace(best, settled=False)
+            lower = descend(one.problem, x, best.noises, best.scales, rounds=0, begun=begun)
+        if lower is None or lower.cost >= best.cost - ENOUGH:
             return one
         one = _descended(replace(one, best=lower))
 
@@ -211,7 +213,7 @@ def _descended(one: Hypothesis) -> Hypothesis:
     """Go down, round by round, as far as the fine model becomes likelier."""
     here = one
     for _ in range(ROUNDS):
-        there = _round(here, principal_axes(here.problem, here.best.hessian))
+        there = _round(here)
         if there is None:
             break
         here = there
@@ -220,7 +222,7 @@ def _descended(one: Hypothesis) -> Hypothesis:
     return with_slopes(here)
 
 
-def _round(here: Hypothesis, axes: _Floats | None) -> Hypothesis | None:
+def _round(here: Hypothesis) -> Hypothesis | None:
     """Go down one round, corrected where it ends; None where the fine model becomes no likelier.
 
     With a correction the coarse model is exact where that was made, and a guide about there. Where
@@ -228,7 +230,7 @@ def _round(here: Hypothesis, axes: _Floats | None) -> Hypothesis | None:
     """
     now: Hypothesis | None = here
     while now is not None:
-        best = _descend(now, 1, axes)
+        best = _descend(now, 1)
         if best is None:
             return None
         there = _recorrected(replace(now, best=best, slopes=tuple(best.slopes or ())))
@@ -244,7 +246,7 @@ def _round(here: Hypothesis, axes: _Floats | None) -> Hypothesis | None:
     return None
 
 
-def _descend(one: Hypothesis, rounds: int, axes: _Floats | None) -> Optimum | None:
+def _descend(one: Hypothesis, rounds: int) -> Optimum | None:
     best = one.best
     return descend(
         one.problem,
@@ -253,8 +255,7 @@ def _descend(one: Hypothesis, rounds: int, axes: _Floats | None) -> Optimum | No
         best.scales,
         rounds=rounds,
         secants=True,
-        axes=axes,
-        slopes=best.slopes if best.settled else None,
+        begun=best,
     )
 
 
@@ -343,7 +344,9 @@ def with_slopes(one: Hypothesis) -> Hypothesis:
     problem, best = one.problem, one.best
     slopes = best.slopes
     if slopes is None or not best.settled:
-        axes = principal_axes(problem, best.hessian)
-        slopes = jacobians(problem, best.x, best.residuals, best.noises, axes)
+        axes, before = principal_axes(problem, best.hessian), None
+        if slopes is not None:
+            before = best.hessian, slopes
+        slopes = jacobians(problem, best.x, best.residuals, best.noises, axes, before=before)
         best = replace(best, slopes=slopes, settled=True)
     return replace(one, best=best, slopes=tuple(slopes))

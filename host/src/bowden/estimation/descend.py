@@ -22,7 +22,7 @@ from bowden.signals.prediction import PREDICTED
 _Floats = NDArray[np.float64]
 
 ROUNDS = 20
-ENOUGH = 0.02  # of -log posterior: a step that gains less ends the search
+ENOUGH = 0.02  # of -log posterior: a step that gains less, or along no axis more, ends the search
 DERIVATIVE = 0.02  # of a unit step, before anything is known of the posterior
 SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
 LENGTHS = (1e-4, 0.5)  # unit steps: of an axis, at least and at most
@@ -39,15 +39,14 @@ def descend(
     *,
     rounds: int = ROUNDS,
     secants: bool = False,
-    axes: _Floats | None = None,
-    slopes: Sequence[_Floats] | None = None,
+    begun: Optimum | None = None,
 ) -> Optimum | None:
     """Search from one point; None where the model has no answer there.
 
-    `axes`: over which derivatives are taken first, the `principal_axes` of an optimum nearby. Where
-    none is known the first round finds them and does not end the search: derivatives over any
-    other steps give a wrong Hessian, and wrong intervals.
-    `slopes`: the derivatives at the point over such axes, where they are known already.
+    `begun`: what a search nearby ended with. Derivatives are taken over its principal axes, and
+    those that it has settled are not taken again. Where none are known the first round finds them
+    and does not end the search: derivatives over any other steps give a wrong Hessian, and wrong
+    intervals.
     `secants`: go on after each step, as long as it keeps what it promised, on derivatives that it
     has corrected. Each costs one simulation; where the cost is jagged such a search may end in
     another notch.
@@ -58,16 +57,17 @@ def descend(
         return None
     answers, residuals = there
     here = _settled(problem, FittedPoint(x, residuals, scales, math.inf, answers), noises)
-    hessian = np.diag(problem.unit**-2.0)
-    known, settled = axes is not None or slopes is not None, False
-    if axes is None:
-        axes = np.diag(DERIVATIVE * problem.unit)
-        axes[:, problem.held] = 0.0
-    for number in range(rounds):
-        if number or slopes is None:
-            slopes = jacobians(problem, here.x, here.residuals, noises, axes, near=here.answers)
+    hessian, slopes = np.diag(problem.unit**-2.0), None
+    if begun is not None:
+        hessian, slopes = begun.hessian, begun.slopes
+    fresh, settled = begun is not None and begun.settled, False
+    for _ in range(rounds):
+        known = slopes is not None
+        if slopes is None or not fresh:
+            slopes = _derived(problem, here, noises, hessian, slopes)
+        fresh = False
         step = _step(problem, here, noises, slopes)
-        axes, settled = principal_axes(problem, step.hessian), known and step.gained < ENOUGH
+        settled = known and (step.gained < ENOUGH or step.is_short)
         for _ in range(ROUNDS):
             here = _settled(problem, step.there, noises)
             hessian, slopes = step.hessian, step.corrected
@@ -76,7 +76,6 @@ def descend(
             step = _step(problem, here, noises, slopes)
         if settled:
             break
-        known = True
     return Optimum(
         here.x,
         here.cost,
@@ -103,6 +102,24 @@ class FittedPoint:
     answers: list[Trajectory | None] | None = None
 
 
+def _derived(
+    problem: Problem,
+    here: FittedPoint,
+    noises: Sequence[Covariance],
+    hessian: _Floats,
+    slopes: Sequence[_Floats] | None,
+) -> list[_Floats]:
+    """Return the derivatives at a point, over the axes of a Hessian whose derivatives are known."""
+    if slopes is None:
+        axes = np.diag(DERIVATIVE * problem.unit)
+        axes[:, problem.held] = 0.0
+        return jacobians(problem, here.x, here.residuals, noises, axes, near=here.answers)
+    axes, before = principal_axes(problem, hessian), (hessian, slopes)
+    return jacobians(
+        problem, here.x, here.residuals, noises, axes, before=before, near=here.answers
+    )
+
+
 def _settled(problem: Problem, here: FittedPoint, noises: Sequence[Covariance]) -> FittedPoint:
     """Return a point with the scales found anew."""
     scales = best_scales(fitted_parts(problem, here.residuals, noises), here.scales, problem.pool)
@@ -124,6 +141,18 @@ class _Step:
     @property
     def gained(self) -> float:
         return self.here.cost - self.there.cost
+
+    @property
+    def is_short(self) -> bool:
+        """Whether it promised less than ends a search along each axis that is uncertain by itself.
+
+        Many numbers together may gain more for long, each within a fifth of its sigma.
+        """
+        unit, gradient = self.problem.unit, np.array(self.gradient)
+        gradient[self.problem.held] = 0.0
+        values, vectors = np.linalg.eigh(self.hessian * np.outer(unit, unit))
+        pull = vectors.T @ (unit * gradient)
+        return bool(np.all(0.5 * pull**2 < ENOUGH * values))
 
     @property
     def is_kept(self) -> bool:
@@ -193,6 +222,7 @@ def jacobians(
     noises: Sequence[Covariance],
     axes: _Floats,
     *,
+    before: tuple[_Floats, Sequence[_Floats]] | None = None,
     near: Sequence[Trajectory | None] | None = None,
 ) -> list[_Floats]:
     """Return derivatives of each recording's residual by every number: central differences.
@@ -206,10 +236,17 @@ def jacobians(
     noises : sequence of Covariance
     axes : ndarray of shape (k, k)
         Columns: how far to go either way along each axis.
+    before : (ndarray of shape (k, k), sequence of ndarray of shape (n, k)), optional
+        Hessian and derivatives of a point nearby: these stand where no axis goes, and along axes of
+        which the data tell next to nothing that the priors don't.
     near : sequence of (Trajectory or None), optional
         What simulations about there begin with, where the caller has it: `Problem.answers`.
     """
     points, moves, known = [], [], []
+    slopes = [np.zeros((one.size, x.size)) for one in residuals]
+    if before is not None:
+        hessian, slopes = before[0], list(before[1])
+        axes = axes[:, _are_told(problem, x, hessian, axes)]
     for axis in axes.T[np.any(axes != 0.0, axis=0)]:
         pair = [problem.feasible(x + axis), problem.feasible(x - axis)]
         points += pair
@@ -221,16 +258,24 @@ def jacobians(
         if found[2 * i] is None or found[2 * i + 1] is None:
             moves[i] = np.zeros(x.size)
     # What moved, and what it did: numbers that a bound holds still have no derivative.
-    back = np.linalg.pinv(np.reshape(moves, (-1, x.size)).T / problem.unit[:, None]) / problem.unit
-    slopes = []
+    went = np.reshape(moves, (-1, x.size)).T
+    back = np.linalg.pinv(went / problem.unit[:, None]) / problem.unit
     for k, here in enumerate(residuals):
         change = np.zeros((here.size, len(moves)))
         for i in range(len(moves)):
             up, down = found[2 * i], found[2 * i + 1]
             if up is not None and down is not None:
                 change[:, i] = up[k] - down[k]
-        slopes.append(change @ back)
+        slopes[k] = slopes[k] + (change - slopes[k] @ went) @ back
     return slopes
+
+
+def _are_told(problem: Problem, x: _Floats, hessian: _Floats, axes: _Floats) -> NDArray[np.bool_]:
+    """Whether a posterior sigma along each axis changes what the data say by what ends a search."""
+    _, prior = problem.prior(x)
+    every = np.sum(axes * (hessian @ axes), axis=0)
+    by_data = every - np.sum((prior @ axes) ** 2, axis=0)
+    return np.asarray(0.5 * by_data > ENOUGH * every)
 
 
 def principal_axes(problem: Problem, hessian: _Floats) -> _Floats:

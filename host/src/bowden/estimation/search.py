@@ -339,8 +339,7 @@ def _best_of(
         ended.append(able[0])
 
     def to_the_end(one: Optimum) -> Optimum | None:
-        axes = principal_axes(problem, one.hessian)
-        return descend(problem, one.x, noises, one.scales, axes=axes)
+        return descend(problem, one.x, noises, one.scales, begun=one)
 
     found = problem.pool.map(to_the_end, ended)
     return min((one for one in found if one is not None), key=lambda one: one.cost)
