@@ -15,7 +15,8 @@ from bowden.estimation.descend import descend
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.parameters import parameters_of
 from bowden.estimation.problem import Problem
-from bowden.estimation.search import down_the_stairs, solve
+from bowden.estimation.scan import among_steps, down_the_stairs
+from bowden.estimation.search import solve
 from bowden.model import Mode, Trajectory, parse_model
 from bowden.workers import Workers
 from numpy.typing import NDArray
@@ -198,6 +199,30 @@ def test_a_lower_step_is_found_though_other_numbers_fit_there(
     away = (lower - problem.start()) / problem.unit
     assert away == pytest.approx([1.33, 0.5], abs=0.07)
     assert down_the_stairs(problem, replace(here, slopes=None)) is None
+
+
+@dataclass(frozen=True)
+class Ramp(Landscape):
+    """On the floor the pretension is wanted two sigma higher a sigma of the breakaway."""
+
+    def heights_at(self, away: _Floats) -> tuple[float, float]:
+        """High off the floor; there the pretension alone counts."""
+        u, v = away
+        return staircase(float(u))[0], 30.0 * (v - 2.0 * (u - 1.33))
+
+
+def test_numbers_are_as_uncertain_as_a_step_is_wide(draw: Callable[..., Landscape]) -> None:
+    problem = over(Ramp, draw(staircase))
+    there = problem.start() + np.array([1.33, 0.0]) * problem.unit
+    best = descend(problem, there, [problem.noise], Scales((0.0, 0.0)))
+    assert best is not None
+    found = among_steps(problem, best) / np.outer(problem.unit, problem.unit)
+    # Anywhere on the floor is about as likely: an even spread over an eighth of a sigma. The scan's
+    # values lie 0.008 apart; the prior is a sixth likelier at one end than at the other.
+    spread = 0.125 / np.sqrt(12.0)
+    follows = spread * np.array([1.0, 2.0])
+    assert found == pytest.approx(np.outer(follows, follows), rel=0.15)
+    assert not among_steps(replace(problem, holds_stepped=False), best).any()
 
 
 @dataclass(frozen=True)

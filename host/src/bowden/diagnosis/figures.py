@@ -22,7 +22,7 @@ from bowden.diagnosis.odds import Weighed
 from bowden.diagnosis.result import Learned, Series
 from bowden.estimation.gap import Gap
 from bowden.estimation.nuisance import as_read
-from bowden.estimation.search import INTERVAL
+from bowden.estimation.problem import INTERVAL
 from bowden.model import Model
 from bowden.recording.recording import Recording
 from bowden.signals.prediction import PREDICTED

@@ -21,7 +21,7 @@ from bowden.estimation.descend import DERIVATIVE, ENOUGH, ROUNDS, descend, jacob
 from bowden.estimation.likelihood import best_scales
 from bowden.estimation.parameters import Parameters, parameters_of
 from bowden.estimation.problem import Optimum, Problem, fitted_parts, objective
-from bowden.estimation.search import down_the_stairs
+from bowden.estimation.scan import down_the_stairs
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]

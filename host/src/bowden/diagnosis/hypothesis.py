@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from bowden.diagnosis.material import Material
 from bowden.estimation.covariance import Data
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.problem import Optimum, Problem
+from bowden.estimation.scan import among_steps
 from bowden.model import Model, ModelError, Trajectory
 from bowden.signals.alternatives import solved_like
 
@@ -82,10 +83,16 @@ class Hypothesis:
         """The model at the optimum, as it is searched."""
         return self.problem.parameters.model_at(self.best.x[: self.problem.size])
 
-    @property
+    @cached_property
     def covariance(self) -> _Floats:
-        """Covariance of the numbers of the point, shape (k, k)."""
-        return self.problem.covariance(self.best.hessian)
+        """Covariance of the numbers of the point, shape (k, k).
+
+        That on one step of the likelihood, of what no derivative moves none, and that among steps.
+        """
+        found, held = self.problem.covariance(self.best.hessian), self.problem.held
+        found[held], found[:, held] = 0.0, 0.0
+        coarse = replace(self.problem, data=self.material.coarse)
+        return found + among_steps(coarse, self.best)
 
     @property
     def own(self) -> int:

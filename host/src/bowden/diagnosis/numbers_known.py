@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.estimation.posterior import EXCEEDS, NOT_TOLD, Estimate
-from bowden.estimation.search import INTERVAL
+from bowden.estimation.problem import INTERVAL
 from bowden.model import Model
 from bowden.model.model_file import PosteriorSection
 

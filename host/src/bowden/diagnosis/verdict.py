@@ -28,7 +28,7 @@ from bowden.diagnosis.odds import (
 )
 from bowden.diagnosis.result import NamedEffect, Ranked, Value, Verdict
 from bowden.diagnosis.unseen import UnseenPrediction
-from bowden.estimation.search import INTERVAL
+from bowden.estimation.problem import INTERVAL
 from bowden.model.effects import LEARNED
 
 _Floats = NDArray[np.float64]

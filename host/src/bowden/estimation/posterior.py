@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.nuisance import Kind
-from bowden.estimation.problem import Optimum, Problem, about
-from bowden.estimation.search import INTERVAL, WANTED
+from bowden.estimation.problem import INTERVAL, Optimum, Problem, about
+from bowden.estimation.search import WANTED
 from bowden.model import Model
 from bowden.model.model_file import PosteriorSection, Source
 

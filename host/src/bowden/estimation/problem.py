@@ -23,6 +23,7 @@ from bowden.workers import Workers
 _Floats = NDArray[np.float64]
 
 BREAKAWAY = "friction.mu_s"  # each moment at which an end gives way is a step of the likelihood
+INTERVAL = 1.96  # standard deviations either way: 95 % of a normal distribution
 WIDEST = 10.0  # unit steps: a number is within its range, however little the data say of it
 
 
@@ -40,7 +41,8 @@ class Problem:
     pool : Workers
     holds_stepped : bool, default False
         Whether no derivative moves what the likelihood is a staircase in, and scans alone do: where
-        fits are compared by the step that each ends on. Of what is held no interval is known.
+        fits are compared by the step that each ends on. `scan.among_steps` says how far these lie
+        apart.
     """
 
     data: tuple[Data, ...]

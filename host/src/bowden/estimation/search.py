@@ -20,25 +20,27 @@ from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import (
-    DAMPINGS,
     ENOUGH,
-    bounded_step,
     descend,
     jacobians,
     normal_equations,
     principal_axes,
 )
 from bowden.estimation.likelihood import Scales
-from bowden.estimation.problem import Optimum, Problem, about, objectives
+from bowden.estimation.problem import INTERVAL, Optimum, Problem, about
+from bowden.estimation.scan import (
+    MOST_VALLEYS,
+    costs_at,
+    costs_of,
+    minima_along,
+    points_along,
+)
 from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
 
-INTERVAL = 1.96  # standard deviations either way: 95 % of a normal distribution
 WANTED = 0.5 * INTERVAL**2  # rise of the cost at an end of a 95 % interval
 MOST_LOOKS = 6  # around an optimum, each from the better one that the last has found
-SCANNED = 33  # points across the bounds of a number without a prior: 20 % apart in 1 .. 400
-MOST_VALLEYS = 4  # of all scans are searched on from
 ROUGH = 3  # rounds, after which a search that goes elsewhere is known
 WRONG = 30.0  # usual noise: a discrepancy to start from
 
@@ -110,78 +112,9 @@ def _scan(
         pair
         for i in range(problem.size)
         if problem.parameters.precision[i, i] == 0.0 or i in problem.stepped
-        for pair in _minima_along(problem, x, i, (noises, scales), closer=closer)
+        for pair in minima_along(problem, x, i, (noises, scales), closer=closer)
     ]
     return [point for _, point in sorted(found, key=lambda pair: pair[0])[:MOST_VALLEYS]]
-
-
-def _minima_along(
-    problem: Problem,
-    x: _Floats,
-    i: int,
-    like: tuple[Sequence[Covariance], Scales],
-    *,
-    closer: bool = False,
-) -> list[tuple[float, _Floats]]:
-    """Return the minima of a scan of a number: each one's cost and point."""
-    points = _points_along(problem, x, i, closer=closer)
-    costs = _costs(problem, points, *like)
-    padded = np.concatenate([[math.inf], costs, [math.inf]])
-    valleys = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]) & (costs < math.inf))
-    return [(float(costs[k]), points[k]) for k in valleys]
-
-
-def _points_along(problem: Problem, x: _Floats, i: int, *, closer: bool) -> list[_Floats]:
-    """Return points at which a number is scanned, the others as they are.
-
-    Across its bounds, or where 95 % of its prior lie. With `closer` between the neighbours that its
-    value has there: basins may be that narrow.
-    """
-    number = problem.parameters.each[i]
-    low, high = number.ends
-    if problem.parameters.precision[i, i] != 0.0:
-        start, reach = problem.parameters.start[i], INTERVAL * number.step
-        low, high = max(low, start - reach), min(high, start + reach)
-    if closer:
-        apart = (high - low) / (SCANNED - 1)
-        low, high = max(low, x[i] - apart), min(high, x[i] + apart)
-    points = []
-    for value in np.linspace(low, high, SCANNED):
-        moved = x.copy()
-        moved[i] = value
-        points.append(problem.feasible(moved))
-    return points
-
-
-def down_the_stairs(problem: Problem, best: Optimum) -> _Floats | None:
-    """Return where the cost is lowest along the breakaway, other numbers as they are or following.
-
-    None where that is no lower than at the optimum, or where no breakaway moves. Costs are those of
-    the problem's own recordings under the covariance of the optimum. On another step of the
-    likelihood other tensions fit: the others follow by a step with the optimum's derivatives.
-    """
-    like = best.noises, best.scales
-    points = [
-        point
-        for i in problem.stepped
-        for closer in (False, True)
-        for point in _points_along(problem, best.x, i, closer=closer)
-    ]
-
-    def following(pair: tuple[_Floats, list[_Floats] | None]) -> _Floats:
-        x, residuals = pair
-        if residuals is None or best.slopes is None:
-            return x
-        normal = normal_equations(problem, x, residuals, best.slopes, like)
-        return problem.feasible(x + bounded_step(problem, x, *normal, DAMPINGS[0]))
-
-    residuals = problem.residuals_at(points, best.noises)
-    costs = _costs_of(problem, points, residuals, *like)
-    followed = problem.pool.map(following, zip(points, residuals, strict=True))
-    costs = np.concatenate([costs, _costs(problem, followed, *like)])
-    if min(costs, default=math.inf) >= float(_costs(problem, [best.x], *like)[0]) - ENOUGH:
-        return None
-    return [*points, *followed][int(np.argmin(costs))]
 
 
 def _look_around(problem: Problem, best: Optimum) -> Optimum:
@@ -201,8 +134,8 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
         followed = _followed(problem, best, axes, places, residuals)
         costs = np.stack(
             [
-                _costs_of(problem, points, residuals, best.noises, best.scales),
-                _costs(problem, followed, best.noises, best.scales),
+                costs_of(problem, points, residuals, best.noises, best.scales),
+                costs_at(problem, followed, best.noises, best.scales),
             ]
         )
         here = about(problem, best.x, best)
@@ -216,9 +149,9 @@ def _look_around(problem: Problem, best: Optimum) -> Optimum:
     stairs = [
         point
         for i in problem.stepped  # as good as far as its step is level
-        for point in _points_along(problem, best.x, i, closer=True)
+        for point in points_along(problem, best.x, i, closer=True)
     ]
-    level = _costs(problem, stairs, best.noises, best.scales) < here + WANTED
+    level = costs_at(problem, stairs, best.noises, best.scales) < here + WANTED
     seen = np.stack([points, followed])[costs < here + WANTED]
     good = np.stack([best.x, *seen, *itertools.compress(stairs, level)])
     reach = good[:, : problem.size]
@@ -354,26 +287,3 @@ def _descended(
         return descend(problem, start, noises, scales, rounds=ROUGH)
 
     return [one for one in problem.pool.map(rough, starts) if one is not None]
-
-
-def _costs(
-    problem: Problem, points: Sequence[_Floats], noises: Sequence[Covariance], scales: Scales
-) -> _Floats:
-    """Return -log posterior at several points; infinite where no rig answers."""
-    return _costs_of(problem, points, problem.residuals_at(points, noises), noises, scales)
-
-
-def _costs_of(
-    problem: Problem,
-    points: Sequence[_Floats],
-    residuals: Sequence[list[_Floats] | None],
-    noises: Sequence[Covariance],
-    scales: Scales,
-) -> _Floats:
-    """Return -log posterior at several points whose residuals are known; None: no rig answers."""
-    costs = np.full(len(points), math.inf)
-    able = [(k, one) for k, one in enumerate(residuals) if one is not None]
-    costs[[k for k, _ in able]] = objectives(
-        problem, [points[k] for k, _ in able], [one for _, one in able], noises, scales
-    )
-    return costs
