@@ -21,7 +21,7 @@ from bowden.diagnosis.reach import foreseen
 from bowden.diagnosis.screening import Screen
 from bowden.diagnosis.search import search
 from bowden.diagnosis.sets import Sets
-from bowden.estimation.covariance import Data
+from bowden.estimation.covariance import Covariance, Data
 from bowden.estimation.nuisance import Nuisance
 from bowden.estimation.parameters import Parameters
 from bowden.model import Mode, Model, ModelError, parse_model
@@ -310,6 +310,24 @@ def test_what_the_fine_model_cannot_run_is_no_hypothesis(
     assert first is base
     with pytest.raises(ModelError, match="weaker effects"):
         about_first([steep])
+
+
+def test_where_no_likelier_set_can_be_propagated_the_covariance_stays(
+    material: Material, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At short steps a law may find no equilibrium; the sets are compared all the same."""
+    sets = Sets(material, as_searched(MODEL))
+    right, *wrong = begun_beside(sets)
+    noise = Material.noise
+
+    def able(self: Material, model: Model, numbers: _Numbers) -> list[Covariance]:
+        if model.effects:
+            raise ModelError("no equilibrium found, accepted: smaller steps")
+        return noise(self, model, numbers)
+
+    monkeypatch.setattr(Material, "noise", able)
+    assert sets.weighed([right], wrong)[0].names == right.names
+    assert sets.about is sets.base
 
 
 @pytest.mark.parametrize("hidden_kg_m2", [1.2e-5, 3.3e-5])

@@ -221,7 +221,7 @@ class Sets:
         ranked = sorted(ones, key=merit)
         if is_settled(self.about, ranked[0]):
             return False
-        self.about, self.noises = about_first(ranked)
+        self.about, self.noises = about_first([*ranked, self.about])
         return True
 
     def finalists(self) -> tuple[Hypothesis, Iterator[Hypothesis], Iterator[Hypothesis]]:
