@@ -52,9 +52,10 @@ MOST = 4  # effects in a set: of the rigs that miss some, MORE**4 = 0.4 % miss m
 class Sets:
     """The sets of effects fitted so far.
 
-    Those that are compared are weighed under one covariance: that about the likeliest of them. What
-    a model makes of its inputs' errors is its own; about a set that lacks an inertia or a lag it
-    would be too small by orders, and the fits of the right set would be drawn away.
+    Those that are compared are weighed under one covariance: that about the likeliest of them that
+    runs at short steps. What a model makes of its inputs' errors is its own; about a set that lacks
+    an inertia or a lag it would be too small by orders, and the fits of the right set would be
+    drawn away.
 
     Parameters
     ----------
@@ -101,9 +102,12 @@ class Sets:
         """Begin to fit one more effect beside those of each parent."""
         found: list[Hypothesis] = []
         for one in parents:
-            if len(one.effects) < MOST and self.limit.has_time():
+            if self._may_grow(one):
                 found += self._begun(one, self._screened(one))
         return found
+
+    def _may_grow(self, one: Hypothesis) -> bool:
+        return len(one.effects) < MOST and self.limit.has_time()
 
     def not_exchanged(self, one: Hypothesis) -> list[int]:
         """Return which effects of a set have not been exchanged beside the same others yet.
@@ -144,7 +148,7 @@ class Sets:
         for one in others if leaves_something(likeliest) else []:
             mine = frozenset(one.names)
             names = {name for name in likeliest.names if mine | {name} not in known} - mine
-            if names and len(one.effects) < MOST and self.limit.has_time():
+            if names and self._may_grow(one):
                 screen = Screen(one)
                 before = [each for each in self.first.here if each.candidate.name in names]
                 here = anew(self.material, before, screen)
