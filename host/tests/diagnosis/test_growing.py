@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -60,19 +61,52 @@ class Fitted:
     def values(self, index: int) -> dict[str, float]:
         return {"size": list(self.sizes.values())[index]}
 
+    def coordinates(self) -> dict[str, float]:
+        return {"mu": 0.2}
+
+
+class InTurn:
+    """What a pool does, one after the other."""
+
+    @staticmethod
+    def map(do: Callable[[Any], Any], every: Iterable[Any]) -> list[Any]:
+        return [do(one) for one in every]
+
 
 def test_a_set_starts_again_with_what_the_likeliest_says_of_the_effects_of_both(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    begun: list[tuple[Named, dict[str, float]]] = []
     gone: list[int] = []
-    monkeypatch.setattr(growing, "start_of", lambda _m, _s, effects, *_: begun.extend(effects))
-    monkeypatch.setattr(growing, "coordinates_without", lambda _other, which: gone.extend(which))
+    starts: list[tuple[list[tuple[Named, dict[str, float]]], dict[str, float]]] = []
+    monkeypatch.setattr(growing, "start_of", lambda _m, _s, *of: starts.append(of[:2]))
+    monkeypatch.setattr(
+        growing, "coordinates_without", lambda _other, which: gone.extend(which) or {"mu": 0.3}
+    )
     one, likeliest = Fitted({"a": 1.0, "b": 2.0}), Fitted({"b": 5.0, "c": 6.0})
-    unused = cast("Any", None)
-    assert growing.refitted_from(unused, unused, cast("Any", one), cast("Any", likeliest)) is one
-    assert begun == [(Named("a"), {"size": 1.0}), (Named("b"), {"size": 5.0})]
-    assert gone == [1]  # what c did is left to the calibrated numbers
+    material, unused = cast("Any", SimpleNamespace(pool=InTurn)), cast("Any", None)
+    assert growing.refitted_from(material, unused, cast("Any", one), cast("Any", likeliest)) is one
+    effects = [(Named("a"), {"size": 1.0}), (Named("b"), {"size": 5.0})]
+    assert gone == [1]  # what c did is left to the calibrated numbers, or to a
+    assert starts == [(effects, {"mu": 0.3}), (effects, {"mu": 0.2})]
+
+
+@pytest.mark.parametrize(("moved", "stayed", "chosen"), [(-9.0, -5.0, -9.0), (-5.0, -9.0, -9.0)])
+def test_a_set_goes_on_from_where_it_has_come_further(
+    monkeypatch: pytest.MonkeyPatch, moved: float, stayed: float, chosen: float
+) -> None:
+    """A twin in the place of an effect needs the calibrated numbers that the effect left."""
+    ends = iter([moved, stayed])
+    monkeypatch.setattr(
+        growing,
+        "start_of",
+        lambda *_: SimpleNamespace(begun=partial(Ended, "a b", next(ends))),
+    )
+    monkeypatch.setattr(growing, "coordinates_without", lambda *_: {"mu": 0.3})
+    monkeypatch.setattr(growing, "merit", lambda one: one.merit)
+    one, likeliest = Fitted({"a": 1.0, "b": 2.0}), Fitted({"b": 5.0, "c": 6.0})
+    material, unused = cast("Any", SimpleNamespace(pool=InTurn)), cast("Any", None)
+    found = growing.refitted_from(material, unused, cast("Any", one), cast("Any", likeliest))
+    assert cast("Ended", found).merit == chosen
 
 
 def compared(

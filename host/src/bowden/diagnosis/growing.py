@@ -103,11 +103,15 @@ def refitted_from(
 ) -> Hypothesis:
     """Fit a set from where another ended: the effects of both, and the calibrated numbers.
 
-    These do what the other's further effects did. Where no model runs there, the set is returned as
-    it is.
+    These do what the other's further effects did, or stay where one of the set's own does it. What
+    has come further after a round is returned; the set as it is where no model runs there.
     """
     there = {effect: other.values(i) for i, effect in enumerate(other.effects)}
     effects = [(effect, there.get(effect, one.values(i))) for i, effect in enumerate(one.effects)]
     gone = [i for i, effect in enumerate(other.effects) if effect.key not in one.key]
-    start = start_of(material, searched, effects, coordinates_without(other, gone), one.best)
-    return one if start is None else start.begun()
+    starts = [
+        start_of(material, searched, effects, numbers, one.best)
+        for numbers in (coordinates_without(other, gone), other.coordinates())
+    ]
+    able = material.pool.map(lambda start: start.begun(), filter(None, starts))
+    return min(able, key=merit, default=one)
