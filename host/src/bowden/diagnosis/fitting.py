@@ -200,10 +200,10 @@ def _down_the_stairs(one: Hypothesis) -> Hypothesis:
     while True:
         problem = replace(one.problem, data=one.material.coarse)
         x = down_the_stairs(problem, one.best)
-        best, lower = one.best, None
-        if x is not None:
-            begun = replace(best, settled=False)
-            lower = descend(one.problem, x, best.noises, best.scales, rounds=0, begun=begun)
+        if x is None:
+            return one
+        best = one.best
+        lower = descend(one.problem, x, best.noises, best.scales, rounds=0, begun=best)
         if lower is None or lower.cost >= best.cost - ENOUGH:
             return one
         one = _descended(replace(one, best=lower))
@@ -344,9 +344,8 @@ def with_slopes(one: Hypothesis) -> Hypothesis:
     problem, best = one.problem, one.best
     slopes = best.slopes
     if slopes is None or not best.settled:
-        axes, before = principal_axes(problem, best.hessian), None
-        if slopes is not None:
-            before = best.hessian, slopes
+        axes = principal_axes(problem, best.hessian)
+        before = None if slopes is None else (best.hessian, slopes)
         slopes = jacobians(problem, best.x, best.residuals, best.noises, axes, before=before)
         best = replace(best, slopes=slopes, settled=True)
     return replace(one, best=best, slopes=tuple(slopes))

@@ -158,7 +158,7 @@ class _Step:
     def is_kept(self) -> bool:
         """Whether it gained something, and nearly as much as it promised."""
         move = self.there.x - self.here.x
-        promised = -float(self.gradient @ move + 0.5 * move @ self.hessian @ move)
+        promised = promise(move, self.hessian, self.gradient)
         return self.gained > max(ENOUGH, KEPT * promised)
 
     @property
@@ -178,6 +178,11 @@ def _step(
 ) -> _Step:
     normal = normal_equations(problem, here.x, here.residuals, slopes, (noises, here.scales))
     return _Step(problem, here, lower(problem, here, noises, normal), slopes, *normal)
+
+
+def promise(move: _Floats, hessian: _Floats, gradient: _Floats) -> float:
+    """Return by how much -log posterior falls over a move, if the model is linear there."""
+    return -float(gradient @ move + 0.5 * move @ hessian @ move)
 
 
 def lower(
@@ -257,7 +262,7 @@ def jacobians(
     for i in range(len(moves)):
         if found[2 * i] is None or found[2 * i + 1] is None:
             moves[i] = np.zeros(x.size)
-    # What moved, and what it did: numbers that a bound holds still have no derivative.
+    # What moved, and what it did: of numbers that a bound holds still the derivatives stay.
     went = np.reshape(moves, (-1, x.size)).T
     back = np.linalg.pinv(went / problem.unit[:, None]) / problem.unit
     for k, here in enumerate(residuals):

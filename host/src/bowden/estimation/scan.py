@@ -13,7 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
-from bowden.estimation.descend import DAMPINGS, ENOUGH, bounded_step, normal_equations
+from bowden.estimation.descend import (
+    DAMPINGS,
+    ENOUGH,
+    bounded_step,
+    normal_equations,
+    promise,
+)
 from bowden.estimation.likelihood import Scales
 from bowden.estimation.problem import INTERVAL, Optimum, Problem, objectives
 
@@ -73,6 +79,8 @@ def down_the_stairs(problem: Problem, best: Optimum) -> _Floats | None:
     the problem's own recordings under the covariance of the optimum. On another step of the
     likelihood other tensions fit: the others follow by a step with the optimum's derivatives.
     """
+    if not problem.stepped:
+        return None
     like = best.noises, best.scales
     found = [best.x]
     for i in problem.stepped:
@@ -83,7 +91,7 @@ def down_the_stairs(problem: Problem, best: Optimum) -> _Floats | None:
         followed, gains = _following(problem, points, residuals, best)
         found += [followed[k] for k in _valleys(costs - gains)[:MOST_VALLEYS]]
     here, *costs_there = costs_at(problem, found, *like)
-    if min(costs_there, default=math.inf) >= here - ENOUGH:
+    if min(costs_there) >= here - ENOUGH:
         return None
     return found[1 + int(np.argmin(costs_there))]
 
@@ -147,8 +155,7 @@ def _following(
         like = best.noises, best.scales
         hessian, gradient = normal_equations(problem, x, residuals, best.slopes, like)
         to = problem.feasible(x + bounded_step(problem, x, hessian, gradient, DAMPINGS[0]))
-        step = to - x
-        return to, -float(gradient @ step + 0.5 * step @ hessian @ step)
+        return to, promise(to - x, hessian, gradient)
 
     found = problem.pool.map(following, range(len(points)))
     return [x for x, _ in found], np.array([gain for _, gain in found])
