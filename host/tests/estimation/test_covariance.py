@@ -12,7 +12,7 @@ from bowden.estimation.likelihood import Scales, block_costs, whiten
 from bowden.model import Inputs, Mode, Model, ModelError, parse_model, simulate
 from bowden.model.experiments.variants import with_damping, with_memory, with_segments
 from bowden.recording.recording import Recording
-from bowden.signals.alternatives import solved_two_ways
+from bowden.signals.alternatives import other_memories, solved_two_ways
 from bowden.signals.dequantise import EDGE_NOISE
 from bowden.signals.prediction import PREDICTED
 
@@ -216,6 +216,33 @@ def test_where_friction_falls_with_speed_another_memory_is_within_the_noise() ->
     # Twice the memory is not more than the three times that the noise allows for.
     scaled = (apart(data, model, other) / noise.sigma)[rows]
     assert np.sqrt(np.mean(scaled**2)) < 1.0
+
+
+@pytest.mark.parametrize("kind", ["rests", "triangle"])
+def test_a_rig_of_another_memory_slips_within_the_noise_at_any_steps(kind: str) -> None:
+    model = MODEL.with_effect("stribeck_friction", {"a": 0.4, "v_s_m_per_s": 0.05})
+    data, noise = noise_of(kind, model)
+    assert data.is_thinned
+    rig = with_memory(model, 2 / 3 * model.transmission.friction.memory_s)
+    gap = data.sampled(1e-3).predict(rig) - data.predict(model) - noise.offset
+    white = whiten(data, noise, Scales((0.0, 0.0)), gap[:, None])
+    # A slip lasts for a block: all of its observations are off by one draw of 48, within 1.7 sigma.
+    assert np.max(white.squares[:, 0] / white.sizes) < 3.0
+
+
+def test_a_memory_is_open_where_it_is_one_of_the_sliding_speed() -> None:
+    curve = {"a": 0.4, "v_s_m_per_s": 0.05}
+    speed = MODEL.with_effect("stribeck_friction", curve)
+    own = {"fall": 0.4, "fall_m_per_s": 0.05, "memory_s": 0.015}
+    told = MODEL.with_effect("frictional_lag", own)
+    memory_s = speed.transmission.friction.memory_s
+    found = other_memories(speed)
+    assert sum(share**2 for _, share in found) == pytest.approx(1.0)
+    memories = [other.transmission.friction.memory_s / memory_s for other, _ in found]
+    assert min(memories) == pytest.approx(1 / 3)
+    assert max(memories) == pytest.approx(3.0)
+    for one in (MODEL, told, with_memory(speed, 0.0)):
+        assert not other_memories(one)
 
 
 def test_how_soon_a_motor_s_oscillation_ends_is_within_the_noise() -> None:

@@ -6,7 +6,8 @@ What the model's mesh leaves open is measured against a finer one and counts as 
 numbers that are not identifiable. What samples that were left out do is corrected, and half of the
 correction counts as error; with stiction all of it does, and nothing is corrected. Half of that
 variance is in its own shape, half in each observation alone: segments let go one by one, and on
-another mesh elsewhere.
+another mesh elsewhere. So it is with what other memories of the sliding speed do, where friction
+falls with it.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from bowden.signals.alternatives import (
     held_torque,
     is_dear,
     open_numbers,
+    other_memories,
     solved_two_ways,
 )
 from bowden.signals.dequantise import Estimates, estimate_channels
@@ -234,6 +236,7 @@ class Covariance:
         return np.asarray(self.own + (DOUBTED * self.offset) ** 2)
 
 
+_Run = tuple[Data, Model, Recording | None]
 USUAL_SHARE = 0.75  # of the observations, the least noisy: a channel's usual noise is theirs
 
 
@@ -270,26 +273,32 @@ def covariance(
     near = data.simulated(model, numbers)
     best = data.read(near, numbers)
 
-    def change(run: tuple[Model, Recording | None]) -> _Floats | None:
+    def change(run: _Run) -> _Floats | None:
+        at, other, path = run
         try:
-            return data.predict(run[0], numbers, run[1], near) - best
+            return at.predict(other, numbers, path, near if at is data else None) - best
         except ModelError:  # passes that don't come to agree, on one path in many
             return None
 
-    others: list[tuple[float, tuple[Model, Recording | None]]] = []
+    others: list[tuple[float, _Run]] = [(k, (data, one, None)) for one, k in open_numbers(model)]
     if "motor_torque_nm" in data.mode.columns:
-        others.append((HELD_OR_NOT, (model, held_torque(data.given))))
-    others += [(share, (other, None)) for other, share in open_numbers(model)]
-    runs = chain(((model, path) for path in data.paths()), (run for _, run in others))
+        others.append((HELD_OR_NOT, (data, model, held_torque(data.given))))
+    memories = other_memories(model)
+    fine = data.sampled(FINEST_S) if memories else data  # steps shorter than any of them
+    slips: list[tuple[float, _Run]] = [(k, (fine, one, None)) for one, k in memories]
+    more = [*others, *slips]
+    runs = chain(((data, model, path) for path in data.paths()), (run for _, run in more))
     found = pool.map(change, runs) if pool else list(map(change, runs))
-    drawn = len(found) - len(others)
+    drawn = len(found) - len(more)
     paths = np.array([one for one in found[:drawn] if one is not None])
     if not paths.size:
         raise ModelError("found no drawn input path that the model can run", model.source)
+    every = zip(more, found[drawn:], strict=True)
+    changes = [one if one is None else share * one for (share, _), one in every]
     columns = [paths / np.sqrt(len(paths))]
-    every = zip(others, found[drawn:], strict=True)
-    columns += [share * one[None] for (share, _), one in every if one is not None]
+    columns += [one[None] for one in changes[: len(others)] if one is not None]
     offset, doubted = _left_open(data, model, numbers, near, correction)
+    doubted += [one for one in changes[len(others) :] if one is not None]
     doubts = np.array(doubted).reshape(-1, best.size)
     alone = ALONE * np.sum(doubts**2, axis=0)
     spread = np.concatenate([*columns, math.sqrt(1.0 - ALONE) * doubts])

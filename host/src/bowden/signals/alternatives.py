@@ -20,7 +20,7 @@ from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
 
 MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
-OTHERWISE = (1 / 3, 3.0)  # times numbers that are not known better
+MEMORIES = np.geomspace(1 / 3, 3.0, 24)  # times one: none is known better, and 24 tell a spread
 UNDAMPED_OR_MORE = (0.0, 3.0)  # times the damping of an underdamped rotor
 UNSEEN_S_PER_M = 1e-9  # a viscous term of 1e-9 at 1 m/s beside a mu of 0.1 and more
 HELD_OR_NOT = math.sqrt(2 / 3)  # half a sample late, early or neither, each as likely
@@ -40,19 +40,29 @@ def held_torque(recording: Recording) -> Recording:
 def open_numbers(model: Model) -> list[tuple[Model, float]]:
     """Return models with other numbers that might be as right, and the share of each.
 
-    With which memory friction falls with speed no recording of a rig has told before, and how soon
-    a motor's ringing ends, where its inertia is from a data sheet, no file.
+    How soon a motor's ringing ends, where its inertia is from a data sheet, no file tells.
     """
-    pair, found = model.transmission, []
-    alike = math.sqrt(1 / len(OTHERWISE))
-    law = pair.friction
-    if law.stribeck_gain > 0.0 and law.memory_s > 0.0 and not law.memory_is_of_friction:
-        found += [(with_memory(model, k * law.memory_s), alike) for k in OTHERWISE]
+    pair = model.transmission
     told = any("damping" in one for one in model.document.effects)
     rings = pair.motor_inertia_kg_m2 > 0.0 and pair.damping_s > 0.0 and model.solver == "mesh"
-    if rings and not told:
-        found += [(with_damping(model, k * pair.damping_s), alike) for k in UNDAMPED_OR_MORE]
-    return found
+    if told or not rings:
+        return []
+    alike = math.sqrt(1 / len(UNDAMPED_OR_MORE))
+    return [(with_damping(model, k * pair.damping_s), alike) for k in UNDAMPED_OR_MORE]
+
+
+def other_memories(model: Model) -> list[tuple[Model, float]]:
+    """Return models with other memories of the sliding speed, and the share of each.
+
+    Where friction falls with speed a cable goes by single slips, and when each comes is the
+    memory's, which no recording of a rig has told before. No two memories slip alike: what they do
+    in the mean is known, and by as much as they differ no single slip is.
+    """
+    law = model.transmission.friction
+    if law.stribeck_gain == 0.0 or law.memory_s == 0.0 or law.memory_is_of_friction:
+        return []
+    alike = math.sqrt(1 / MEMORIES.size)
+    return [(with_memory(model, float(k) * law.memory_s), alike) for k in MEMORIES]
 
 
 def solved_two_ways(model: Model, mode: Mode) -> tuple[Model, Model] | None:

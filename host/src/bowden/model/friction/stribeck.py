@@ -7,8 +7,9 @@ above v_s.
 
 Where friction falls with speed the quasi-static problem has no unique answer. So v is a filtered
 speed: it follows the segment's speed with the time constant `memory_s`, and the term takes it as it
-was one sample ago. Below v_s the motion then is stick-slip, whose single slips depend on the mesh
-and on the memory; what is robust is the friction of steady sliding and the first breakaway.
+was one sample ago. Below v_s the motion then is stick-slip, whose single slips depend on the
+memory, and on steps that are not much shorter than it; what is robust is the friction of steady
+sliding and the first breakaway.
 
 Where friction itself comes late (Hess and Soom 1990), it is the term that follows with `memory_s`.
 """
