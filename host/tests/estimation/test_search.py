@@ -275,6 +275,30 @@ def test_a_search_ends_where_no_number_moves_by_a_fifth_of_its_sigma(
     assert ended.x == pytest.approx(best.x, abs=0.01 * float(sigma.min()))
 
 
+@dataclass(frozen=True)
+class Curved(Landscape):
+    """A valley in two numbers, v = u^2, as steep as `heights` has it at 1; it falls to u = 0.8."""
+
+    def heights_at(self, away: _Floats) -> tuple[float, float]:
+        u, v = float(away[0]), float(away[1])
+        return self.heights(1.0)[0] * (v - u**2), 10.0 * (u - 0.8)
+
+
+@pytest.mark.parametrize("steep", [10.0, 100.0, 1000.0])
+def test_a_search_follows_a_valley_that_is_curved(
+    draw: Callable[..., Landscape], steep: float
+) -> None:
+    problem = over(Curved, draw(lambda u: (steep * u, 0.0)), first="friction.mu_d")
+    best = descend(problem, problem.start(), [problem.noise], Scales((0.0, 0.0)))
+    assert best is not None
+    u, v = (best.x - problem.start()) / problem.unit
+    # The prior of the second draws it back: 100 (u - 0.8) + 2 u^3 = 0 on the floor, u = 0.790. A
+    # search ends where a step gains 0.02, which is 0.02 along the floor.
+    assert u == pytest.approx(0.79, abs=0.02)
+    assert v == pytest.approx(u**2, abs=0.03)
+    assert best.settled
+
+
 @pytest.mark.parametrize("from_s", [-1.0, 0.0, 1.0])
 def test_an_interval_is_that_of_the_valley_whatever_its_floor(
     draw: Callable[..., Landscape], from_s: float

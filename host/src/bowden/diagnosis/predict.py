@@ -110,7 +110,7 @@ def _refitted(train: Problem, one: Hypothesis, scales: Scales) -> tuple[Sequence
     root = train.root(hessian)
     cost = objective(train, best.x, best.residuals, best.noises, scales)
     here = FittedPoint(best.x, best.residuals, scales, cost)
-    there = lower(train, here, best.noises, (hessian, gradient))
+    there = lower(train, here, best.noises, one.slopes, (hessian, gradient))
     if there is here:
         return here.residuals, root
     return there.residuals, root * (there.x != here.x)[:, None]

@@ -26,7 +26,13 @@ ENOUGH = 0.02  # of -log posterior: a step that gains less, or along no axis mor
 DERIVATIVE = 0.02  # of a unit step, before anything is known of the posterior
 SPREAD = 0.5  # of a posterior sigma: derivatives are taken over the uncertainty itself
 LENGTHS = (1e-4, 0.5)  # unit steps: of an axis, at least and at most
-DAMPINGS = (1e-4, 1e-2, 1.0, 10.0, 100.0)  # of the Hessian's diagonal, until a step leads down
+LITTLE = 1e-4  # damping of a step, as a share of the Hessian's diagonal
+# Damping and share of a step, until one leads down: along a valley it is shortened first, for what
+# damps it turns it across.
+TRIED = (
+    *((LITTLE, share) for share in (1.0, 0.3, 0.1)),
+    *((damping, 1.0) for damping in (1e-2, 1.0, 10.0, 100.0)),
+)
 LONGEST = 3.0  # unit steps a round, in any coordinate
 KEPT = 0.5  # of what a step promised: derivatives are as good as that, or are taken anew
 
@@ -177,7 +183,7 @@ def _step(
     slopes: Sequence[_Floats],
 ) -> _Step:
     normal = normal_equations(problem, here.x, here.residuals, slopes, (noises, here.scales))
-    return _Step(problem, here, lower(problem, here, noises, normal), slopes, *normal)
+    return _Step(problem, here, lower(problem, here, noises, slopes, normal), slopes, *normal)
 
 
 def promise(move: _Floats, hessian: _Floats, gradient: _Floats) -> float:
@@ -189,17 +195,52 @@ def lower(
     problem: Problem,
     here: FittedPoint,
     noises: Sequence[Covariance],
+    slopes: Sequence[_Floats],
     normal: tuple[_Floats, _Floats],
 ) -> FittedPoint:
-    """Return a lower place under the same scales; `here` where no damped step leads to one."""
-    for damping in DAMPINGS:
-        x = problem.feasible(here.x + bounded_step(problem, here.x, *normal, damping))
-        if found := problem.answered(x, noises):
-            answers, residuals = found
-            cost = objective(problem, x, residuals, noises, here.scales)
-            if cost < here.cost:
-                return FittedPoint(x, residuals, here.scales, cost, answers)
+    """Return a lower place under the same scales; `here` where no step leads to one.
+
+    Where a valley is curved a step along it leaves it. By how much its end shows, and the same
+    derivatives lead back: to second order the two together follow the valley (the geodesic
+    acceleration of Transtrum and Sethna 2012, arXiv:1201.5885).
+    """
+    for damping, share in TRIED:
+        step = share * bounded_step(problem, here.x, *normal, damping)
+        there = _at(problem, here.x + step, here, noises)
+        if there is None:
+            continue
+        if there.cost >= here.cost:
+            there = _led_back(problem, there, noises, slopes, damping) or there
+        if there.cost < here.cost:
+            return there
     return here
+
+
+def _led_back(
+    problem: Problem,
+    there: FittedPoint,
+    noises: Sequence[Covariance],
+    slopes: Sequence[_Floats],
+    damping: float,
+) -> FittedPoint | None:
+    """Return where derivatives of a point nearby lead from the end of a step."""
+    like = noises, there.scales
+    normal = normal_equations(problem, there.x, there.residuals, slopes, like)
+    step = bounded_step(problem, there.x, *normal, damping)
+    return _at(problem, there.x + step, there, noises)
+
+
+def _at(
+    problem: Problem, x: _Floats, like: FittedPoint, noises: Sequence[Covariance]
+) -> FittedPoint | None:
+    """Return a point under the scales of another; None where the model has no answer."""
+    x = problem.feasible(x)
+    found = problem.answered(x, noises)
+    if found is None:
+        return None
+    answers, residuals = found
+    cost = objective(problem, x, residuals, noises, like.scales)
+    return FittedPoint(x, residuals, like.scales, cost, answers)
 
 
 def _secant(

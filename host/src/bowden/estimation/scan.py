@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import (
-    DAMPINGS,
     ENOUGH,
+    LITTLE,
     bounded_step,
     normal_equations,
     promise,
@@ -154,7 +154,7 @@ def _following(
             return x, 0.0
         like = best.noises, best.scales
         hessian, gradient = normal_equations(problem, x, residuals, best.slopes, like)
-        to = problem.feasible(x + bounded_step(problem, x, hessian, gradient, DAMPINGS[0]))
+        to = problem.feasible(x + bounded_step(problem, x, hessian, gradient, LITTLE))
         return to, promise(to - x, hessian, gradient)
 
     found = problem.pool.map(following, range(len(points)))
