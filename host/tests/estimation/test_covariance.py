@@ -236,13 +236,13 @@ def test_a_memory_is_open_where_it_is_one_of_the_sliding_speed() -> None:
     own = {"fall": 0.4, "fall_m_per_s": 0.05, "memory_s": 0.015}
     told = MODEL.with_effect("frictional_lag", own)
     memory_s = speed.transmission.friction.memory_s
-    found = other_memories(speed)
+    found = other_memories(speed, 12)
     assert sum(share**2 for _, share in found) == pytest.approx(1.0)
     memories = [other.transmission.friction.memory_s / memory_s for other, _ in found]
     assert min(memories) == pytest.approx(1 / 3)
     assert max(memories) == pytest.approx(3.0)
     for one in (MODEL, told, with_memory(speed, 0.0)):
-        assert not other_memories(one)
+        assert not other_memories(one, 12)
 
 
 def test_how_soon_a_motor_s_oscillation_ends_is_within_the_noise() -> None:

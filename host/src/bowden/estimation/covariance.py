@@ -283,7 +283,7 @@ def covariance(
     others: list[tuple[float, _Run]] = [(k, (data, one, None)) for one, k in open_numbers(model)]
     if "motor_torque_nm" in data.mode.columns:
         others.append((HELD_OR_NOT, (data, model, held_torque(data.given))))
-    memories = other_memories(model)
+    memories = other_memories(model, DRAWS)  # as many degrees of freedom as the paths have
     fine = data.sampled(FINEST_S) if memories else data  # steps shorter than any of them
     slips: list[tuple[float, _Run]] = [(k, (fine, one, None)) for one, k in memories]
     more = [*others, *slips]

@@ -20,7 +20,7 @@ from bowden.model.mesh.solver import needs_implicit_steps
 from bowden.recording.recording import Recording
 
 MESH_FACTOR = 1.6  # error of N segments over its distance from 2 N: it falls 2.5-fold a doubling
-MEMORIES = np.geomspace(1 / 3, 3.0, 24)  # times one: none is known better, and 24 tell a spread
+OTHERWISE = 3.0  # times a memory, or as much less: none is known better
 UNDAMPED_OR_MORE = (0.0, 3.0)  # times the damping of an underdamped rotor
 UNSEEN_S_PER_M = 1e-9  # a viscous term of 1e-9 at 1 m/s beside a mu of 0.1 and more
 HELD_OR_NOT = math.sqrt(2 / 3)  # half a sample late, early or neither, each as likely
@@ -51,8 +51,8 @@ def open_numbers(model: Model) -> list[tuple[Model, float]]:
     return [(with_damping(model, k * pair.damping_s), alike) for k in UNDAMPED_OR_MORE]
 
 
-def other_memories(model: Model) -> list[tuple[Model, float]]:
-    """Return models with other memories of the sliding speed, and the share of each.
+def other_memories(model: Model, count: int) -> list[tuple[Model, float]]:
+    """Return so many models with other memories of the sliding speed, and the share of each.
 
     Where friction falls with speed a cable goes by single slips, and when each comes is the
     memory's, which no recording of a rig has told before. No two memories slip alike: what they do
@@ -61,8 +61,8 @@ def other_memories(model: Model) -> list[tuple[Model, float]]:
     law = model.transmission.friction
     if law.stribeck_gain == 0.0 or law.memory_s == 0.0 or law.memory_is_of_friction:
         return []
-    alike = math.sqrt(1 / MEMORIES.size)
-    return [(with_memory(model, float(k) * law.memory_s), alike) for k in MEMORIES]
+    memories = law.memory_s * np.geomspace(1 / OTHERWISE, OTHERWISE, count)
+    return [(with_memory(model, float(one)), math.sqrt(1 / count)) for one in memories]
 
 
 def solved_two_ways(model: Model, mode: Mode) -> tuple[Model, Model] | None:
