@@ -17,11 +17,12 @@ from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.law_candidates import LawCandidate
 from bowden.diagnosis.material import Material, with_offset
 from bowden.estimation.covariance import Covariance, Data
-from bowden.estimation.descend import DERIVATIVE, ENOUGH, ROUNDS, descend, jacobians, principal_axes
+from bowden.estimation.descend import ROUNDS, descend
 from bowden.estimation.likelihood import best_scales
 from bowden.estimation.parameters import Parameters, parameters_of
-from bowden.estimation.problem import Optimum, Problem, fitted_parts, objective
+from bowden.estimation.problem import ENOUGH, Optimum, Problem, fitted_parts, objective
 from bowden.estimation.scan import down_the_stairs
+from bowden.estimation.slopes import DERIVATIVE, jacobians, principal_axes
 from bowden.model import Model, ModelError
 
 _Floats = NDArray[np.float64]

@@ -19,9 +19,10 @@ from scipy.optimize import lsq_linear
 from bowden.diagnosis.candidates import Candidate, strength_of, value_of
 from bowden.diagnosis.hypothesis import Hypothesis
 from bowden.diagnosis.probes import Probe, probes_of, start_values, switched_off
-from bowden.estimation.descend import DERIVATIVE, KEPT
+from bowden.estimation.descend import KEPT
 from bowden.estimation.likelihood import block_weights, whiten
 from bowden.estimation.problem import gain
+from bowden.estimation.slopes import DERIVATIVE
 from bowden.estimation.whitening import Whitened
 from bowden.model import ModelError
 

@@ -23,6 +23,7 @@ from bowden.workers import Workers
 _Floats = NDArray[np.float64]
 
 BREAKAWAY = "friction.mu_s"  # each moment at which an end gives way is a step of the likelihood
+ENOUGH = 0.02  # of -log posterior: a step that gains less, or along no axis more, ends the search
 INTERVAL = 1.96  # standard deviations either way: 95 % of a normal distribution
 WIDEST = 10.0  # unit steps: a number is within its range, however little the data say of it
 

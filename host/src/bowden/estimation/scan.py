@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
 from bowden.estimation.descend import (
-    ENOUGH,
     LITTLE,
     bounded_step,
     normal_equations,
     promise,
 )
 from bowden.estimation.likelihood import Scales
-from bowden.estimation.problem import INTERVAL, Optimum, Problem, objectives
+from bowden.estimation.problem import ENOUGH, INTERVAL, Optimum, Problem, objectives
 
 _Floats = NDArray[np.float64]
 

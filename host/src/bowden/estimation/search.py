@@ -19,15 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.estimation.covariance import Covariance
-from bowden.estimation.descend import (
-    ENOUGH,
-    descend,
-    jacobians,
-    normal_equations,
-    principal_axes,
-)
+from bowden.estimation.descend import descend, normal_equations
 from bowden.estimation.likelihood import Scales
-from bowden.estimation.problem import INTERVAL, Optimum, Problem, about
+from bowden.estimation.problem import ENOUGH, INTERVAL, Optimum, Problem, about
 from bowden.estimation.scan import (
     MOST_VALLEYS,
     costs_at,
@@ -35,6 +29,7 @@ from bowden.estimation.scan import (
     minima_along,
     points_along,
 )
+from bowden.estimation.slopes import jacobians, principal_axes
 from bowden.model import ModelError
 
 _Floats = NDArray[np.float64]
